@@ -11,7 +11,7 @@ PIP_INSTALL := $(PIP_NEWEST) --constraint $(LOCK)
 COMPILE := PYTHONDONTWRITEBYTECODE= $(BIN)/python tools/compile_used.py
 CLIENT := clients/python
 TOOLS := clients/python/ual_tools
-DISTRIBUTIONS := pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml ual_daemon/__init__.py \
+DISTRIBUTIONS := pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml ual_daemon/_version.py \
 	$(CLIENT)/ual/__init__.py $(TOOLS)/__init__.py
 STUBS := clients/python/ual/v1
 PROTOS := proto/ual/v1/ual.proto proto/ual/v1/simulation.proto

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ual_daemon._version import __version__
+
 if TYPE_CHECKING:
     from ual_daemon.ual import UAL
 
 __all__ = ["UAL", "__version__"]
-
-__version__ = "0.1.0"
 
 
 if not TYPE_CHECKING:  # a type checker would take any name for one of ours

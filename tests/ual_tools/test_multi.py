@@ -21,9 +21,9 @@ from tests.ual.recording.waiting import wait_until
 from ual.simulation import BatteryLow
 from ual.types import State
 from ual_tools import condition, start
-from ual_tools.app import Session
 from ual_tools.condition import Level
 from ual_tools.main import cli
+from ual_tools.session import Session
 from ual_tools.start import Time, parsed
 
 TEAM = ("uav_1", "uav_2", "uav_3")

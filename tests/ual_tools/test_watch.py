@@ -14,9 +14,9 @@ from tests.conftest import LIMIT_S, StartDaemon
 from ual.errors import DaemonUnreachableError
 from ual.geometry import Pose, Quaternion, Transform, Twist, Vector3
 from ual.types import Battery, Health, State, TaskInfo, TaskKind, TaskStatus, Telemetry
-from ual_tools import keys, watch_board, watch_screen, watch_table
-from ual_tools.app import Session
+from ual_tools import keys, terminal, watch_board, watch_screen, watch_table
 from ual_tools.keys import Key
+from ual_tools.session import Session
 from ual_tools.watch import default_rate_hz
 from ual_tools.watch_board import Board, Seen
 from ual_tools.watch_roster import Roster
@@ -198,7 +198,7 @@ def test_bytes_of_a_terminal_are_keys(read: bytes, meant: list[Key]) -> None:
 
 def test_without_a_terminal_there_are_no_keys(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("q"))
-    with keys.keyboard() as keyboard:
+    with terminal.keyboard() as keyboard:
         assert keyboard.wait(0.0) == []
 
 

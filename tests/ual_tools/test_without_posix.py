@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.conftest import LIMIT_S, DaemonProcess
-from ual_tools import console_keys, keys
+from ual_tools import console_keys, terminal
 from ual_tools.keys import Key
 
 # Python's own modules come first: they have asked already what the system has.
@@ -88,8 +88,8 @@ def test_the_keys_of_a_console_are_those_of_a_terminal(monkeypatch: pytest.Monke
 def test_a_console_is_read_where_there_are_no_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "termios", None)
     monkeypatch.setitem(sys.modules, "msvcrt", SimpleNamespace(kbhit=lambda: False))
-    monkeypatch.setattr(keys, "sys", SimpleNamespace(stdin=SimpleNamespace(isatty=lambda: True, fileno=lambda: 0)))
-    with keys.keyboard() as found:
+    monkeypatch.setattr(terminal, "sys", SimpleNamespace(stdin=SimpleNamespace(isatty=lambda: True, fileno=lambda: 0)))
+    with terminal.keyboard() as found:
         assert type(found).__name__ == "ConsoleKeyboard"
         assert found.read(0.0) == b""
 

@@ -89,8 +89,8 @@ class Configuration:
             return self.daemon.listen or (f"{discovery.LOOPBACK}:{{port}}",)
         return self.daemon.listen or (discovery.default_address(self.daemon.ns),)
 
-    def as_yaml(self) -> str:
-        """Returns the same configuration as the text of a file. Leaves out infinite limits: they mean no limit."""
+    def as_values(self) -> dict[str, Any]:
+        """Returns the same configuration as the values of a file. Leaves out infinite limits: they mean no limit."""
         values = {
             **msgspec.to_builtins(self.daemon),
             "listen": list(self.listen),
@@ -99,10 +99,7 @@ class Configuration:
             **{name: dict(section) for name, section in self.backends.items()},
         }
         values["limits"] = {name: limit for name, limit in values["limits"].items() if math.isfinite(limit)}
-        # Imported late: without a file the daemon does not need YAML, and starts faster.
-        from ual_daemon.program import configuration_yaml
-
-        return configuration_yaml.dump(values)
+        return values
 
 
 @dataclass(frozen=True, slots=True)

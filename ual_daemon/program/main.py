@@ -20,7 +20,8 @@ import click
 from click.core import ParameterSource
 from typing_extensions import override
 
-from ual_daemon import __version__, logs
+from ual_daemon import logs
+from ual_daemon._version import __version__
 from ual_daemon.program import environment, lazy, log_output
 from ual_daemon.program.configuration import (
     Configuration,
@@ -289,7 +290,9 @@ def _fly(
     except ConfigError as error:
         raise located(error, sources) from None
     if print_config:
-        click.echo(configuration.as_yaml(), nl=False)
+        from ual_daemon.program import configuration_yaml
+
+        click.echo(configuration_yaml.dump(configuration.as_values()), nl=False)
         return
     if worker is None:
         log_output.setup(settings.log_level, settings.log_format)

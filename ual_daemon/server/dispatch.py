@@ -15,7 +15,7 @@ import logging
 from collections.abc import AsyncIterator, Callable, Coroutine, Generator
 from contextlib import aclosing
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
+from typing import Any, Protocol, TypeAlias, TypeVar, cast
 
 import grpc
 from google.protobuf.message import DecodeError
@@ -27,9 +27,6 @@ from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
 from ual_daemon.server.transport.base import Call
-
-if TYPE_CHECKING:
-    from ual_daemon.server.calls import Calls
 
 T = TypeVar("T")
 Handler: TypeAlias = "grpc.RpcMethodHandler[Any, Any]"
@@ -72,10 +69,46 @@ class Method:
             self.kind = _PushAnswer if self.has_response_stream else _UnaryAnswer
 
 
+class Register(Protocol):
+    """Where the answers under way are known (`ual_daemon.server.calls.Calls`)."""
+
+    def join(self, answer: Answer) -> None:
+        """Adds an answer that is under way. Raises `ResourceExhaustedError` where there are too many."""
+        ...
+
+    def leave(self, answer: Answer) -> None:
+        """Removes an answer that has ended."""
+        ...
+
+    def await_request(self, answer: Answer) -> None:
+        """Adds an answer whose request has to come yet."""
+        ...
+
+    def has_request(self, answer: Answer) -> None:
+        """Removes an answer whose request has come, or will not come any more."""
+        ...
+
+    def require_room(self, method: str, who: Caller) -> None:
+        """Raises `ResourceExhaustedError` where too many calls of the method are under way for the caller."""
+        ...
+
+    def require_accepted(self, call: Call) -> None:
+        """Raises the error by which a call is refused before its request is read."""
+        ...
+
+    def set_context(self, call: Call | None, who: Caller | None, lease_id: str = NOBODY) -> None:
+        """Says who calls for what this thread or task does from now on."""
+        ...
+
+    def on_loop(self, callback: Callable[..., object], *arguments: object) -> bool:
+        """Calls it on the event loop, soon. Returns False if that is closed."""
+        ...
+
+
 class Answer:
     """One call that is being answered."""
 
-    def __init__(self, calls: Calls, method: Method, call: Call, caller: Caller) -> None:
+    def __init__(self, calls: Register, method: Method, call: Call, caller: Caller) -> None:
         self.caller = caller
         self._lease_id = next((str(value) for key, value in call.metadata if key == LEASE_KEY), NOBODY)
         self.is_stream = method.has_request_stream or method.has_response_stream

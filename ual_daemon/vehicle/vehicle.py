@@ -12,7 +12,8 @@ from ual.errors import NotSupportedError
 from ual.geometry import Transform
 from ual.interface import Simulation
 from ual.types import Frame, Geofence, Info, LeaseInfo, Route, State, Telemetry
-from ual_daemon import __version__, logs, validation
+from ual_daemon import logs, validation
+from ual_daemon._version import __version__
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.payload import Payload
 from ual_daemon.backends.values import Setpoint, Snapshot

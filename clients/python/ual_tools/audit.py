@@ -8,8 +8,9 @@ import click
 
 from ual.access import audit as chain
 from ual.errors import InvalidArgumentError
-from ual_tools.app import Session, UalGroup, command, pass_session
+from ual_tools.app import UalGroup, command
 from ual_tools.help import Section
+from ual_tools.session import Session, pass_session
 
 
 @click.group("audit", cls=UalGroup, section=Section.ACCESS, examples=("ual audit verify audit.jsonl",))

@@ -11,8 +11,9 @@ import click
 from ual.access import tokens
 from ual.errors import InvalidArgumentError
 from ual.shared import extras
-from ual_tools.app import Session, UalGroup, command, pass_session
+from ual_tools.app import UalGroup, command
 from ual_tools.help import Section
+from ual_tools.session import Session, pass_session
 from ual_tools.values import Number
 
 if TYPE_CHECKING:

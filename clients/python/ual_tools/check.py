@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from ual_tools import complete
-from ual_tools.app import REFUSED, Session, command, note, pass_session
+from ual_tools.app import command
 from ual_tools.help import Section
+from ual_tools.session import REFUSED, Session, note, pass_session
 from ual_tools.tables import print_table
 
 if TYPE_CHECKING:

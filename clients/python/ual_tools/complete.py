@@ -10,6 +10,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from ual.errors import UalError
+from ual_tools.session import session
 
 if TYPE_CHECKING:
     from ual.interface import Uav
@@ -45,7 +46,6 @@ def checks(_: click.Context, __: click.Parameter, incomplete: str) -> list[Compl
 def _asked(context: click.Context, ask: Callable[[Uav], list[str]]) -> list[str]:
     """Returns the answer of the chosen UAV; nothing where there is none in time."""
     from ual import Uav
-    from ual_tools.app import session
 
     chosen = session(context)
     try:

@@ -16,8 +16,9 @@ from ual.geometry import KEEP_HEADING, Pose, PoseStamped, Quaternion, Vector3
 from ual.shared.numbers import parse_number
 from ual.shared.text import decoded, lines_of
 from ual_tools import complete, values
-from ual_tools.app import Session, command, pass_session
+from ual_tools.app import command
 from ual_tools.help import Section
+from ual_tools.session import Session, pass_session
 
 _ORIENTED = 7
 

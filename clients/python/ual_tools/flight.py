@@ -16,8 +16,9 @@ from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
 from ual.types import AltitudeReference, Limits
 from ual_tools import manoeuvre, options, values
-from ual_tools.app import Multi, Session, command, note, pass_session
+from ual_tools.app import Multi, command
 from ual_tools.help import Section
+from ual_tools.session import Session, note, pass_session
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -6,9 +6,10 @@ import click
 
 from ual.geometry import Quaternion, Transform, Vector3
 from ual_tools import complete, values
-from ual_tools.app import Session, UalCommand, UalGroup, pass_session
+from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.output import vector_text
+from ual_tools.session import Session, pass_session
 from ual_tools.tables import print_table
 
 

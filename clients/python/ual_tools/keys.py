@@ -1,18 +1,12 @@
-"""Reads keys from a terminal: which key some bytes mean, and the terminal's mode in which keys come at once."""
+"""Keys of a terminal: reads their bytes, and says which key some bytes mean."""
 
 from __future__ import annotations
 
 import os
 import re
 import select
-import signal
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from enum import Enum, auto
-from types import FrameType
-
-_TERMINATED = 143
 
 
 class Key(Enum):
@@ -46,40 +40,6 @@ def decoded(read: bytes) -> list[Key]:
     return [_BY_BYTES[each] for each in _SEQUENCE.findall(read) if each in _BY_BYTES]
 
 
-@contextmanager
-def keyboard() -> Iterator[Keyboard]:
-    """Has the terminal give keys at once and without showing them. Leaves it as it was, also at SIGTERM."""
-    before = signal.signal(signal.SIGTERM, _exit)
-    try:
-        if not sys.stdin.isatty():
-            yield Keyboard(None)
-            return
-        with _characters_at_once() as keys:
-            yield keys
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-@contextmanager
-def _characters_at_once() -> Iterator[Keyboard]:
-    file = sys.stdin.fileno()
-    try:
-        import termios
-        import tty
-    except ImportError:  # Windows, whose consoles have no such mode
-        from ual_tools.console_keys import ConsoleKeyboard
-
-        yield ConsoleKeyboard(file)
-        return
-    mode = termios.tcgetattr(file)
-    try:
-        tty.setcbreak(file)
-        yield Keyboard(file)
-    finally:
-        with suppress(termios.error):  # the terminal may be gone
-            termios.tcsetattr(file, termios.TCSADRAIN, mode)
-
-
 class Keyboard:
     """The keys of a terminal; without a terminal there are none."""
 
@@ -108,7 +68,3 @@ class Keyboard:
         if not read:  # the terminal is gone
             self._file = None
         return read
-
-
-def _exit(_: int, __: FrameType | None) -> None:
-    raise SystemExit(_TERMINATED)

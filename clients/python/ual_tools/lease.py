@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 
-from ual_tools.app import Multi, Session, command, pass_session
+from ual_tools.app import Multi, command
 from ual_tools.help import Section
+from ual_tools.session import Session, pass_session
 
 
 @command("lease", "ual lease", "ual --lease takeoff 3", section=Section.LOOKING, multi=Multi.REACHABLE)

@@ -13,8 +13,8 @@ from ual.errors import WrongStateError
 from ual.interface import Task
 from ual.types import Plan, State
 from ual_tools import plot, progress
-from ual_tools.app import INTERRUPTED, Session, note
 from ual_tools.output import plan_text, task_text
+from ual_tools.session import INTERRUPTED, Session, note
 
 if TYPE_CHECKING:
     from ual import Uav

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ual import discovery
 from ual.discovery import natural_order
 from ual.errors import DaemonUnreachableError, UalError
+from ual_tools.session import INTERRUPTED, REFUSED, Session
 from ual_tools.start import Gate, Member
 from ual_tools.streams import Line, OutputLostError, give_up_output, write
 
 if TYPE_CHECKING:
-    from ual_tools.app import Session
     from ual_tools.condition import Condition
 
-_REFUSED, _INTERRUPTED = 1, 130
 _LOOK_S = 0.2
 _STOPPED_S = 2.0
 _PLACE = "{ns}"
@@ -30,8 +30,6 @@ def names(session: Session) -> list[str] | None:
     if session.is_all and (session.ns or session.address):
         raise click.UsageError("--all is all UAVs of this computer: leave out --ns and --address")
     if session.is_all:
-        from ual import discovery
-
         found = [daemon.ns for daemon in discovery.list_daemons()]
         if not found:
             raise DaemonUnreachableError("no daemon runs on this computer: start one with `ual-daemon`")
@@ -79,7 +77,7 @@ def invoke(
         _stop(runs)
         for run in runs:
             run.print_lines()
-        context.exit(_INTERRUPTED)
+        context.exit(INTERRUPTED)
     for run in runs:
         if run.defect is not None:
             raise run.defect
@@ -156,7 +154,7 @@ class _Run:
             except OutputLostError as error:  # the others fly on
                 self._session.note(f"ual: the result cannot be printed: {error}")
                 give_up_output()
-                self.status = _REFUSED
+                self.status = REFUSED
 
     def stop(self) -> None:
         """Stops what the command has begun."""
@@ -170,7 +168,7 @@ class _Run:
             with self._context:
                 self._command(self._context)
         except UalError as error:
-            self.status = _REFUSED
+            self.status = REFUSED
             self._session.fail(error)
         except click.exceptions.Exit as end:
             self.status = end.exit_code

@@ -13,7 +13,8 @@ from ual.geometry import PointStamped, Pose, PoseStamped, Vector3
 from ual.routes import Route
 from ual.types import AltitudeReference, PathHeading
 from ual_tools import manoeuvre, options, values
-from ual_tools.app import Session, command, note, pass_session
+from ual_tools.app import command
+from ual_tools.session import Session, note, pass_session
 
 
 class PathArguments(TypedDict):

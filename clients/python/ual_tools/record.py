@@ -14,9 +14,10 @@ import click
 from ual.errors import InvalidArgumentError
 from ual.recording import requirements
 from ual.shared import extras
-from ual_tools.app import REFUSED, Session, UalCommand, UalGroup, command, pass_session
+from ual_tools.app import UalCommand, UalGroup, command
 from ual_tools.help import Section
 from ual_tools.selection import several
+from ual_tools.session import REFUSED, Session, pass_session
 from ual_tools.tables import print_table
 from ual_tools.values import Number
 

@@ -9,7 +9,7 @@ from ual.discovery import Registration
 from ual.errors import DaemonUnreachableError, UalError
 from ual.types import Telemetry
 from ual_tools import multi
-from ual_tools.app import Session
+from ual_tools.session import Session
 
 _PARALLEL = 16
 

@@ -24,8 +24,9 @@ from ual.simulation import (
     PositionLost,
 )
 from ual_tools import complete, values
-from ual_tools.app import Multi, Session, UalCommand, UalGroup, pass_session
+from ual_tools.app import Multi, UalCommand, UalGroup
 from ual_tools.help import Section
+from ual_tools.session import Session, pass_session
 from ual_tools.tables import print_table
 
 

@@ -14,10 +14,11 @@ from ual.discovery import Registration
 from ual.errors import UalError
 from ual.types import Health, State, Telemetry
 from ual_tools import condition
-from ual_tools.app import REFUSED, Multi, Session, command, pass_session
+from ual_tools.app import Multi, command
 from ual_tools.condition import STYLES, Condition, Level
 from ual_tools.help import Section
 from ual_tools.selection import ask_all
+from ual_tools.session import REFUSED, Session, pass_session
 from ual_tools.tables import print_table
 from ual_tools.watch import watch
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import click
 
 from ual_tools import manoeuvre, options, values
-from ual_tools.app import Multi, Session, command, pass_session
+from ual_tools.app import Multi, command
 from ual_tools.help import Section
+from ual_tools.session import Session, pass_session
 
 _INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: only the safety pilot can abort it"
 

@@ -12,8 +12,9 @@ from ual.access.roles import Role
 from ual.access.tokens import Token
 from ual.errors import InvalidArgumentError
 from ual_tools.access import private_file
-from ual_tools.app import Session, UalGroup, command, pass_session
+from ual_tools.app import UalGroup, command
 from ual_tools.help import Section
+from ual_tools.session import Session, pass_session
 from ual_tools.tables import print_table
 from ual_tools.values import Number
 

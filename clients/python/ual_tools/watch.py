@@ -12,10 +12,11 @@ import click
 from ual.discovery import Registration
 from ual.types import Telemetry
 from ual_tools import condition, places
-from ual_tools.app import REFUSED, Multi, Session, command, note, pass_session
+from ual_tools.app import Multi, command
 from ual_tools.help import Section
 from ual_tools.output import error_text, pose_text, vector_text
 from ual_tools.selection import ask_all, several
+from ual_tools.session import REFUSED, Session, note, pass_session
 from ual_tools.values import Number
 from ual_tools.watch_board import Board
 from ual_tools.watch_roster import all_subscribed

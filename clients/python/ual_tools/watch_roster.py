@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from ual.discovery import Registration
 from ual.errors import UalError
-from ual_tools.app import Session, note
 from ual_tools.output import error_text
 from ual_tools.selection import chosen_daemons
+from ual_tools.session import Session, note
 from ual_tools.watch_board import Board
 
 if TYPE_CHECKING:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Protocol
 from ual.types import State, Telemetry
 from ual_tools import condition, places, watch_table
 from ual_tools.condition import STYLES
-from ual_tools.keys import Key, keyboard
+from ual_tools.keys import Key
 from ual_tools.output import pose_text, running_text, vector_text
+from ual_tools.terminal import keyboard
 from ual_tools.watch_board import Board, Seen
 
 if TYPE_CHECKING:

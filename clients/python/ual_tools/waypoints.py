@@ -11,10 +11,11 @@ from ual.errors import InvalidArgumentError
 from ual.geometry import Pose, PoseStamped
 from ual.types import AltitudeReference
 from ual_tools import complete, options, values
-from ual_tools.app import Session, UalCommand, UalGroup, pass_session
+from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.output import pose_json, pose_text
 from ual_tools.path import PathOptions, fly_path
+from ual_tools.session import Session, pass_session
 
 
 @click.group(

@@ -7,9 +7,10 @@ from itertools import pairwise
 import click
 
 from ual.geometry import Vector3
-from ual_tools.app import Session, command, pass_session
+from ual_tools.app import command
 from ual_tools.help import Section
 from ual_tools.output import vector_text
+from ual_tools.session import Session, pass_session
 from ual_tools.tables import print_table
 
 

@@ -15,7 +15,7 @@ from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
 from ual.interface import Simulation
 from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
-from ual_daemon import __version__
+from ual_daemon._version import __version__
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report

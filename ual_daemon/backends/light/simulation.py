@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Protocol
 
 from typing_extensions import override
 
@@ -16,16 +17,49 @@ from ual_daemon.backends.light.physics import FlightMode
 from ual_daemon.backends.light.world import Vehicles, World
 from ual_daemon.backends.values import Cause
 
-if TYPE_CHECKING:
-    from ual_daemon.backends.light.backend import LightBackend
-
 _MAX_SIGMA = 1000.0
+
+
+class Simulated(Protocol):
+    """What is asked of the vehicle."""
+
+    def snapshot(self) -> object:
+        """Takes its newest data."""
+        ...
+
+    def pilot(self, action: Callable[[Vehicles], str | None]) -> None:
+        """Does what the safety pilot commands."""
+        ...
+
+    def pilot_arm(self) -> None:
+        """The safety pilot arms."""
+        ...
+
+    def pilot_disarm(self) -> None:
+        """The safety pilot disarms."""
+        ...
+
+    def pilot_switch(self, mode: FlightMode) -> None:
+        """The safety pilot switches the mode."""
+        ...
+
+    def trigger_failsafe(self, cause: Cause) -> None:
+        """The autopilot leaves GUIDED by a failsafe, and holds its position."""
+        ...
+
+    def place_on_ground(self, position: Vector3, yaw_rad: float) -> None:
+        """Puts the vehicle on the ground, which is there at the height of the place."""
+        ...
+
+    def set_noise(self, position_m: float, velocity_m_s: float) -> None:
+        """Sets the standard deviations of the estimates."""
+        ...
 
 
 class LightSimulation(Simulation):
     """The safety pilot, faults, time, noise and wind of one vehicle."""
 
-    def __init__(self, backend: LightBackend, world: World, index: int, faults: Faults) -> None:
+    def __init__(self, backend: Simulated, world: World, index: int, faults: Faults) -> None:
         self._backend = backend
         self._world = world
         self._index = index

@@ -10,8 +10,9 @@ import click
 
 from ual import discovery
 from ual.errors import NotSupportedError
-from ual_tools.app import Session, command, note, pass_session
+from ual_tools.app import command
 from ual_tools.help import Section
+from ual_tools.session import Session, note, pass_session
 from ual_tools.strict_yaml.loading import WRONG_FILE, loaded
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TypeVar
 import click
 
 from ual.shared import extras
-from ual_tools.app import note
+from ual_tools.session import note
 
 T = TypeVar("T")
 

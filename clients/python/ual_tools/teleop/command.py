@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import click
 
 from ual_tools import values
-from ual_tools.app import REFUSED, Multi, Session, UalCommand, UalGroup, note, pass_session
+from ual_tools.app import Multi, UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.selection import several
+from ual_tools.session import REFUSED, Session, note, pass_session
 from ual_tools.strict_yaml.loading import loaded
 
 if TYPE_CHECKING:

@@ -10,11 +10,12 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn, Protocol
 
-from ual_tools.keys import Keyboard, keyboard
+from ual_tools.keys import Keyboard
 from ual_tools.teleop import board
 from ual_tools.teleop.echo import Echo
 from ual_tools.teleop.pilot import Pilot
 from ual_tools.teleop.screen import Screen, screen
+from ual_tools.terminal import keyboard
 from ual_tools.watch_screen import as_text
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ import sys
 import click
 
 from ual.joystick import Device, Joysticks, Mapper, RawJoystick
-from ual_tools.keys import Keyboard, keyboard
+from ual_tools.keys import Keyboard
+from ual_tools.terminal import keyboard
 
 _PERIOD_S = 0.02
 _QUIT = (b"q", b"\x03")

@@ -8,8 +8,9 @@ import click
 from typing_extensions import override
 
 from ual.shared import extras
-from ual_tools.app import Multi, Session, command, pass_session
+from ual_tools.app import Multi, command
 from ual_tools.help import Section
+from ual_tools.session import Session, pass_session
 from ual_tools.view.access import access
 from ual_tools.view.map_source import MOST_ZOOM, ZOOM, ground
 from ual_tools.view.shown import MODEL_NAMES

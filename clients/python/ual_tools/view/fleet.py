@@ -14,9 +14,9 @@ from ual.discovery import Registration
 from ual.errors import UalError
 from ual.interface import Lease
 from ual.types import Frame, Geofence, Info, Route, Telemetry
-from ual_tools.app import Session
 from ual_tools.output import error_text
 from ual_tools.selection import chosen_daemons
+from ual_tools.session import Session
 from ual_tools.view.journal import Journal
 from ual_tools.watch_board import Board
 from ual_tools.watch_roster import Roster, kept_up_to_date

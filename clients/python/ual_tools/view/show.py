@@ -12,7 +12,7 @@ from itertools import count
 import viser
 
 from ual.geometry import Vector3
-from ual_tools.app import Session
+from ual_tools.session import Session
 from ual_tools.view.access import Access
 from ual_tools.view.command_queue import CommandQueue
 from ual_tools.view.fences import Fences
