@@ -167,10 +167,10 @@ def test_what_is_wrong_is_named_with_its_line(file: Path, old: str, new: str, me
 def test_a_file_that_would_grow_without_end_is_refused(file: Path) -> None:
     levels = "".join(f"b{i}: &b{i} [{f'*b{i - 1}, ' * 50}]\n" for i in range(1, 6))
     file.write_text("b0: &b0 [" + "1, " * 50 + "]\n" + levels)
-    with pytest.raises(YamlFileError, match="aliases count"):
+    with pytest.raises(YamlFileError, match="more than 100000 values"):
         load(file)
     file.write_text("a: &a [*a]\n")
-    with pytest.raises(YamlFileError, match="aliases count"):
+    with pytest.raises(YamlFileError, match="contains itself"):
         load(file)
     file.write_text("a: !!python/object/apply:os.system [true]\nuavs: []\n")
     with pytest.raises(YamlFileError, match="no such key"):

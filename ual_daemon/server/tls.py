@@ -15,8 +15,8 @@ from typing import TypeAlias, cast
 
 import grpc
 
+from ual.shared import bounded_file
 from ual_daemon import logs
-from ual_daemon.server import bounded_file
 from ual_daemon.settings import ConfigError
 
 _Signature: TypeAlias = tuple[tuple[int, int, int], ...]

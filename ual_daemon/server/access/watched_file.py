@@ -11,8 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from ual.shared import bounded_file
 from ual_daemon import logs
-from ual_daemon.server import bounded_file
 from ual_daemon.settings import ConfigError
 
 T = TypeVar("T")

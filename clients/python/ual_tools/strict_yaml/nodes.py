@@ -1,4 +1,4 @@
-"""Reads a YAML file strictly: each value by its kind, each error with its line. Needs PyYAML.
+"""The values of a YAML file, each by its kind, each error with its line. Needs PyYAML.
 
 The nodes of the file are read, not the objects that YAML makes of them: so each value knows its line, and no tag of
 the file can make anything.
@@ -7,18 +7,16 @@ the file can make anything.
 from __future__ import annotations
 
 import json
-import os
 import re
-import stat
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from itertools import count
 from pathlib import Path
 from typing import TypeVar
 
 import yaml
 
+from ual.shared import bounded_file, strict_yaml
 from ual.shared.numbers import parse_number
 from ual_tools.help import close, did_you_mean
 from ual_tools.strict_yaml.loading import YamlFileError
@@ -26,9 +24,6 @@ from ual_tools.strict_yaml.placeholders import PlaceholderError, fill, is_one
 
 E = TypeVar("E", bound=Enum)
 
-_MOST_BYTES = 1 << 20
-_MOST_NODES = 10_000
-_DEEPEST = 20
 _PLAIN = re.compile(r"[\w.+-]+")
 
 
@@ -54,7 +49,7 @@ class Node:
         """Returns the entries of a mapping.
 
         Raises:
-            YamlFileError: It is not a mapping, or has a key that is not `known` or is given twice.
+            YamlFileError: It is not a mapping, or has a key that is not `known`.
         """
         if not isinstance(self.node, yaml.MappingNode):
             raise self.error("expected 'key: value' lines")
@@ -62,8 +57,6 @@ class Node:
         for key, value in self.node.value:
             name = str(key.value)
             entry = Node(self.path, value, f"{self.key}.{name}".lstrip("."), key.start_mark.line + 1, self.names)
-            if name in found:
-                raise entry.error("given twice")
             if known is not None and name not in known:
                 raise entry.error(f"there is no such key.{did_you_mean(close(name, known))}")
             found[name] = entry
@@ -181,40 +174,11 @@ def read(path: Path) -> Node:
         YamlFileError: It cannot be read, or is not YAML.
     """
     try:
-        text = _bytes(path).decode("utf-8-sig")
-        root = yaml.compose(text, yaml.SafeLoader)
+        root = strict_yaml.read(bounded_file.read(path))
     except OSError as error:
         raise YamlFileError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise YamlFileError(f"{path}: is not UTF-8 text") from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        problem = "; ".join(part for part in (error.context, error.problem) if part)
-        raise YamlFileError(f"{path}:{mark.line + 1 if mark else 1}: {problem}") from None
-    except (yaml.YAMLError, RecursionError) as error:
-        raise YamlFileError(f"{path}: is not YAML: {' '.join(str(error).split())}") from None
+    except strict_yaml.YamlError as error:
+        raise YamlFileError(f"{path}:{error.line}: {error}") from None
     if root is None:
         raise YamlFileError(f"{path}:1: the file is empty")
-    _check_size(path, root, count(), 0)
     return Node(path, root)
-
-
-def _bytes(path: Path) -> bytes:
-    """Returns the content of a regular file, without waiting for who would write into a pipe."""
-    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise OSError(0, "it is not a regular file")
-        data = file.read(_MOST_BYTES + 1)
-    if len(data) > _MOST_BYTES:
-        raise OSError(0, f"it is longer than {_MOST_BYTES} bytes")
-    return data
-
-
-def _check_size(path: Path, node: yaml.Node, numbers: Iterator[int], depth: int) -> None:
-    """Refuses aliases that make a value endless or huge; those that repeat one are counted each time."""
-    if next(numbers) >= _MOST_NODES or depth > _DEEPEST:
-        raise YamlFileError(f"{path}:{node.start_mark.line + 1}: too many values, or nested too deeply (aliases count)")
-    if isinstance(node, yaml.CollectionNode):
-        for inner in node.value:
-            for each in inner if isinstance(inner, tuple) else (inner,):
-                _check_size(path, each, numbers, depth + 1)

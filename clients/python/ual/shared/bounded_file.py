@@ -1,4 +1,4 @@
-"""Reads the files that a configuration names. A device or a pipe without an end must not keep the daemon waiting."""
+"""Reads the files that a user names. A device or a pipe without an end must not keep the program waiting."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import stat
 from pathlib import Path
 
 MOST_BYTES = 1 << 20
+_WITHOUT_WAITING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+"""For who would write into a pipe. Windows has no such flags."""
 
 
 def read(path: Path) -> bytes:
@@ -16,8 +18,7 @@ def read(path: Path) -> bytes:
         OSError: It cannot be read, is not a regular file, or is longer; `strerror` says which.
 
     """
-    # Without waiting for who would write into a pipe.
-    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+    with os.fdopen(os.open(path, _WITHOUT_WAITING), "rb") as file:
         mode = os.fstat(file.fileno()).st_mode
         if stat.S_ISDIR(mode):
             raise IsADirectoryError(0, "it is a directory")
