@@ -22,7 +22,7 @@ from typing_extensions import override
 
 from ual_daemon import logs
 from ual_daemon._version import __version__
-from ual_daemon.program import environment, lazy, log_output
+from ual_daemon.program import environment, log_output
 from ual_daemon.program.configuration import (
     Configuration,
     ConfigurationError,
@@ -207,7 +207,6 @@ def _given_as(name: str, origin: ParameterSource) -> str:
 def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     # gRPC writes to stderr without the log's format. The daemon itself logs whatever concerns users.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
-    lazy.prepare()
     from ual_daemon.backends import registry
     from ual_daemon.program import fleet
 

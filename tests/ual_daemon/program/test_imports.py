@@ -12,8 +12,6 @@ from ual import Uav, discovery
 from ual.types import State
 
 NEVER = {
-    "_hashlib",
-    "_ssl",
     "email",
     "importlib.metadata",
     "numpy",
@@ -43,7 +41,7 @@ def test_a_light_uav_flies_without_what_it_does_not_need(runtime_dir: Path) -> N
             uav.take_off(2.0)
             assert uav.state() is State.FLYING_AUTO
         found = loaded(daemon)
-    assert {"ual_daemon.program.lazy", "grpc.aio", "ual_daemon.flight.manoeuvres.manoeuvre"} <= found
+    assert {"grpc.aio", "ual_daemon.flight.manoeuvres.manoeuvre"} <= found
     assert not found & (NEVER | {"pymavlink"})
 
 
