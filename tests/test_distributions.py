@@ -34,6 +34,12 @@ def test_the_wheel_has_the_version_of_the_package(project: str) -> None:
     assert ProjectMetadata(str(ROOT / project), PluginManager()).version == PROJECTS[project].__version__
 
 
+def test_no_module_of_the_tools_hides_one_of_python() -> None:
+    """Their pyproject.toml lies in the package: `python -m build` there has its modules on the path."""
+    names = {path.stem for path in (CLIENTS / "ual_tools").iterdir()}
+    assert not names & sys.stdlib_module_names
+
+
 @pytest.mark.parametrize(("module", "shown"), PROGRAMS)
 def test_a_program_shows_the_version_of_its_package(module: str, shown: str) -> None:
     command = [sys.executable, "-c", f"from {module} import main; main()", "--version"]

@@ -24,7 +24,7 @@ from ual_tools import (
     status,
     streams,
     task,
-    token,
+    tokens,
     waypoints,
     where,
 )
@@ -65,7 +65,7 @@ for command in (
     *where.COMMANDS,
     *waypoints.COMMANDS,
     *simulation.COMMANDS,
-    *token.COMMANDS,
+    *tokens.COMMANDS,
     *certificates.COMMANDS,
     *audit.COMMANDS,
     *check.COMMANDS,
