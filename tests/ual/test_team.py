@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
 import ual
+import ual.interface
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from ual.types import State, TaskStatus
 
@@ -29,6 +32,26 @@ def team(fleet: DaemonProcess) -> Iterator[ual.Team]:
     del fleet
     with ual.Team(TEAM) as team:
         yield team
+
+
+NOT_OF_A_TEAM = {"ns", "simulation", "subscribe", "set_external_pose", "task", "extension"}
+"""What makes sense for one UAV only: `team["uav_1"]` is one."""
+
+
+@pytest.mark.parametrize(("team", "uav"), [(ual.Team, ual.interface.Uav), (ual.aio.Team, ual.aio.Uav)])
+def test_a_team_has_the_members_of_a_uav(team: type, uav: type) -> None:
+    """So a new member of a UAV is not forgotten."""
+    missing = {name for name in dir(uav) if not name.startswith("_") and not hasattr(team, name)}
+    assert missing - {"address"} == NOT_OF_A_TEAM
+
+
+@pytest.mark.parametrize("team", [ual.Team, ual.aio.Team])
+def test_a_member_has_the_signature_of_a_uavs_and_results_by_name(team: Any) -> None:
+    assert str(inspect.signature(team.pose)) == "(self) -> 'dict[str, PoseStamped]'"
+    signature = "(self, *, force: 'bool' = False, timeout_s: 'float | None' = None) -> 'None'"
+    assert str(inspect.signature(team.recover_from_manual)) == signature
+    assert team.pause.__doc__ == ual.aio.Uav.pause.__doc__
+    assert team.pause.__name__ == "pause"
 
 
 def test_one_call_flies_all_and_the_results_have_their_names(team: ual.Team) -> None:

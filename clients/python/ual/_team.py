@@ -7,7 +7,7 @@ import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Iterator
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from typing_extensions import Self, override
 
@@ -15,29 +15,29 @@ from ual import aio
 from ual._client import Uav
 from ual.credentials import Credentials
 from ual.errors import UalError
-from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import DryRun, TaskCommands
-from ual.types import (
-    Frame,
-    Geofence,
-    Info,
-    LeaseInfo,
-    MotionRequest,
-    Odometry,
-    Plan,
-    Route,
-    State,
-    TaskInfo,
-    TaskKind,
-    TaskRequest,
-    Telemetry,
-)
+from ual.shared.described import described
+from ual.types import MotionRequest, Plan, TaskInfo, TaskKind, TaskRequest
 
+P = ParamSpec("P")
 T = TypeVar("T")
+
+
+def _waited(
+    member: Callable[Concatenate[aio.Team, P], Coroutine[Any, Any, T]],
+) -> Callable[Concatenate[Team, P], T]:
+    """Makes a member of the asynchronous team one that blocks."""
+
+    def run(team: Team, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return team._loop.run(member(team._team, *args, **kwargs))  # noqa: SLF001 (a member of it)
+
+    return described(run, member)
 
 
 class Team(TaskCommands[dict[str, "TeamTask"]]):
     """Several UAVs. Its members are those of `ual.Uav`, of all of them at once, with the results by name.
+
+    A member's documentation is that of one UAV. A pose or velocity without a frame is in each one's own ``<ns>/odom``.
 
     A command goes to all of them at the same moment, once each of them has answered; where one cannot be reached, none
     gets it. What ends a flight (`land`, `return_to_launch`, `abort`, `pause`) goes to all that can be reached. All are
@@ -146,118 +146,42 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
         """
         return TeamLease(self._loop, self._loop.run(self._team.lease(holder, take=take).acquire()))
 
-    def lease_info(self) -> dict[str, LeaseInfo | None]:
-        """Returns who holds the lease of each; None where nobody does."""
-        return self._loop.run(self._team.lease_info())
-
     # --- What is known ------------------------------------------------------------------------------------------------
 
-    def info(self) -> dict[str, Info]:
-        """Returns who each UAV is and what it can do."""
-        return self._loop.run(self._team.info())
-
-    def telemetry(self) -> dict[str, Telemetry]:
-        """Returns the newest sample of each."""
-        return self._loop.run(self._team.telemetry())
-
-    def state(self) -> dict[str, State]:
-        """Returns the state of each."""
-        return self._loop.run(self._team.state())
-
-    def wait_for(self, *states: State, timeout_s: float | None = None) -> dict[str, State]:
-        """Waits until each is in one of some states, and returns that one; see `ual.interface.Uav.wait_for`."""
-        return self._loop.run(self._team.wait_for(*states, timeout_s=timeout_s))
-
-    def is_ready(self) -> dict[str, bool]:
-        """Returns for each whether its state is not UNINITIALIZED."""
-        return self._loop.run(self._team.is_ready())
-
-    def is_idle(self) -> dict[str, bool]:
-        """Returns for each whether no task runs."""
-        return self._loop.run(self._team.is_idle())
-
-    def pose(self) -> dict[str, PoseStamped]:
-        """Returns the pose of each; see `ual.interface.Uav.pose`."""
-        return self._loop.run(self._team.pose())
-
-    def velocity(self) -> dict[str, TwistStamped]:
-        """Returns the velocity of each in m/s and rad/s; see `ual.interface.Uav.velocity`."""
-        return self._loop.run(self._team.velocity())
-
-    def odometry(self) -> dict[str, Odometry]:
-        """Returns the pose of each with the velocity in its body; see `ual.interface.Uav.odometry`."""
-        return self._loop.run(self._team.odometry())
-
-    def reference_pose(self) -> dict[str, PoseStamped | None]:
-        """Returns where each is commanded to be now; None while no pose is commanded."""
-        return self._loop.run(self._team.reference_pose())
-
-    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> dict[str, Transform]:
-        """Returns of each what takes coordinates from a frame to another; see `ual.interface.Uav.transform`."""
-        return self._loop.run(self._team.transform(target_frame_id, source_frame_id))
-
-    def frames(self) -> dict[str, list[Frame]]:
-        """Returns all frames of each."""
-        return self._loop.run(self._team.frames())
-
-    def geofence(self) -> dict[str, Geofence]:
-        """Returns where each may fly; see `ual.interface.Uav.geofence`."""
-        return self._loop.run(self._team.geofence())
-
-    def route(self) -> dict[str, Route | None]:
-        """Returns the way that each flies, if one is known; see `ual.interface.Uav.route`."""
-        return self._loop.run(self._team.route())
+    info = _waited(aio.Team.info)
+    telemetry = _waited(aio.Team.telemetry)
+    state = _waited(aio.Team.state)
+    wait_for = _waited(aio.Team.wait_for)
+    is_ready = _waited(aio.Team.is_ready)
+    is_idle = _waited(aio.Team.is_idle)
+    pose = _waited(aio.Team.pose)
+    velocity = _waited(aio.Team.velocity)
+    odometry = _waited(aio.Team.odometry)
+    reference_pose = _waited(aio.Team.reference_pose)
+    transform = _waited(aio.Team.transform)
+    frames = _waited(aio.Team.frames)
+    geofence = _waited(aio.Team.geofence)
+    route = _waited(aio.Team.route)
+    lease_info = _waited(aio.Team.lease_info)
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
-    def add_frame(self, transform: Transform) -> None:
-        """Adds a frame to each, or moves one that was added; see `ual.interface.Uav.add_frame`."""
-        self._loop.run(self._team.add_frame(transform))
-
-    def remove_frame(self, frame_id: str) -> None:
-        """Removes a frame from each; see `ual.interface.Uav.remove_frame`."""
-        self._loop.run(self._team.remove_frame(frame_id))
-
-    def set_home(self, set_z: bool = False) -> None:
-        """Makes the present position of each the origin of its ``<ns>/odom``; see `ual.interface.Uav.set_home`."""
-        self._loop.run(self._team.set_home(set_z))
-
-    def arm(self, *, timeout_s: float | None = None) -> None:
-        """Arms the motors, in LANDED_DISARMED; see `ual.interface.Uav.arm`."""
-        self._loop.run(self._team.arm(timeout_s=timeout_s))
-
-    def disarm(self, *, timeout_s: float | None = None) -> None:
-        """Disarms the motors, in LANDED_ARMED; see `ual.interface.Uav.disarm`."""
-        self._loop.run(self._team.disarm(timeout_s=timeout_s))
+    add_frame = _waited(aio.Team.add_frame)
+    remove_frame = _waited(aio.Team.remove_frame)
+    set_home = _waited(aio.Team.set_home)
+    arm = _waited(aio.Team.arm)
+    disarm = _waited(aio.Team.disarm)
+    set_pose = _waited(aio.Team.set_pose)
+    set_velocity = _waited(aio.Team.set_velocity)
+    recover_from_manual = _waited(aio.Team.recover_from_manual)
+    abort = _waited(aio.Team.abort)
+    pause = _waited(aio.Team.pause)
+    resume = _waited(aio.Team.resume)
 
     @override
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> dict[str, TeamTask]:
         begun = self._loop.run(self._team._begin(request, blocking, timeout_s))  # noqa: SLF001 (the same base)
         return {name: TeamTask(self._loop, task) for name, task in begun.items()}
-
-    def set_pose(self, pose: PoseStamped | Pose) -> None:
-        """Sends each a pose as the reference; without a frame, in its own ``<ns>/odom``."""
-        self._loop.run(self._team.set_pose(pose))
-
-    def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        """Sends each a velocity as the reference; without a frame, in its own ``<ns>/odom``."""
-        self._loop.run(self._team.set_velocity(velocity))
-
-    def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
-        """Takes control back, in FLYING_MANUAL; see `ual.interface.Uav.recover_from_manual`."""
-        self._loop.run(self._team.recover_from_manual(force=force, timeout_s=timeout_s))
-
-    def abort(self, freeze: bool = False) -> None:
-        """Cancels the task or reference of each that can be reached, and stops it; see `ual.interface.Uav.abort`."""
-        self._loop.run(self._team.abort(freeze))
-
-    def pause(self) -> None:
-        """Stops the running task of each that can be reached on its way; see `ual.interface.Uav.pause`."""
-        self._loop.run(self._team.pause())
-
-    def resume(self) -> None:
-        """Goes on with the paused task of each; see `ual.interface.Uav.resume`."""
-        self._loop.run(self._team.resume())
 
     @property
     def dry_run(self) -> DryRun[dict[str, Plan]]:

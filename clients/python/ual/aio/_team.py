@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from typing_extensions import Self, override
 
@@ -14,33 +14,55 @@ from ual.aio._lease import Lease
 from ual.aio._task import Task
 from ual.credentials import Credentials
 from ual.errors import InvalidArgumentError, TeamError, UalError
-from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import DryRun, TaskCommands
-from ual.types import (
-    Frame,
-    Geofence,
-    Info,
-    LandRequest,
-    LeaseInfo,
-    MotionRequest,
-    Odometry,
-    Plan,
-    ReturnToLaunchRequest,
-    Route,
-    State,
-    TaskRequest,
-    Telemetry,
-)
+from ual.shared.described import described
+from ual.types import LandRequest, MotionRequest, Plan, ReturnToLaunchRequest, TaskRequest
 
 _ENDS_A_FLIGHT = (LandRequest, ReturnToLaunchRequest)
 
+P = ParamSpec("P")
 T = TypeVar("T")
 All = Coroutine[Any, Any, dict[str, T]]
 """What gives one value of each UAV, by name."""
 
 
+def _asked(
+    member: Callable[Concatenate[Uav, P], Coroutine[Any, Any, T]],
+) -> Callable[Concatenate[Team, P], Coroutine[Any, Any, dict[str, T]]]:
+    """Makes of a UAV's member that of a team: asks all that can be reached. Returns the results by name."""
+
+    async def of_all(team: Team, /, *args: P.args, **kwargs: P.kwargs) -> dict[str, T]:
+        return await team.ask(lambda _, uav: member(uav, *args, **kwargs))
+
+    return described(of_all, member, lambda of_one: f"dict[str, {of_one}]")
+
+
+def _given(
+    command: Callable[Concatenate[Uav, P], Coroutine[Any, Any, None]],
+) -> Callable[Concatenate[Team, P], Coroutine[Any, Any, None]]:
+    """Makes of a UAV's command that of a team: where one cannot be reached, none gets it."""
+
+    async def of_all(team: Team, /, *args: P.args, **kwargs: P.kwargs) -> None:
+        await team.each(lambda _, uav: command(uav, *args, **kwargs))
+
+    return described(of_all, command)
+
+
+def _given_to_some(
+    command: Callable[Concatenate[Uav, P], Coroutine[Any, Any, None]],
+) -> Callable[Concatenate[Team, P], Coroutine[Any, Any, None]]:
+    """Makes of a UAV's command that of a team: each that can be reached gets it."""
+
+    async def of_all(team: Team, /, *args: P.args, **kwargs: P.kwargs) -> None:
+        await team.ask(lambda _, uav: command(uav, *args, **kwargs))
+
+    return described(of_all, command)
+
+
 class Team(TaskCommands[All[Task]]):
     """Several UAVs. Its members are those of `ual.aio.Uav`, of all of them at once, with the results by name.
+
+    A member's documentation is that of one UAV. A pose or velocity without a frame is in each one's own ``<ns>/odom``.
 
     A command goes to all of them at the same moment, once each of them has answered; where one cannot be reached, none
     gets it. What ends a flight (`land`, `return_to_launch`, `abort`, `pause`) goes to all that can be reached. All are
@@ -132,118 +154,42 @@ class Team(TaskCommands[All[Task]]):
         """
         return TeamLease(self, holder, take=take)
 
-    async def lease_info(self) -> dict[str, LeaseInfo | None]:
-        """Returns who holds the lease of each; None where nobody does."""
-        return await self.ask(lambda _, uav: uav.lease_info())
-
     # --- What is known ------------------------------------------------------------------------------------------------
 
-    async def info(self) -> dict[str, Info]:
-        """Returns who each UAV is and what it can do."""
-        return await self.ask(lambda _, uav: uav.info())
-
-    async def telemetry(self) -> dict[str, Telemetry]:
-        """Returns the newest sample of each."""
-        return await self.ask(lambda _, uav: uav.telemetry())
-
-    async def state(self) -> dict[str, State]:
-        """Returns the state of each."""
-        return await self.ask(lambda _, uav: uav.state())
-
-    async def wait_for(self, *states: State, timeout_s: float | None = None) -> dict[str, State]:
-        """Waits until each is in one of some states, and returns that one; see `ual.interface.Uav.wait_for`."""
-        return await self.ask(lambda _, uav: uav.wait_for(*states, timeout_s=timeout_s))
-
-    async def is_ready(self) -> dict[str, bool]:
-        """Returns for each whether its state is not UNINITIALIZED."""
-        return await self.ask(lambda _, uav: uav.is_ready())
-
-    async def is_idle(self) -> dict[str, bool]:
-        """Returns for each whether no task runs."""
-        return await self.ask(lambda _, uav: uav.is_idle())
-
-    async def pose(self) -> dict[str, PoseStamped]:
-        """Returns the pose of each; see `ual.interface.Uav.pose`."""
-        return await self.ask(lambda _, uav: uav.pose())
-
-    async def velocity(self) -> dict[str, TwistStamped]:
-        """Returns the velocity of each in m/s and rad/s; see `ual.interface.Uav.velocity`."""
-        return await self.ask(lambda _, uav: uav.velocity())
-
-    async def odometry(self) -> dict[str, Odometry]:
-        """Returns the pose of each with the velocity in its body; see `ual.interface.Uav.odometry`."""
-        return await self.ask(lambda _, uav: uav.odometry())
-
-    async def reference_pose(self) -> dict[str, PoseStamped | None]:
-        """Returns where each is commanded to be now; None while no pose is commanded."""
-        return await self.ask(lambda _, uav: uav.reference_pose())
-
-    async def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> dict[str, Transform]:
-        """Returns of each what takes coordinates from a frame to another; see `ual.interface.Uav.transform`."""
-        return await self.ask(lambda _, uav: uav.transform(target_frame_id, source_frame_id))
-
-    async def frames(self) -> dict[str, list[Frame]]:
-        """Returns all frames of each."""
-        return await self.ask(lambda _, uav: uav.frames())
-
-    async def geofence(self) -> dict[str, Geofence]:
-        """Returns where each may fly; see `ual.interface.Uav.geofence`."""
-        return await self.ask(lambda _, uav: uav.geofence())
-
-    async def route(self) -> dict[str, Route | None]:
-        """Returns the way that each flies, if one is known; see `ual.interface.Uav.route`."""
-        return await self.ask(lambda _, uav: uav.route())
+    info = _asked(Uav.info)
+    telemetry = _asked(Uav.telemetry)
+    state = _asked(Uav.state)
+    wait_for = _asked(Uav.wait_for)
+    is_ready = _asked(Uav.is_ready)
+    is_idle = _asked(Uav.is_idle)
+    pose = _asked(Uav.pose)
+    velocity = _asked(Uav.velocity)
+    odometry = _asked(Uav.odometry)
+    reference_pose = _asked(Uav.reference_pose)
+    transform = _asked(Uav.transform)
+    frames = _asked(Uav.frames)
+    geofence = _asked(Uav.geofence)
+    route = _asked(Uav.route)
+    lease_info = _asked(Uav.lease_info)
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
-    async def add_frame(self, transform: Transform) -> None:
-        """Adds a frame to each, or moves one that was added; see `ual.interface.Uav.add_frame`."""
-        await self.each(lambda _, uav: uav.add_frame(transform))
-
-    async def remove_frame(self, frame_id: str) -> None:
-        """Removes a frame from each; see `ual.interface.Uav.remove_frame`."""
-        await self.each(lambda _, uav: uav.remove_frame(frame_id))
-
-    async def set_home(self, set_z: bool = False) -> None:
-        """Makes the present position of each the origin of its ``<ns>/odom``; see `ual.interface.Uav.set_home`."""
-        await self.each(lambda _, uav: uav.set_home(set_z))
-
-    async def arm(self, *, timeout_s: float | None = None) -> None:
-        """Arms the motors, in LANDED_DISARMED; see `ual.interface.Uav.arm`."""
-        await self.each(lambda _, uav: uav.arm(timeout_s=timeout_s))
-
-    async def disarm(self, *, timeout_s: float | None = None) -> None:
-        """Disarms the motors, in LANDED_ARMED; see `ual.interface.Uav.disarm`."""
-        await self.each(lambda _, uav: uav.disarm(timeout_s=timeout_s))
+    add_frame = _given(Uav.add_frame)
+    remove_frame = _given(Uav.remove_frame)
+    set_home = _given(Uav.set_home)
+    arm = _given(Uav.arm)
+    disarm = _given(Uav.disarm)
+    set_pose = _given_to_some(Uav.set_pose)
+    set_velocity = _given_to_some(Uav.set_velocity)
+    recover_from_manual = _given(Uav.recover_from_manual)
+    abort = _given_to_some(Uav.abort)
+    pause = _given_to_some(Uav.pause)
+    resume = _given(Uav.resume)
 
     @override
     async def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> dict[str, Task]:
         give = self.ask if isinstance(request, _ENDS_A_FLIGHT) else self.each
         return await give(lambda _, uav: uav._begin(request, blocking, timeout_s))  # noqa: SLF001 (the same base)
-
-    async def set_pose(self, pose: PoseStamped | Pose) -> None:
-        """Sends each a pose as the reference; without a frame, in its own ``<ns>/odom``."""
-        await self.ask(lambda _, uav: uav.set_pose(pose))
-
-    async def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        """Sends each a velocity as the reference; without a frame, in its own ``<ns>/odom``."""
-        await self.ask(lambda _, uav: uav.set_velocity(velocity))
-
-    async def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
-        """Takes control back, in FLYING_MANUAL; see `ual.interface.Uav.recover_from_manual`."""
-        await self.each(lambda _, uav: uav.recover_from_manual(force=force, timeout_s=timeout_s))
-
-    async def abort(self, freeze: bool = False) -> None:
-        """Cancels the task or reference of each that can be reached, and stops it; see `ual.interface.Uav.abort`."""
-        await self.ask(lambda _, uav: uav.abort(freeze))
-
-    async def pause(self) -> None:
-        """Stops the running task of each that can be reached on its way; see `ual.interface.Uav.pause`."""
-        await self.ask(lambda _, uav: uav.pause())
-
-    async def resume(self) -> None:
-        """Goes on with the paused task of each; see `ual.interface.Uav.resume`."""
-        await self.each(lambda _, uav: uav.resume())
 
     @property
     def dry_run(self) -> DryRun[All[Plan]]:
