@@ -97,7 +97,7 @@ class LandOnSetpoints(Landing):
 
     def _why_unseen(self, snapshot: Snapshot, estimate: Estimate) -> UalError | None:
         """Returns why the flight may have become another's unseen; None if it cannot."""
-        if not estimate.is_link_up:
+        if not estimate.is_link_up or snapshot.conflict:
             return why_blind(estimate, self.name)
         unseen_s = snapshot.time_s - min(self._stepped_s, -math.inf if snapshot.mode is None else snapshot.mode.time_s)
         if unseen_s <= UNSEEN_S:

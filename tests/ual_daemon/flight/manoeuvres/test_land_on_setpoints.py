@@ -198,6 +198,12 @@ def test_a_lost_link_ends_it(flying: Autopilot, motors: Motors) -> None:
     assert isinstance(step(landing, flying).error, LinkLostError)
 
 
+def test_it_does_not_go_on_where_the_values_may_be_those_of_another_vehicle(flying: Autopilot, motors: Motors) -> None:
+    landing = land(flying, motors)
+    step(landing, flying)
+    assert "two of them" in str(step(landing, flying, conflict="there are two of them").error)
+
+
 def test_the_pilot_ends_it(flying: Autopilot, motors: Motors) -> None:
     landing = land(flying, motors)
     step(landing, flying)
