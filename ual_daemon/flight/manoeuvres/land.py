@@ -129,10 +129,10 @@ class Land(Landing):
         if not self._is_landing:
             if control is Control.LAND or landed is LandedState.LANDING:
                 self._is_landing, self._reference = True, None
+            elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
+                return taken(snapshot, self.name)  # first: the command may have failed because of that
             elif (failure := self._command.failure(snapshot)) is not None:
                 return failed(with_advice(failure, self._refused))
-            elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
-                return taken(snapshot, self.name)
             elif self._reference is not None:  # it must not lose its references before it lands by itself
                 return Step(self._reference.setpoint(snapshot))
         elif control is not Control.LAND and landed is not LandedState.LANDING:
