@@ -175,7 +175,7 @@ class Backend(ABC):
     @abstractmethod
     def land(self, limits: Limits) -> Future[None]:
         """Begins a landing at the present position, with the descent speed of the limits in force at most, where the
-        autopilot's own landing takes a speed.
+        autopilot's own landing takes a speed. Not called where `VehicleInfo.flies_landing_on_setpoints`.
         """
 
     @abstractmethod
@@ -185,6 +185,14 @@ class Backend(ABC):
     @abstractmethod
     def hold(self) -> Future[None]:
         """Makes the autopilot hold its position by itself, without setpoints."""
+
+    def disarm_landed(self) -> Future[None]:
+        """Stops the motors after a landing that UAL flew (`VehicleInfo.flies_landing_on_setpoints`).
+
+        The safety pilot may have taken over on the ground: control is never taken for it, and others' motors are not
+        stopped.
+        """
+        return self.disarm()
 
     def set_external_pose(self, measured: ExternalPose) -> None:
         """Gives the autopilot's estimator a pose from outside, before it returns. Drops it while the link is down.

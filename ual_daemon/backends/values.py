@@ -357,6 +357,9 @@ class VehicleInfo:
 
     `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
     the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
+    `flies_landing_on_setpoints` says that UAL lands it by velocities, and then stops its motors
+    (`Backend.disarm_landed`): it has no landing of its own that UAL may use. It takes velocities, holds by itself
+    without them, and tells its mode at least four times a second.
     Only setpoints that `takes` allows are sent. `identity` says which vehicle it is, so that what was saved for it is
     not used for another (`Backend.outlived`); it is empty while that is not known. `cruise_speed_m_s` is the horizontal
     speed at which the autopilot itself flies to a goal, where nobody asks for another one. `acceleration_share` is the
@@ -379,6 +382,7 @@ class VehicleInfo:
     capabilities: frozenset[Capability] = frozenset()
     limits: Limits = field(default_factory=Limits)
     flies_takeoff_on_setpoints: bool = True
+    flies_landing_on_setpoints: bool = False
     takes: Takes = Takes.ALL
     velocity_gains: VelocityGains = field(default_factory=VelocityGains)
     velocity_responses: VelocityResponses = field(default_factory=VelocityResponses)

@@ -28,7 +28,6 @@ from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight, LastCommand
 from ual_daemon.flight.manoeuvres.await_arming import AwaitArming, is_after_landing
-from ual_daemon.flight.manoeuvres.land import Land
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover
 from ual_daemon.flight.manoeuvres.recover import Recover
 from ual_daemon.flight.manoeuvres.take_off import TakeOff
@@ -39,6 +38,7 @@ from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.references import Hold, Reference, measured_motion
 from ual_daemon.trajectory import Line
 from ual_daemon.vehicle.admission import admit
+from ual_daemon.vehicle.landings import Landings
 from ual_daemon.vehicle.planner import Planner
 from ual_daemon.vehicle.preconditions import Preconditions, accepted
 from ual_daemon.vehicle.prepared import Prepared
@@ -82,7 +82,8 @@ class Commands:
         self.is_armed_automatically = False
         """Whether a simulated safety pilot arms whenever the UAV is ready on the ground: a take-off waits for that."""
         reach_limit = ReachLimit(settings)
-        self._planner = Planner(flight, resolver, preconditions, tasks, settings, reach_limit)
+        self._landings = Landings(backend, flight)
+        self._planner = Planner(flight, resolver, preconditions, tasks, settings, reach_limit, self._landings)
         self.setpoints = Setpoints(flight, resolver, preconditions, reach_limit)
         """The commands that are sent as they are: `set_pose` and `set_velocity`."""
 
@@ -208,19 +209,13 @@ class Commands:
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal("land"):
                 task = self._tasks.new(TaskKind.LAND, "land")
-                command = AutopilotCommand("land", snapshot.time_s)
-                is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
-                reference = self._flight.brake(snapshot) if is_ours else None
-                has_pilot = self._flight.has_safety_pilot
-                self._flight.begin(Land(task, command, reference, snapshot, has_safety_pilot=has_pilot))
-                command.send(self._send_landing)
+                landing, send = self._landings.here(task, snapshot)
+                self._flight.begin(landing)
+                send()
                 accepted("land", task_id=task.id)
                 return task
 
         return Prepared(Plan(), begin)
-
-    def _send_landing(self) -> Future[None]:
-        return self._backend.land(self._flight.limits.get())
 
     def recover_from_manual(self, *, force: bool = False) -> Prepared[Future[None]]:
         """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO.

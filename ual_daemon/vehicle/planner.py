@@ -7,7 +7,6 @@ if no newer command has begun in the meantime, and if the UAV is still near the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 from typing import TypeAlias
@@ -47,6 +46,7 @@ from ual_daemon.tracker.references import TrajectoryReference, measured_motion
 from ual_daemon.trajectory import Trajectory, Waypoint
 from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.courses import PathBounds, PathCourse, Resolve, StraightCourse, WayHomeCourse
+from ual_daemon.vehicle.landings import Landings
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions, accepted
 from ual_daemon.vehicle.prepared import Prepared
@@ -73,8 +73,10 @@ class Planner:
         tasks: Tasks,
         settings: VehicleSettings,
         reach_limit: ReachLimit,
+        landings: Landings,
     ) -> None:
         self._flight = flight
+        self._landings = landings
         self._resolver = resolver
         self._preconditions = preconditions
         self._tasks = tasks
@@ -257,19 +259,8 @@ class Planner:
         def home_by(task: VehicleTask, way: WayHome, planned_s: float) -> Manoeuvre:
             course = WayHomeCourse(self._flight, self._settings, height_m, partial(self._bounds, None), way)
             tolerance, tracker = self._tolerance, self._tracker()
-            return ReturnToLaunch(
-                task,
-                way.trajectory,
-                course,
-                land,
-                tolerance,
-                tracker,
-                planned_s,
-                has_safety_pilot=self._flight.has_safety_pilot,
-            )
-
-        def land() -> Future[None]:
-            return backend.land(self._flight.limits.get())
+            land = self._landings.after
+            return ReturnToLaunch(task, way.trajectory, course, land, tolerance, tracker, planned_s)
 
         def onward(task: VehicleTask, now: Snapshot) -> Manoeuvre:
             way = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), now)

@@ -9,7 +9,6 @@ from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, M
 from ual_daemon.geodesy import EllipsoidProjection
 
 API = Mode("API", Control.REFERENCES)
-LAND = Mode("LAND", Control.LAND)
 COLLISION = Mode("COLLISION", Control.OTHER, is_autonomous=True)
 """It hovers: no setpoints are sent to a vehicle that has hit something until control is taken again."""
 HOVER = Mode("HOVER", Control.OTHER, is_autonomous=True)

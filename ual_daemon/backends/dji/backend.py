@@ -18,19 +18,15 @@ from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.dji.authority import Holding
 from ual_daemon.backends.dji.commands import Commands
 from ual_daemon.backends.dji.discovery import Discovery
-from ual_daemon.backends.dji.landing import Descent, LandingRequest
+from ual_daemon.backends.dji.landing import LandingRequest
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
 from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
 from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Topic, Wrapper
 from ual_daemon.backends.firmwares.scheduling_gap import SchedulingGap
 from ual_daemon.backends.rosbridge import DEFAULT_URL, LinkState, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
-    Control,
     Freshness,
-    LandedState,
-    Mode,
     PositionSetpoint,
-    Sample,
     Setpoint,
     SetpointLoss,
     Snapshot,
@@ -39,7 +35,6 @@ from ual_daemon.backends.values import (
     VelocityGains,
     VelocityResponse,
     VelocityResponses,
-    VelocitySetpoint,
 )
 from ual_daemon.settings import convert
 
@@ -57,8 +52,6 @@ _HEARD_S = 0.5
 """Nothing is called in a longer silence. The wrappers send the attitude 50 times a second or more, and their slowest
 position ten times: at least five messages of each are lost then."""
 _CONFIRM_AGAIN_S = 1.0
-_DESCENT_S = 0.018
-"""The interval of the velocities of a landing."""
 _LONGEST_GAP_S = 10.0
 """After a longer silence the aircraft's own landing may be that of others."""
 _GIVEN_UP = "the landing was given up, as nothing was heard for a while and others may fly; land it, or let the pilot"
@@ -113,11 +106,9 @@ class DjiBackend(Backend):
         self._had_authority = False
         self._ended_landings_count = self._discards_count = 0
         self._landing: LandingRequest | None = None
-        self._descent: Descent | None = None
-        self._descended_s = float("-inf")
         self._joystick: Future[Message] | None = None
         self._landing_call: Future[None] | None = None
-        """The newest call that goes on with a landing."""
+        """The newest confirmation of a landing."""
         self._braked = ""
         self._opened_s = 0.0
 
@@ -162,6 +153,7 @@ class DjiBackend(Backend):
             capabilities=_CAPABILITIES,
             limits=_LIMITS,
             flies_takeoff_on_setpoints=False,
+            flies_landing_on_setpoints=telemetry is not None and telemetry.wrapper.land is None,
             takes=Takes.VELOCITY,
             velocity_gains=VelocityGains(response_s=self._settings.response_s),
             velocity_responses=VelocityResponses(
@@ -178,23 +170,12 @@ class DjiBackend(Backend):
         if telemetry is None:
             why = self._why_no_vehicle()
             return Snapshot(now_s, status_text=why, link_trouble=why, updated_s=max(self._opened_s, self._stepped_s))
-        snapshot = self._with_descent(telemetry.snapshot(now_s, self._missing(telemetry, now_s)), telemetry)
+        snapshot = telemetry.snapshot(now_s, self._missing(telemetry, now_s))
         snapshot = snapshot._replace(
             updated_s=max(self._opened_s, self._read_s), scheduling_gap=self._scheduling_gap.why(now_s)
         )
         why = self._link.why_not
         return snapshot if self._link.is_up else snapshot._replace(status_text=why, link_trouble=why)
-
-    def _with_descent(self, snapshot: Snapshot, telemetry: Telemetry) -> Snapshot:
-        """Returns the snapshot, with a landing by velocities told as a landing until the motors have stopped."""
-        descent, mode, landed = self._descent, snapshot.mode, snapshot.landed
-        if descent is None or mode is None or landed is None:
-            return snapshot
-        return snapshot._replace(
-            mode=Sample(Mode(f"landing ({mode.value.name})", Control.LAND), mode.time_s),
-            landed=Sample(LandedState.LANDING, landed.time_s),
-            status_text="; ".join(filter(None, (descent.words(telemetry, snapshot.time_s), snapshot.status_text))),
-        )
 
     def _missing(self, telemetry: Telemetry, now_s: float) -> str:
         """Returns which topics do not come without which it cannot be flown, for people; empty if they come."""
@@ -214,14 +195,9 @@ class DjiBackend(Backend):
     @override
     def send(self, setpoint: Setpoint) -> None:
         telemetry = self._telemetry
-        if telemetry is None or not telemetry.has_authority or self._descent is not None:
+        if telemetry is None or not telemetry.has_authority or not self._link.is_up or self._commands.is_blocked:
             return
         assert not isinstance(setpoint, PositionSetpoint)  # VehicleInfo.takes
-        self._transmit(telemetry, setpoint)
-
-    def _transmit(self, telemetry: Telemetry, setpoint: VelocitySetpoint) -> None:
-        if not self._link.is_up or self._commands.is_blocked:
-            return
         message = telemetry.wrapper.setpoint(setpoint)
         if telemetry.wrapper.setpoint_topic:
             self._link.publish(telemetry.wrapper.setpoint_topic, message)
@@ -252,7 +228,7 @@ class DjiBackend(Backend):
     def land(self, limits: Limits) -> Future[None]:
         telemetry = self._telemetry
         if telemetry is not None and telemetry.wrapper.land is None:
-            return self._descend(telemetry, limits)
+            return _refusal("Land: this wrapper's own landing blocks it (VehicleInfo.flies_landing_on_setpoints)")
         # DJI's own landing takes no speed.
         landing = self._run(lambda wrapper: () if wrapper.land is None else (wrapper.land,))
         landing.add_done_callback(partial(self._landing_answered, self._ended_landings_count))
@@ -264,28 +240,23 @@ class DjiBackend(Backend):
         if is_accepted and self._ended_landings_count == ended_count:
             self._landing = LandingRequest(self.clock.now_s())
 
-    def _descend(self, telemetry: Telemetry, limits: Limits) -> Future[None]:
-        """Begins a landing by velocities."""
-        if why := self._why_unreachable():
-            return futures.failed(LinkLostError(why))
-        pose = telemetry.pose
-        if pose is None or not telemetry.has_authority or telemetry.is_on_ground:
-            return _refusal("Land: the aircraft does not follow this program")
-        self._descent = Descent(pose.value.position, limits)
-        return futures.done()
+    @override
+    def disarm_landed(self) -> Future[None]:
+        telemetry = self._telemetry
+        if telemetry is None or not telemetry.is_on_ground:
+            return _refusal("Disarm: not on the ground")
+        if telemetry.is_authority_lost:
+            return _refusal("Disarm: others have taken it over, and its motors are theirs to stop")
+        return self._run(lambda wrapper: (wrapper.motors_off,))
 
     def _end_landing(self) -> None:
-        """Forgets a landing that was asked for: it is neither confirmed nor flown any further."""
+        """Forgets a landing that was asked for: it is not confirmed any more."""
         self._ended_landings_count += 1
-        self._landing = self._descent = None
+        self._landing = None
         self._withdraw_landing_call()
 
-    def _call_for_landing(self, call: Call) -> None:
-        self._landing_call = self._commands.run((call,))
-        self._landing_call.add_done_callback(_log_refusal)
-
     def _withdraw_landing_call(self) -> None:
-        """Withdraws the call of a landing that may wait."""
+        """Withdraws the confirmation that may wait."""
         if self._landing_call is not None:
             self._landing_call.cancel()
 
@@ -395,7 +366,7 @@ class DjiBackend(Backend):
                 self._discards_count = telemetry.discards_count
                 self._give_up_landing(telemetry, now_s)
             if self._read_s == now_s:
-                self._lead_landing(telemetry, now_s)
+                self._confirm_landing(telemetry, now_s)
         poses_count = 0 if telemetry is None else telemetry.poses_count
         if poses_count != self._poses_count or now_s - self._updated_s >= _UPDATE_S:
             self._poses_count, self._updated_s = poses_count, now_s
@@ -455,53 +426,28 @@ class DjiBackend(Backend):
     def _give_up_landing(self, telemetry: Telemetry, now_s: float) -> None:
         """Ends a landing, once the flight may have become another's unseen.
 
-        A landing by velocities ends after any silence: nothing is sent in it, and the aircraft hovers, which is safe.
-        The display mode alone shows whom it follows, and velocities of another program look the same as ours.
-
-        The aircraft's own landing goes on in a silence, and waits above the ground for its confirmation. If the mode
-        and the authority still are those of our landing after a short silence, it is confirmed: within that time
-        nobody takes over, hands over to another program, and lands with it. After a long one it waits for the pilot.
+        The landing goes on in a silence, and waits above the ground for its confirmation. If the mode and the authority
+        still are those of our landing after a short silence, it is confirmed: within that time nobody takes over, hands
+        over to another program, and lands with it. After a long one it waits for the pilot.
         """
-        request, descent = self._landing, self._descent
-        is_others = request is not None and not request.has_ended and telemetry.blind_s > _LONGEST_GAP_S
-        if descent is not None or is_others:
+        request = self._landing
+        if request is not None and not request.has_ended and telemetry.blind_s > _LONGEST_GAP_S:
             self._end_landing()
             telemetry.say(_GIVEN_UP, now_s)
             logs.event(_log, logging.WARNING, "landing_given_up", why=_GIVEN_UP)
 
-    def _lead_landing(self, telemetry: Telemetry, now_s: float) -> None:
-        """Goes on with a landing that was asked for."""
-        request, descent = self._landing, self._descent
-        if request is not None:
-            self._confirm(request, telemetry, now_s)
-        if descent is not None:
-            self._lead_descent(descent, telemetry, now_s)
-
-    def _confirm(self, request: LandingRequest, telemetry: Telemetry, now_s: float) -> None:
+    def _confirm_landing(self, telemetry: Telemetry, now_s: float) -> None:
         """Confirms a landing that was asked for: near the ground the aircraft waits for that."""
-        call = telemetry.wrapper.confirm_landing
+        request, call = self._landing, telemetry.wrapper.confirm_landing
+        if request is None:
+            return
         is_needed = request.needs_confirmation(telemetry, self._settings.confirm_landing_below_m, now_s)
         if is_needed and call is not None and now_s - self._confirmed_s >= _CONFIRM_AGAIN_S:
             self._confirmed_s = now_s
-            self._call_for_landing(call)
+            self._landing_call = self._commands.run((call,))
+            self._landing_call.add_done_callback(_log_refusal)
         if request.has_ended:
             self._withdraw_landing_call()
-
-    def _lead_descent(self, descent: Descent, telemetry: Telemetry, now_s: float) -> None:
-        """Sends the next velocity down, and stops the motors on the ground: DJI refuses that in the air."""
-        if descent.has_ended(telemetry, now_s):
-            self._descent = None
-            self._withdraw_landing_call()
-            if why := descent.why_motors_run(telemetry, now_s):
-                telemetry.say(why, now_s)
-                logs.event(_log, logging.WARNING, "motors_not_stopped", why=why)
-            return
-        setpoint = descent.setpoint(telemetry, now_s)
-        if setpoint is not None and now_s - self._descended_s >= _DESCENT_S:
-            self._descended_s = now_s
-            self._transmit(telemetry, setpoint)
-        if descent.begins_stop(telemetry, now_s):
-            self._call_for_landing(telemetry.wrapper.motors_off)
 
 
 def _log_refusal(answer: Future[None]) -> None:

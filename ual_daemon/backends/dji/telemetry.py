@@ -317,11 +317,6 @@ class Telemetry:
         """Whether another one has the control authority, as far as the wrapper shows it."""
         return not self.has_authority if self.wrapper.says_authority else self.authority.is_lost
 
-    def follows_us(self, now_s: float, limit_s: float) -> bool:
-        """Whether it was said within a time that the aircraft follows us."""
-        device = self._device
-        return device is not None and _is_ours(device) and now_s - device.time_s <= limit_s
-
     @property
     def is_landing(self) -> bool:
         """Whether it lands by itself, and takes a confirmation."""
@@ -343,16 +338,6 @@ class Telemetry:
         """Whether it stands, runs its motors on the ground, or flies."""
         status = self._status
         return None if status is None else status.value
-
-    @property
-    def pose(self) -> Sample[Pose] | None:
-        """The newest pose."""
-        return self._pose
-
-    @property
-    def velocity(self) -> Sample[Vector3] | None:
-        """The newest velocity."""
-        return self._velocity
 
     @property
     def is_on_ground(self) -> bool:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 from typing_extensions import override
 
 from ual.errors import UalError, UalTimeoutError
@@ -32,12 +35,70 @@ _STUCK = (
 )
 _STUCK_WITHOUT_PILOT = "abort ends the landing, and the UAV holds its position; then command land again"
 
+OnHeight: TypeAlias = Callable[[float], None]
+"""Gets the z of a landing UAV in the local frame, at each update that has a position."""
 
-class Land(Manoeuvre):
-    """A landing at the present position, by the autopilot's own landing."""
+
+def ignore_height(_: float) -> None:
+    """Nothing depends on it."""
+
+
+class Landing(Manoeuvre):
+    """A landing at the present position, however it is flown."""
 
     declares = State.LANDING
     is_replaceable = False
+
+    def __init__(
+        self,
+        task: VehicleTask,
+        reference: Reference | None,
+        start: Snapshot,
+        name: str,
+        on_height: OnHeight,
+        *,
+        has_safety_pilot: bool,
+    ) -> None:
+        """`reference` is followed until the descent begins; None where the autopilot flies by itself already."""
+        super().__init__(name, task)
+        self._reference: Reference | None = reference
+        self._begun_s = start.time_s
+        self._start_z = measured_motion(start).position.z
+        self._refused = _REFUSED if has_safety_pilot else _REFUSED_WITHOUT_PILOT
+        self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT
+        self._descent = ProgressWatch(task, self._stuck, is_up=False)
+        self._on_height = on_height
+
+    def _watch_descent(self, snapshot: Snapshot) -> UalError | None:
+        """Watches a descent that has begun; see `_why_too_late`."""
+        z_m = measured_motion(snapshot).position.z
+        self._descent.observe(z_m, snapshot.time_s)
+        self._on_height(z_m)
+        return self._why_too_late(snapshot)
+
+    def _why_too_late(self, snapshot: Snapshot) -> UalError | None:
+        """Returns that the UAV has descended more slowly than any landing does; None if it has not."""
+        descended_m = self._start_z - measured_motion(snapshot).position.z
+        longest_s = descended_m / _SLOWEST_LANDING_M_S + 3 * TIMEOUT_MARGIN_S
+        if snapshot.time_s - self._begun_s <= longest_s:
+            return None
+        return UalTimeoutError(f"land: the UAV has stopped descending, but reports no ground; {self._stuck}")
+
+    @override
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+        self._start_z += jump.offset.z
+        self._descent.moved(jump.offset.z)
+        if self._reference is not None:
+            self._reference = stop
+        return None
+
+    @override
+    def current_reference(self) -> Reference | None:
+        return self._reference
+
+
+class Land(Landing):
+    """A landing by the autopilot's own landing."""
 
     def __init__(
         self,
@@ -46,19 +107,14 @@ class Land(Manoeuvre):
         reference: Reference | None,
         start: Snapshot,
         name: str = "land",
+        on_height: OnHeight = ignore_height,
         *,
         has_safety_pilot: bool = True,
     ) -> None:
-        """`reference` is followed until the autopilot lands by itself; None where it flies by itself already."""
-        super().__init__(name, task)
+        super().__init__(task, reference, start, name, on_height, has_safety_pilot=has_safety_pilot)
         self._command = self.command = command
-        self._reference: Reference | None = reference
         self._is_landing = False
         self._began_in = None if reference is not None or start.mode is None else start.mode.value.name
-        self._start_z = measured_motion(start).position.z
-        self._refused = _REFUSED if has_safety_pilot else _REFUSED_WITHOUT_PILOT
-        self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT
-        self._descent = ProgressWatch(task, self._stuck, is_up=False)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -73,35 +129,13 @@ class Land(Manoeuvre):
         if not self._is_landing:
             if control is Control.LAND or landed is LandedState.LANDING:
                 self._is_landing, self._reference = True, None
+            elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
+                return taken(snapshot, self.name)  # first: the command may have failed because of that
             elif (failure := self._command.failure(snapshot)) is not None:
                 return failed(with_advice(failure, self._refused))
-            elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
-                return taken(snapshot, self.name)
             elif self._reference is not None:  # it must not lose its references before it lands by itself
                 return Step(self._reference.setpoint(snapshot))
         elif control is not Control.LAND and landed is not LandedState.LANDING:
             return taken(snapshot, self.name)
-        if self._is_too_late(snapshot):
-            words = f"land: the UAV has stopped descending, but reports no ground; {self._stuck}"
-            return failed(UalTimeoutError(words))
-        if self._is_landing:
-            self._descent.observe(measured_motion(snapshot).position.z, snapshot.time_s)
-        return Step()
-
-    def _is_too_late(self, snapshot: Snapshot) -> bool:
-        """Whether the UAV has descended more slowly than any landing does."""
-        descended_m = self._start_z - measured_motion(snapshot).position.z
-        longest_s = descended_m / _SLOWEST_LANDING_M_S + 3 * TIMEOUT_MARGIN_S
-        return snapshot.time_s - self._command.sent_s > longest_s
-
-    @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
-        self._start_z += jump.offset.z
-        self._descent.moved(jump.offset.z)
-        if self._reference is not None:
-            self._reference = stop
-        return None
-
-    @override
-    def current_reference(self) -> Reference | None:
-        return self._reference
+        late = self._watch_descent(snapshot) if self._is_landing else self._why_too_late(snapshot)
+        return Step() if late is None else failed(late)

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from functools import partial
+from typing import TypeAlias
 
 from typing_extensions import override
 
 from ual.geometry import Vector3
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.course import Course
 from ual_daemon.flight.manoeuvres.follow import FollowTrajectory, MakeTracker
-from ual_daemon.flight.manoeuvres.land import Land
+from ual_daemon.flight.manoeuvres.land import OnHeight
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Step
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
-from ual_daemon.tracker.references import Reference, measured_motion
+from ual_daemon.tracker.references import Reference
 from ual_daemon.trajectory import Motion, Trajectory
 
 _NAME = "return_to_launch"
+
+MakeLanding: TypeAlias = Callable[[VehicleTask, Snapshot, Reference, str, OnHeight], Handover]
+"""Makes the landing that goes on with a task, from a snapshot: after a reference, by a name, telling its height."""
 
 
 class HomeCourse(Course):
@@ -39,17 +41,14 @@ class ReturnToLaunch(FollowTrajectory):
         task: VehicleTask,
         trajectory: Trajectory,
         course: HomeCourse,
-        land: Callable[[], Future[None]],
+        land: MakeLanding,
         tolerance: ToleranceSettings,
         tracker: MakeTracker,
         planned_s: float,
-        *,
-        has_safety_pilot: bool,
     ) -> None:
-        """`land` makes the autopilot land."""
+        """`land` makes the landing that goes on with the task."""
         super().__init__(_NAME, task, trajectory, tolerance, tracker, planned_s, course)
-        self._land, self._has_safety_pilot = land, has_safety_pilot
-        self._home = course
+        self._land, self._home = land, course
 
     @property
     def _descent_m(self) -> float:
@@ -64,17 +63,8 @@ class ReturnToLaunch(FollowTrajectory):
         step = super().step(snapshot, estimate)
         if not step.has_ended or step.error is not None:
             return step
-        command = AutopilotCommand("land", snapshot.time_s)
-        landing = _LandAtHome(
-            self._task,
-            command,
-            self._way.hold,
-            snapshot,
-            self._home.ground_z_m,
-            self._length_m,
-            has_safety_pilot=self._has_safety_pilot,
-        )
-        return Step(handover=Handover(landing, partial(command.send, self._land)))
+        report = partial(_report_landing, self._task, self._home.ground_z_m, self._length_m)
+        return Step(handover=self._land(self._task, snapshot, self._way.hold, _NAME, report))
 
     @override
     def way(self, now_s: float) -> Sequence[Vector3]:
@@ -87,31 +77,8 @@ class ReturnToLaunch(FollowTrajectory):
         return _progress(left_m, self._length_m)
 
 
-class _LandAtHome(Land):
-    """The landing at the end of the way home."""
-
-    def __init__(
-        self,
-        task: VehicleTask,
-        command: AutopilotCommand,
-        reference: Reference,
-        start: Snapshot,
-        ground_z_m: float,
-        length_m: float,
-        *,
-        has_safety_pilot: bool,
-    ) -> None:
-        super().__init__(task, command, reference, start, _NAME, has_safety_pilot=has_safety_pilot)
-        self._task = task
-        self._ground_z_m, self._length_m = ground_z_m, length_m
-
-    @override
-    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
-        step = super().step(snapshot, estimate)
-        if not step.has_ended:
-            left_m = max(0.0, measured_motion(snapshot).position.z - self._ground_z_m)
-            self._task.report(partial(_progress, left_m, self._length_m))
-        return step
+def _report_landing(task: VehicleTask, ground_z_m: float, length_m: float, z_m: float) -> None:
+    task.report(partial(_progress, max(0.0, z_m - ground_z_m), length_m))
 
 
 def _progress(left_m: float, length_m: float) -> Progress:

@@ -261,6 +261,10 @@ class Geofence:
         """Notes that the autopilot's estimate has jumped. Called by the update thread."""
         self.ground.estimate_jumped(jump)
 
+    def ground_z_m(self, snapshot: Snapshot) -> float:
+        """Returns the z of the ground from which heights are measured, in the local frame."""
+        return self._datum(snapshot).z_m
+
     def _datum(self, snapshot: Snapshot) -> Datum:
         return self.ground.datum(snapshot, self._odom_z_m)
 

@@ -5,12 +5,8 @@ from __future__ import annotations
 import logging
 
 import pytest
-from typing_extensions import override
 
-from ual.geometry import Vector3
-from ual.types import Limits
 from ual_daemon.backends.airsim.backend import AirsimBackend
-from ual_daemon.backends.airsim.landing import Landing
 from ual_daemon.backends.airsim.link import Simulator
 from ual_daemon.backends.airsim.state import (
     Collision,
@@ -25,7 +21,7 @@ from ual_daemon.backends.airsim.state import (
     Vector,
 )
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.values import LandedState, Snapshot
+from ual_daemon.backends.values import Snapshot
 
 LEVEL = Rotation(1.0, 0.0, 0.0, 0.0)
 
@@ -37,10 +33,6 @@ def report(rotation: Rotation = LEVEL, *, rotor_rad_s: float = 500.0) -> Report:
     return Report(state, Rotors([Rotor(3.0, rotor_rad_s)] * 4), has_api_control=True)
 
 
-def landing() -> Landing:
-    return Landing(Vector3(), 0.0, Limits())
-
-
 def connected(backend: AirsimBackend) -> AirsimBackend:
     backend._link.simulator = Simulator(("Drone1",), "Drone1", Location(47.0, 8.0, 400.0), 1.0, "1")
     return backend
@@ -49,40 +41,6 @@ def connected(backend: AirsimBackend) -> AirsimBackend:
 @pytest.fixture
 def backend() -> AirsimBackend:
     return connected(AirsimBackend(BackendOptions("uav_1")))
-
-
-class _EndedAtOnce(AirsimBackend):
-    """Another thread ends the landing as soon as it was read."""
-
-    _found: Landing | None = None
-
-    @property
-    @override
-    def _landing(self) -> Landing | None:
-        found, self._found = self._found, None
-        return found
-
-    @_landing.setter
-    def _landing(self, landing: Landing | None) -> None:
-        self._found = landing
-
-
-def test_a_landing_that_another_thread_ends_just_now_is_no_error() -> None:
-    backend = connected(_EndedAtOnce(BackendOptions("uav_1")))
-    backend._landing = landing()
-    backend._take(report())
-    landed = backend._snapshot.landed
-    assert landed is not None
-    assert landed.value is LandedState.IN_AIR
-
-
-def test_the_end_of_a_landing_does_not_end_the_one_after_it(backend: AirsimBackend) -> None:
-    first, second = landing(), landing()
-    backend._landing = second
-    backend._land(first, report(rotor_rad_s=0.0), False, 1.0)
-    assert backend._landing is second
-    backend._land(second, report(rotor_rad_s=0.0), False, 1.0)
-    assert backend._landing is None
 
 
 def test_an_orientation_of_all_zeros_is_no_pose(backend: AirsimBackend) -> None:

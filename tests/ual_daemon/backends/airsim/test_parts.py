@@ -9,10 +9,8 @@ import pytest
 
 from tests.simulators.airsim import quaternion
 from ual.geometry import Vector3
-from ual.types import Limits
 from ual_daemon.backends.airsim import clock as clock_module
 from ual_daemon.backends.airsim.clock import SimulatorClock
-from ual_daemon.backends.airsim.landing import TOUCH_DOWN_M_S, Landing
 from ual_daemon.backends.airsim.pilot import Hands, Sticks
 from ual_daemon.backends.airsim.setpoints import led, move_arguments
 from ual_daemon.backends.airsim.settings import Address, parse_address
@@ -108,19 +106,6 @@ def test_a_simulator_that_was_started_anew_does_not_make_the_clock_jump(later_s:
     began_s = clock.advance(5000.0)
     assert clock.advance(5000.0 + later_s) == began_s
     assert clock.advance(5000.0 + later_s + 0.5) == pytest.approx(began_s + 0.5)
-
-
-def test_a_landing_is_slow_near_the_ground_and_comes_back_over_its_place() -> None:
-    landing = Landing(Vector3(1.0, 0.0, 9.0), 0.0, Limits(descent_speed_m_s=1.5))
-    assert landing.setpoint(Vector3(1.0, 0.0, 9.0)).velocity == Vector3(0.0, 0.0, -1.5)
-    assert landing.setpoint(Vector3(1.0, 0.0, 1.9)).velocity.z == -TOUCH_DOWN_M_S
-    assert landing.setpoint(Vector3(0.0, 0.0, 5.0)).velocity.x == pytest.approx(0.8)
-    assert landing.setpoint(Vector3(-9.0, 0.0, 5.0)).velocity.x == pytest.approx(1.0)
-
-
-def test_a_user_may_land_slower() -> None:
-    landing = Landing(Vector3(), 0.0, Limits(descent_speed_m_s=0.2))
-    assert landing.setpoint(Vector3()).velocity.z == -0.2
 
 
 def channels(**arguments: Any) -> Sticks:

@@ -10,6 +10,7 @@ from tests.simulators.dji import STEP_S
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdkVehicle
 from tests.simulators.rosbridge import RefusedError
 from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, thread_paused, until, wait
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError
 from ual.types import State
 
 LIMIT_S = 60.0
@@ -18,7 +19,7 @@ LIMIT_S = 60.0
 def test_it_is_not_flown_aside_by_a_position_that_has_stopped() -> None:
     with ready(LockstepOsdkVehicle) as (uav, backend):
         fly(uav, 10.0)
-        uav.land(blocking=False)
+        task = uav.land(blocking=False)
         wait(backend, 2.0)
         with backend.lock:
             north, east, down = backend.aircraft.body.position
@@ -26,7 +27,7 @@ def test_it_is_not_flown_aside_by_a_position_that_has_stopped() -> None:
         wait(backend, 0.1)
         backend.bridge.faults.silent_topics.add("/dji_osdk_ros/gps_position")
         silent_s = backend.aircraft.now_s
-        until(lambda: "it descends without a position" in backend.snapshot().status_text)
+        until(lambda: "it descends without a position" in task.info().description)
         until(lambda: backend.aircraft.height_m == 0.0)
         late = [velocity for time_s, velocity, _ in backend.aircraft.setpoints if time_s > silent_s + 1.1]
         assert late
@@ -37,14 +38,14 @@ def test_it_is_not_flown_aside_by_a_position_that_has_stopped() -> None:
 def test_a_velocity_that_has_stopped_does_not_say_that_it_is_held_above_the_ground() -> None:
     with ready(LockstepOsdkVehicle) as (uav, backend):
         fly(uav, 10.0)
-        uav.land(blocking=False)
+        task = uav.land(blocking=False)
         backend.bridge.faults.silent_topics.add("/dji_osdk_ros/velocity")
-        until(lambda: "it descends without a velocity" in backend.snapshot().status_text)
+        until(lambda: "it descends without a position and a velocity" in task.info().description)
         told: set[str] = set()
         while backend.aircraft.height_m > 0.0:
-            told.add(backend.snapshot().status_text)
+            told.add(task.info().description)
             wait(backend, 0.1)
-        assert not [words for words in told if "does not descend" in words]
+        assert not [words for words in told if "has not descended" in words]
 
 
 def test_a_position_that_comes_back_leads_it_over_the_place_again() -> None:
@@ -102,11 +103,12 @@ def test_it_does_not_go_on_in_the_flight_of_another_after_a_silence(
 ) -> None:
     with ready(LockstepOsdkVehicle) as (uav, backend):
         fly(uav, 20.0)
-        uav.land(blocking=False)
+        task = uav.land(blocking=False)
         wait(backend, 1.5)
         blinded(backend, seconds, lambda: let_another_program_hold_it(backend))
         back_s, height_m = backend.aircraft.now_s, backend.aircraft.height_m
-        until(lambda: "the landing was given up" in backend.snapshot().status_text)
+        with pytest.raises((LinkLostError, TaskAbortedError), match=r"nothing heard|others may fly|mode"):
+            task.wait(LIMIT_S)
         wait(backend, 4.0)
         assert not [time_s for time_s, (_, _, down), _ in backend.aircraft.setpoints if time_s > back_s and down > 0.2]
         assert backend.aircraft.height_m > height_m - 0.5
@@ -155,9 +157,9 @@ def test_motors_that_do_not_stop_are_told() -> None:
     with ready(LockstepOsdkVehicle) as (uav, backend):
         fly(uav)
         asked = refuse_to_stop(backend, 100)
-        uav.land(blocking=False)
-        until(lambda: "its motors do not stop" in backend.snapshot().status_text)
-        until(lambda: uav.state() is State.LANDED_ARMED)
+        with pytest.raises(RejectedByAutopilotError, match="its motors do not stop"):
+            uav.land()
+        assert uav.state() is State.LANDED_ARMED
         wait(backend, 8.0)
         assert len(asked) == 3
 
@@ -167,14 +169,15 @@ def test_the_motors_of_a_pilot_who_took_over_on_the_ground_are_not_stopped(after
     with ready(LockstepOsdkVehicle) as (uav, backend):
         fly(uav)
         asked = refuse_to_stop(backend, 100)
-        uav.land(blocking=False)
+        task = uav.land(blocking=False)
         until(lambda: asked)
         wait(backend, after_s)
         with backend.lock:
             backend.aircraft.pilot_takes_over()
             taken_s = backend.aircraft.now_s
-        until(lambda: "others have taken it over" in backend.snapshot().status_text)
-        until(lambda: uav.state() is State.LANDED_ARMED)
+        with pytest.raises(TaskAbortedError, match="the safety pilot took over"):
+            task.wait(LIMIT_S)
+        assert uav.state() is State.LANDED_ARMED
         wait(backend, 8.0)
         assert not [time_s for time_s, _ in asked if time_s > taken_s]
         assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.2]

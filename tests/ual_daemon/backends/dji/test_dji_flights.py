@@ -273,8 +273,8 @@ def test_a_landing_that_is_held_above_the_ground_asks_for_the_pilot() -> None:
     with ready(LockstepOsdkVehicle) as (uav, backend):
         fly(uav)
         backend.aircraft.protects_landing = True
-        uav.land(blocking=False)
-        until(lambda: "land it by hand" in backend.snapshot().status_text)
+        task = uav.land(blocking=False)
+        until(lambda: "lands it by hand" in task.info().description)
         assert uav.state() is State.LANDING
 
 

@@ -137,7 +137,6 @@ class _Vanishing(Telemetry):
         lambda telemetry: telemetry.is_authority_known,
         lambda telemetry: telemetry.is_authority_lost,
         lambda telemetry: telemetry.mode_s,
-        lambda telemetry: telemetry.follows_us(NOW_S, 1.0),
         lambda telemetry: telemetry.is_landing,
         lambda telemetry: telemetry.is_descending,
         lambda telemetry: telemetry.flight_status,

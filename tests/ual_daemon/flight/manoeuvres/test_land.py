@@ -107,6 +107,17 @@ def test_a_landing_that_is_refused_says_what_can_be_done(flying: Autopilot, ack:
     assert error.metadata["result"] == "DENIED"
 
 
+def test_a_landing_that_was_not_sent_because_the_pilot_took_over_is_aborted_by_the_pilot(
+    flying: Autopilot, ack: Future[None]
+) -> None:
+    landing = land(flying, ack)
+    flying.control = Control.OTHER
+    ack.set_exception(RejectedByAutopilotError("the command to land was not sent: the mode became POSCTL"))
+    step = flying.step(landing)
+    assert step.is_taken
+    assert isinstance(step.error, TaskAbortedError)
+
+
 def test_a_landing_that_ends_as_nothing_is_heard_does_not_say_what_the_uav_does(
     flying: Autopilot, ack: Future[None]
 ) -> None:
