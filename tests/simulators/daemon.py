@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint
 
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.firmwares import scheduling_gap
+from ual_daemon.backends.engine import scheduling_gap
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
