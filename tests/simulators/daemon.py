@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint
 
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.firmwares import scheduling_gap
+from ual_daemon.backends.engine import limits
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
@@ -37,7 +37,7 @@ class PatientBackend(MavlinkBackend):
         super().__init__(options)
         for dialect in (Dialect, ArduCopter):
             dialect.freshness = Freshness(*[PATIENCE_S] * 5)
-        scheduling_gap.PAUSE_S = PATIENCE_S
+        limits.PAUSE_S = PATIENCE_S
 
 
 if __name__ == "__main__":

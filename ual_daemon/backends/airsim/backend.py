@@ -34,7 +34,7 @@ from ual_daemon.backends.airsim.snapshots import (
 )
 from ual_daemon.backends.airsim.state import Report
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
-from ual_daemon.backends.firmwares.plausibility import Plausibility
+from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import (
     Freshness,

@@ -11,7 +11,7 @@ from ual_daemon.backends.crazyflie.contact import Contact
 from ual_daemon.backends.crazyflie.ground import Ground
 from ual_daemon.backends.crazyflie.packets import decompress
 from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles
-from ual_daemon.backends.firmwares.plausibility import Plausibility
+from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
 
 REST_S = 0.3

@@ -22,7 +22,7 @@ from ual_daemon.backends.dji.landing import LandingRequest
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
 from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
 from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Topic, Wrapper
-from ual_daemon.backends.firmwares.scheduling_gap import SchedulingGap
+from ual_daemon.backends.engine.scheduling_gap import SchedulingGap
 from ual_daemon.backends.rosbridge import DEFAULT_URL, LinkState, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
     Freshness,

@@ -15,7 +15,7 @@ from ual_daemon.backends.dji.motor_errors import motor_error_text
 from ual_daemon.backends.dji.obstacles import ObstacleWatch
 from ual_daemon.backends.dji.settings import DjiSettings
 from ual_daemon.backends.dji.wrappers import Topic, Wrapper
-from ual_daemon.backends.firmwares.plausibility import Plausibility
+from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, quaternion, stamp_s, vector
 from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Protocol
 
-from ual.errors import WrongStateError
 from ual.types import Capability, Limits
+from ual_daemon.backends.engine.command import NotYetError
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, VehicleType
 from ual_daemon.backends.values import (
@@ -38,7 +38,7 @@ MULTIROTORS = frozenset(int(kind) for kind in VehicleType)
 NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
 
 
-class HomeUnknownError(WrongStateError):
+class HomeUnknownError(NotYetError):
     """A height cannot be computed yet, because the autopilot has not sent the position of its home."""
 
 

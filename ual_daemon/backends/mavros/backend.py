@@ -17,9 +17,9 @@ from ual_daemon import logs
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.engine.scheduling_gap import SchedulingGap
 from ual_daemon.backends.firmwares.autopilot import HomeUnknownError
 from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
-from ual_daemon.backends.firmwares.scheduling_gap import SchedulingGap
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import commands, topics
 from ual_daemon.backends.mavros.commands import Step

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.firmwares.autopilot import Autopilot
-from ual_daemon.backends.firmwares.plausibility import Plausibility
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.rosbridge import Message, Ros
 from ual_daemon.backends.rosbridge.fields import number

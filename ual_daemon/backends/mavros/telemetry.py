@@ -11,14 +11,14 @@ from typing import Any
 from ual.geometry import Pose, Twist
 from ual.types import Battery, GeoPoint, GpsInfo
 from ual_daemon import logs
+from ual_daemon.backends.engine.boot_time import BootTime
+from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.firmwares.autopilot import Autopilot
-from ual_daemon.backends.firmwares.boot_time import BootTime
 from ual_daemon.backends.firmwares.clock_offset import ClockOffset
 from ual_daemon.backends.firmwares.fence_reader import FenceReader
 from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
 from ual_daemon.backends.firmwares.numbers import Sensor
-from ual_daemon.backends.firmwares.plausibility import Plausibility
 from ual_daemon.backends.mavros import messages, topics
 from ual_daemon.backends.mavros.geoid import Geoid
 from ual_daemon.backends.mavros.ordering import Ordering

@@ -308,7 +308,7 @@ def test_where_nothing_can_be_sent_to_is_told(caplog: pytest.LogCaptureFixture) 
 def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_present(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("ual_daemon.backends.firmwares.scheduling_gap.PAUSE_S", 0.3)
+    monkeypatch.setattr("ual_daemon.backends.engine.limits.PAUSE_S", 0.3)
     resume, paused = threading.Event(), threading.Event()
     seen: list[Snapshot] = []
 

@@ -9,7 +9,7 @@ import math
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fuzz import KINDS, Fuzz, sizes
-from ual_daemon.backends.firmwares.plausibility import MAX_ALTITUDE_M
+from ual_daemon.backends.engine.plausibility import MAX_ALTITUDE_M
 from ual_daemon.validation import MAX_DISTANCE_M, MAX_SPEED_M_S
 
 BYTES_COUNT = 90_000

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 import pytest
 
 from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
+from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
-from ual_daemon.backends.firmwares.plausibility import Plausibility
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter as Copter
 from ual_daemon.backends.mavros.parameters import LONGEST_ROUND_S, ParameterReader
 from ual_daemon.backends.rosbridge import Message, Ros

@@ -13,7 +13,7 @@ from ual.geometry import Pose
 from ual_daemon import logs
 from ual_daemon.backends.base import UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.firmwares.scheduling_gap import SchedulingGap
+from ual_daemon.backends.engine.scheduling_gap import SchedulingGap
 from ual_daemon.backends.mavlink.links import Address, Chunk, Connection
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session

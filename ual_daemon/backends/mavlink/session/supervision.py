@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from ual_daemon import logs
-from ual_daemon.backends.firmwares.boot_time import BootTime
+from ual_daemon.backends.engine.boot_time import BootTime
 from ual_daemon.backends.mavlink.session.sequence import LATE_COUNT, SequenceGaps
 from ual_daemon.backends.mavlink.session.timesync import Timesync
 

@@ -8,11 +8,11 @@ from typing import Any
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
+from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.firmwares.clock_offset import ClockOffset
 from ual_daemon.backends.firmwares.fence_reader import FenceReader
 from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
-from ual_daemon.backends.firmwares.plausibility import Plausibility
 from ual_daemon.backends.mavlink.dialects.axes import frd_to_flu, ned_to_enu, orientation_to_enu
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.session.conversions import battery, degrees, geo_point, gps_info, landed_state, milli

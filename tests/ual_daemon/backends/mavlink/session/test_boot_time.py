@@ -8,7 +8,7 @@ import random
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, attitude, heartbeat, position
-from ual_daemon.backends.firmwares.boot_time import PROOFS_COUNT, QUIET_S, SHORTEST_BOOT_S, BootTime
+from ual_daemon.backends.engine.boot_time import PROOFS_COUNT, QUIET_S, SHORTEST_BOOT_S, BootTime
 from ual_daemon.backends.mavlink.wire.messages import Message
 
 

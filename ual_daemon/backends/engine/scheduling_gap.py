@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import math
 
-PAUSE_S = 1.0
-"""After so long what was received is old. PX4 may have left OFFBOARD meanwhile, and a setpoint sent because of the old
-mode would take it back there. PX4's own limit (COM_OF_LOSS_T) counts where it is shorter."""
-SHOWN_S = 2.0
-"""After a pause the autopilot is not blamed for this long for what is missing."""
+from ual_daemon.backends.engine import limits
 
 
 class SchedulingGap:
@@ -21,19 +17,19 @@ class SchedulingGap:
         self._ended_s = -math.inf
 
     def woke(self, now_s: float, link_s: float = math.inf) -> float:
-        """Takes note that the thread has woken. Returns how long it had paused, in seconds; 0 where that was not long.
+        """Notes that the thread has woken. Returns how long it had paused, in seconds; 0 where that was not long.
 
         Args:
-            now_s: The backend's clock.
+            now_s: The clock by which the thread is watched.
             link_s: After so long a silence the link to the autopilot counts as lost.
 
         """
         paused_s, self.woke_s = now_s - self.woke_s, now_s
-        if not paused_s > min(PAUSE_S, link_s):
+        if not paused_s > min(limits.PAUSE_S, link_s):
             return 0.0
         self._why, self._ended_s = f"this computer did not run UAL for {paused_s:.1f} s", now_s
         return paused_s
 
     def why(self, now_s: float) -> str:
-        """Returns what the last pause was, for people, for a while after it; else nothing."""
-        return self._why if now_s - self._ended_s < SHOWN_S else ""
+        """Returns what the last pause was, human-readable, for a while after it; else nothing."""
+        return self._why if now_s - self._ended_s < limits.SHOWN_S else ""

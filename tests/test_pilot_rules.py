@@ -1,0 +1,74 @@
+"""The rules that keep a safety pilot in charge stand in the engine, and in no backend."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+BACKENDS = Path(__file__).parents[1] / "ual_daemon" / "backends"
+NOT_YET = frozenset({"airsim", "crazyflie", "dji", "mavlink", "mavros", "rosbridge"})
+"""The rooms that still have rules of their own. This list only shrinks."""
+
+RULES = {
+    "a limit of silence": r"^_?[A-Z_]*(?:SILENCE|SILENT|HEARD|BLIND)[A-Z_]*(?:, _?[A-Z_]+)* = [\d.(]",
+    "a silence that is judged": r"- \S*heard_s\b|heard_s\b[^#\n]* [<>]=? ",
+    "a repetition": r"^_?[A-Z_]*(?:RESEND|REPEAT|AGAIN)[A-Z_]*(?:, _?[A-Z_]+)* = [\d.(]",
+    "a withdrawal that is judged": r"\.cancelled\(\)|\bis_withdrawn\b",
+    "a mode of others": r"\bmode_before\b|\bfrom_modes?\b|\bovertak",
+}
+ALLOWED = {
+    "mavlink/links/connection.py": "when a TCP connection counts as half-open, and when a link works again",
+    "mavlink/session/session.py": "when streams are requested anew from an autopilot that is heard",
+    "mavlink/session/supervision.py": "after how long sequence numbers may have wrapped",
+    "mavlink/wire/frames.py": "pieces of frames that nobody completes",
+    "mavlink/wire/receiver.py": "which of several addresses is answered",
+    "mavlink/wire/signing.py": "which signatures are remembered",
+    "mavlink/wire/untaken.py": "which other vehicles are named",
+}
+"""Files with something alike that is no rule of the pilot's, and what it is about."""
+
+
+def _found(path: Path) -> list[str]:
+    text = path.read_text(encoding="utf-8")
+    lines = [
+        (text.count("\n", 0, match.start()) + 1, rule)
+        for rule, pattern in RULES.items()
+        for match in re.finditer(pattern, text, re.MULTILINE)
+    ]
+    return [f"{path.relative_to(BACKENDS)}:{line}: {rule}" for line, rule in sorted(lines)]
+
+
+def _in_room(room: str) -> list[str]:
+    paths = sorted((BACKENDS / room).rglob("*.py"))
+    return [found for path in paths if str(path.relative_to(BACKENDS)) not in ALLOWED for found in _found(path)]
+
+
+ROOMS = sorted(path.name for path in BACKENDS.iterdir() if (path / "__init__.py").exists() and path.name != "engine")
+
+
+@pytest.mark.parametrize("room", sorted(set(ROOMS) - NOT_YET))
+def test_no_rule_of_the_pilots_stands_in_a_backend(room: str) -> None:
+    assert _in_room(room) == []
+
+
+@pytest.mark.parametrize("room", sorted(NOT_YET))
+def test_a_backend_without_rules_of_its_own_leaves_the_list(room: str) -> None:
+    assert _in_room(room), f"{room} has no rule of its own any more: remove it from NOT_YET"
+
+
+@pytest.mark.parametrize("path", sorted(ALLOWED))
+def test_what_is_allowed_is_there(path: str) -> None:
+    assert _found(BACKENDS / path), f"{path} needs no exception any more"
+
+
+def test_the_rules_are_in_the_engine() -> None:
+    """So the patterns find them where they are written."""
+    text = "\n".join(path.read_text(encoding="utf-8") for path in (BACKENDS / "engine").glob("*.py"))
+    assert {rule for rule, pattern in RULES.items() if re.search(pattern, text, re.MULTILINE)} >= {
+        "a limit of silence",
+        "a silence that is judged",
+        "a withdrawal that is judged",
+        "a mode of others",
+    }

@@ -1,0 +1,182 @@
+"""The thread of a backend: what it publishes, what it believes after it did not look, and what does not end it."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from tests.ual_daemon.backends.engine.scripted import Clock, Scripted
+from ual_daemon.backends.engine.limits import CATCH_UP_S, PAUSE_S, SHOWN_S, SILENT_S
+from ual_daemon.backends.engine.link_watch import LinkWatch
+from ual_daemon.backends.engine.loop import FAST_TICK_S, TICK_S, Loop, LoopThread
+from ual_daemon.backends.values import Snapshot
+
+
+class Vehicle:
+    """Counts what the loop asks of it."""
+
+    is_urgent = False
+
+    def __init__(self) -> None:
+        self.ticks_s: list[float] = []
+        self.pauses_s: list[float] = []
+
+    def discard(self, now_s: float, pause_s: float) -> None:
+        del now_s
+        self.pauses_s.append(pause_s)
+
+    def tick(self, now_s: float) -> None:
+        self.ticks_s.append(now_s)
+
+    def snapshot(self, now_s: float, updated_s: float, scheduling_gap: str) -> Snapshot:
+        return Snapshot(now_s, updated_s=updated_s, scheduling_gap=scheduling_gap)
+
+
+class Setup:
+    def __init__(self) -> None:
+        self.clock, self.vehicle = Clock(), Vehicle()
+        self.updates: list[Snapshot] = []
+        self.watch = LinkWatch("loop", 2.0)
+        self.loop = Loop(self.vehicle, self.clock, self.updates.append, self.watch)
+
+    def round(self, after_s: float, *, has_news: bool = False) -> float:
+        self.clock.now += after_s
+        pause_s = self.loop.woke(self.clock.now)
+        self.loop.step(self.clock.now, has_news=has_news)
+        return pause_s
+
+
+@pytest.fixture
+def setup() -> Setup:
+    return Setup()
+
+
+def test_a_snapshot_is_there_before_anything_was_heard(setup: Setup) -> None:
+    assert setup.loop.newest.pose is None
+
+
+def test_what_is_new_is_published_at_once_and_otherwise_each_twentieth_of_a_second(setup: Setup) -> None:
+    for _ in range(10):
+        setup.round(0.01, has_news=True)
+    assert len(setup.updates) == 10
+    for _ in range(50):
+        setup.round(0.01)
+    assert len(setup.updates) == 10 + 10
+    assert setup.loop.newest is setup.updates[-1]
+    assert setup.updates[-1].updated_s == setup.clock.now
+
+
+def test_it_ticks_seldom_unless_that_is_urgent_or_something_was_posted(setup: Setup) -> None:
+    for _ in range(100):
+        setup.round(0.01)
+    assert len(setup.vehicle.ticks_s) == pytest.approx(1.0 / TICK_S, abs=1)
+    setup.vehicle.is_urgent = True
+    setup.vehicle.ticks_s.clear()
+    for _ in range(100):
+        setup.round(0.01)
+    assert len(setup.vehicle.ticks_s) == pytest.approx(1.0 / FAST_TICK_S, abs=2)
+    setup.vehicle.is_urgent = False
+    setup.round(0.001)
+    called_s: list[float] = []
+    setup.loop.post(called_s.append)
+    setup.round(0.001, has_news=True)
+    assert called_s == [setup.clock.now]
+
+
+def test_what_is_retried_waits_for_the_next_tick(setup: Setup) -> None:
+    tries: list[float] = []
+
+    def request(now_s: float) -> None:
+        tries.append(now_s)
+        if len(tries) < 3:
+            setup.loop.retry(request)
+
+    setup.loop.post(request)
+    setup.round(0.001)
+    assert len(tries) == 1
+    setup.round(0.001)
+    setup.round(0.001)
+    setup.round(0.001)
+    assert len(tries) == 3
+
+
+def test_after_a_moment_of_not_looking_nothing_counts_as_read_until_what_waited_was_read(setup: Setup) -> None:
+    setup.round(0.05)
+    read_s = setup.clock.now
+    assert setup.round(SILENT_S + 0.01) == 0.0
+    assert setup.loop.looked_s == setup.updates[-1].updated_s == read_s
+    assert setup.watch.spoken_s == pytest.approx(setup.clock.now + CATCH_UP_S)
+    setup.round(0.06)
+    assert setup.loop.looked_s == read_s
+    setup.round(0.05)
+    assert setup.loop.looked_s == setup.clock.now
+    assert setup.vehicle.pauses_s == []
+
+
+def test_a_pause_discards_and_is_told_for_a_while(setup: Setup) -> None:
+    assert setup.round(PAUSE_S + 0.5) == pytest.approx(PAUSE_S + 0.5)
+    assert setup.vehicle.pauses_s == [pytest.approx(PAUSE_S + 0.5)]
+    assert setup.updates[-1].scheduling_gap == "this computer did not run UAL for 1.5 s"
+    for _ in range(round(SHOWN_S / 0.05) + 3):
+        setup.round(0.05)
+    assert setup.updates[-1].scheduling_gap == ""
+
+
+def test_where_a_lost_link_is_noticed_sooner_a_pause_is_shorter(setup: Setup) -> None:
+    setup.watch.lost_s = 0.5
+    assert setup.round(0.6) == pytest.approx(0.6)
+
+
+def test_time_that_leaps_is_no_pause_where_another_clock_watches() -> None:
+    clock, vehicle, watching = Clock(), Vehicle(), Clock()
+    loop = Loop(vehicle, clock, lambda _: None, LinkWatch("", 1.0), watched_s=watching.now_s)
+    clock.now += 100.0
+    assert loop.woke(clock.now) == 0.0
+    assert loop.looked_s == clock.now
+    watching.now += 2.0
+    assert loop.woke(clock.now) == 2.0
+
+
+def test_an_error_of_the_layers_above_ends_nothing_and_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+    scripted = Scripted()
+
+    def fail(_: Snapshot) -> None:
+        raise RuntimeError("above")
+
+    scripted.loop._on_update = fail
+    scripted.wait(1.0)
+    order = scripted.ask("hold")
+    scripted.wait(0.1)
+    assert order.sent_s
+    assert [record.message for record in caplog.records if record.exc_info] == ["an update failed"]
+
+
+def test_a_defect_is_logged_once_and_does_not_end_the_thread(setup: Setup, caplog: pytest.LogCaptureFixture) -> None:
+    told: list[tuple[str, float]] = []
+    ended = threading.Event()
+
+    def receive(timeout_s: float) -> None:
+        assert timeout_s >= 0.0
+        if len(told) < 3:
+            raise ValueError("a damaged packet")
+        thread.close()
+
+    def on_defect(error: Exception, now_s: float) -> None:
+        told.append((str(error), now_s))
+
+    thread = LoopThread(setup.loop, setup.clock, "test", receive, on_defect, ended.set)
+    thread.open()
+    assert ended.wait(60.0)
+    thread.close()
+    assert told == [("a damaged packet", setup.clock.now)] * 3
+    assert len(setup.updates) == 3
+    assert len([record for record in caplog.records if record.exc_info]) == 1
+
+
+def test_a_turn_needs_no_thread(setup: Setup) -> None:
+    timeouts_s: list[float] = []
+    thread = LoopThread(setup.loop, setup.clock, "test", timeouts_s.append, lambda *_: None)
+    thread.turn()
+    thread.close()
+    assert timeouts_s == [0.0]

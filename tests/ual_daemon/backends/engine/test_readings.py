@@ -1,0 +1,66 @@
+"""The order and the age of values, and what a silence and a reboot discard."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ual_daemon.backends.engine.readings import OLDEST_S, Lasts, Reading, Readings
+from ual_daemon.backends.values import NEVER_S, LandedState, Sample
+
+
+def test_a_value_is_a_sample_with_the_time_of_its_reception() -> None:
+    reading: Reading[bool] = Readings().add(Lasts.SEEN, limit_s=0.5)
+    assert (reading.sample, reading.value, reading.fresh(1.0)) == (None, None, None)
+    assert reading.take(True, 1.0)
+    assert reading.sample == Sample(True, 1.0)
+    assert reading.fresh(1.5) is True
+    assert reading.fresh(1.6) is None
+    assert reading.value is True
+
+
+def test_a_late_message_is_ignored_unless_its_order_must_be_wrong() -> None:
+    readings = Readings()
+    mode: Reading[str] = readings.add(Lasts.SEEN)
+    readings.order = 7
+    assert mode.take("hold", 1.0)
+    readings.order = 5
+    assert not mode.take("manual", 1.1)
+    assert mode.value == "hold"
+    assert mode.take("manual", 1.1 + OLDEST_S)
+
+
+@given(st.lists(st.integers(0, 30), min_size=1, max_size=30))
+def test_whatever_the_order_of_arrival_the_newest_sent_is_what_is_known(numbers: list[int]) -> None:
+    readings = Readings()
+    reading: Reading[int] = readings.add(Lasts.SEEN)
+    for position, number in enumerate(numbers):
+        readings.order = number
+        reading.take(number, position / 30.0)
+    assert reading.value == max(numbers)
+
+
+def test_each_value_lasts_as_long_as_its_kind() -> None:
+    readings = Readings()
+    unknown = Sample(LandedState.UNKNOWN, NEVER_S)
+    landed: Reading[LandedState] = readings.add(Lasts.SEEN, unknown=unknown)
+    home: Reading[float] = readings.add(Lasts.BOOT)
+    battery: Reading[float] = readings.add(Lasts.EVER)
+    readings.order = 9
+
+    def take() -> None:
+        assert landed.take(LandedState.IN_AIR, 1.0)
+        assert home.take(3.0, 1.0)
+        assert battery.take(50.0, 1.0)
+
+    take()
+    readings.discard_state()
+    assert (landed.sample, home.value, battery.value) == (unknown, 3.0, 50.0)
+    readings.order = 8
+    assert not landed.take(LandedState.ON_GROUND, 1.1)  # it was sent before what was discarded
+    readings.order = 9
+    take()
+    readings.discard_boot()
+    assert (landed.sample, home.value, battery.value) == (unknown, None, 50.0)
+    readings.order = 1  # a new boot counts anew
+    take()

@@ -1,0 +1,71 @@
+"""Takes commands from any thread, and gives them to the runner on the loop's thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from typing import Generic, Protocol, TypeVar
+
+from ual.errors import UalError, UalTimeoutError
+from ual_daemon.backends import futures
+from ual_daemon.backends.base import Clock
+from ual_daemon.backends.engine.command import Command, NotYetError
+from ual_daemon.backends.engine.command_runner import Asked
+from ual_daemon.backends.engine.limits import NOT_YET_S, UNSENT_S
+from ual_daemon.backends.engine.loop import Loop
+
+R = TypeVar("R")
+
+
+class Submits(Protocol[R]):
+    """A `CommandRunner`, or what stands before it."""
+
+    def submit(self, command: Command[R], now_s: float, result: Future[None], asked: Asked) -> Future[None]:
+        """See `CommandRunner.submit`."""
+        ...
+
+
+class CommandDesk(Generic[R]):
+    """What the commands of a `Backend` call. From any thread.
+
+    `reach` takes what is to be done, for errors, and returns the runner of the vehicle in reach, or the error that says
+    why there is none. It may return another one later, as a vehicle may be replaced.
+    """
+
+    def __init__(self, loop: Loop, clock: Clock, reach: Callable[[str], Submits[R] | UalError]) -> None:
+        self._loop = loop
+        self._clock = clock
+        self._reach = reach
+
+    def give(self, what: str, make: Callable[[], Command[R]]) -> Future[None]:
+        """Has a command made and sent on the loop's thread. The future ends there; see `CommandRunner.submit`.
+
+        `make` may raise a `UalError`, which ends the future. The mode that the caller saw counts as the one from which
+        the command leads: whoever changes it from now on is not overruled.
+        """
+        runner = self._reach(what)
+        if isinstance(runner, UalError):
+            return futures.failed(runner)
+        asked = Asked.at(self._clock.now_s(), self._loop.newest)
+        result: Future[None] = Future()
+        self._loop.post(partial(self._submit, what, make, asked, result))
+        return result
+
+    def _submit(
+        self, what: str, make: Callable[[], Command[R]], asked: Asked, result: Future[None], now_s: float
+    ) -> None:
+        if result.cancelled():
+            return
+        try:
+            if now_s - asked.time_s > UNSENT_S:
+                raise UalTimeoutError(f"the command to {what} was not sent: this computer had no time for it")
+            runner = self._reach(what)
+            if isinstance(runner, UalError):
+                raise runner
+            runner.submit(make(), now_s, result, asked)
+        except UalError as error:
+            if isinstance(error, NotYetError) and now_s - asked.time_s < NOT_YET_S:
+                self._loop.retry(partial(self._submit, what, make, asked, result))
+            else:
+                futures.end(result, error)
