@@ -423,7 +423,8 @@ class Autopilot(ABC):
     def _on_set_mode(self, message: Message, sender: Sender) -> None:
         """Changes the mode by the message that came before the command, which is never acknowledged."""
         self.commands.append((self.elapsed_s, SET_MODE, (float(message.custom_mode),), _ids(sender)))
-        self.request_custom_mode(message.custom_mode)
+        if SET_MODE not in self.ignored:
+            self.request_custom_mode(message.custom_mode)
 
     @abstractmethod
     def request_custom_mode(self, custom_mode: int) -> None:

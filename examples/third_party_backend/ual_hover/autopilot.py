@@ -48,6 +48,10 @@ class Autopilot:
         self._lock = threading.Lock()
         self._period_s = PERIOD_S / speed
         self._due_s = time.monotonic()
+        self.boot()
+
+    def boot(self) -> None:
+        """Begins as when it is switched on: where it stands is the origin, and its motors are off."""
         self._time_s = self._target_s = self._landed_s = 0.0
         self._mode, self._is_armed = "hold", False
         self._position = self._velocity = (0.0, 0.0, 0.0)
@@ -61,6 +65,10 @@ class Autopilot:
         if pause_s > timeout_s:
             return None
         self._due_s = max(self._due_s, time.monotonic() - self._period_s) + self._period_s
+        return self.step()
+
+    def step(self) -> Packet:
+        """Lets it fly on by a period, and returns what it sends then."""
         with self._lock:
             self._step(PERIOD_S)
             is_on_ground = self._landed_s > 0.0

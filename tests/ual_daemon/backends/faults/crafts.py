@@ -1,0 +1,544 @@
+"""The simulated vehicles of all backends, as `Craft`s."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from typing_extensions import override
+
+from tests.simulators.airsim import Vehicle
+from tests.simulators.airsim_server import AirsimServer, Peer
+from tests.simulators.ardupilot import ArduPilot
+from tests.simulators.autopilot import SET_MODE, Autopilot
+from tests.simulators.crazyflie import Crazyflie
+from tests.simulators.dji import RC, STEP_S
+from tests.simulators.faults import BadLink, Faults
+from tests.simulators.lockstep import LockstepBackend
+from tests.simulators.lockstep_crazyflie import LockstepCrazyflie, SteppedLink
+from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdkVehicle, LockstepPsdk
+from tests.simulators.lockstep_hover import LockstepHover
+from tests.simulators.lockstep_mavros import LockstepMavros
+from tests.simulators.pace import Pace
+from tests.simulators.ports import MemoryPort
+from tests.simulators.px4 import Px4
+from tests.simulators.rosbridge import Message
+from tests.ual_daemon.backends.faults.craft import Can, Craft
+from ual.simulation import Command, CommandRefused, LinkLost
+from ual_daemon.backends.airsim import AirsimBackend
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, LAND, PLATFORM, SET_ARMED, SETPOINT, Packet
+from ual_daemon.backends.light import LightBackend
+from ual_daemon.backends.values import Setpoint
+
+OPTIONS = BackendOptions("uav_1")
+SPEED = 40.0
+SILENT = Faults(is_silent=True)
+FLYING = {
+    mavlink.MAV_CMD_DO_SET_MODE: "mode",
+    SET_MODE: "mode",
+    mavlink.MAV_CMD_NAV_LAND: "land",
+    mavlink.MAV_CMD_NAV_TAKEOFF: "take_off",
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: "arm",
+}
+
+
+def scripted(craft: Craft, pace: Pace) -> None:
+    """Has a script played before each step of what a pace steps."""
+    wait = pace.wait
+
+    def wait_and_play() -> None:
+        wait()
+        craft.step_script()
+
+    pace.wait = wait_and_play  # type: ignore[method-assign]
+
+
+class OfAutopilot(Craft):
+    """A PX4 or an ArduCopter."""
+
+    autopilot: Autopilot
+
+    @property
+    @override
+    def now_s(self) -> float:
+        return self.autopilot.elapsed_s
+
+    @override
+    def setpoints_s(self) -> list[float]:
+        return self.autopilot.setpoints_s
+
+    @override
+    def commands(self) -> list[tuple[float, str]]:
+        return [(each[0], FLYING[each[1]]) for each in self.autopilot.commands if each[1] in FLYING]
+
+    @override
+    def ready(self) -> None:
+        self.autopilot.pilot_readies()
+        super().ready()
+
+    @override
+    def pilot_takes_over(self) -> None:
+        self.autopilot.pilot_take_over()
+
+    @override
+    def pilot_disarms(self) -> None:
+        assert self.autopilot.pilot_disarm()
+
+    @override
+    def reboot(self) -> None:
+        self.autopilot.reboot()
+
+    @override
+    def ignore(self, *, does: bool = True) -> None:
+        self.autopilot.ignored = set(FLYING) if does else set()
+
+    @override
+    def refuse(self, words: str) -> None:
+        self.autopilot.arm_refusal = words
+
+
+class OfMavlink(OfAutopilot):
+    """Through MAVLink, over a link that can fall silent."""
+
+    can = frozenset(Can) - {Can.BE_HELD_UP}
+    kind: ClassVar[type[Px4 | ArduPilot]]
+
+    def __init__(self, _: Path) -> None:
+        port = MemoryPort()
+        self.link = BadLink(port, 0)
+        self.autopilot = Px4(self.link, is_terse=True) if self.kind is Px4 else ArduPilot(self.link)
+        backend = LockstepBackend(OPTIONS, self.autopilot, port, SPEED)
+        super().__init__(backend)
+        scripted(self, backend.connection._pace)
+
+    @override
+    def pass_step(self) -> None:
+        self.step_script()
+        self.autopilot.step()
+
+    @override
+    def fall_silent(self) -> None:
+        self.link.down = SILENT
+
+    @override
+    def speak(self) -> None:
+        self.link.down = Faults()
+
+
+class MavlinkPx4(OfMavlink):
+    kind = Px4
+
+
+class MavlinkArduPilot(OfMavlink):
+    kind = ArduPilot
+
+
+class OfMavros(OfAutopilot):
+    """Through MAVROS, which may stall while the bridge does not."""
+
+    can = frozenset(Can)
+    kind: ClassVar[type[Px4 | ArduPilot]]
+    ros: ClassVar[int]
+
+    def __init__(self, _: Path) -> None:
+        port = MemoryPort()
+        self.autopilot = Px4(port, is_terse=True) if self.kind is Px4 else ArduPilot(port)
+        self.mavros = LockstepMavros(OPTIONS, self.autopilot, port, self.ros, SPEED)
+        super().__init__(self.mavros)
+        scripted(self, self.mavros._pace)
+
+    @override
+    def pass_step(self) -> None:
+        self.step_script()
+        self.mavros.bridge.step(self.now_s + STEP_S)
+
+    @override
+    def fall_silent(self) -> None:
+        self.mavros.bridge.faults.silent_topics |= set(self.mavros.node.topics)
+
+    @override
+    def speak(self) -> None:
+        self.mavros.bridge.faults.silent_topics.clear()
+
+    @override
+    def hold_up(self, *, does: bool = True) -> None:
+        self.mavros.is_socket_full = does
+
+
+class MavrosPx4(OfMavros):
+    kind, ros = Px4, 2
+
+
+class MavrosArduPilot(OfMavros):
+    kind, ros = ArduPilot, 1
+
+
+class OfDji(Craft):
+    """A DJI aircraft behind a wrapper."""
+
+    can = frozenset(Can) - {Can.REBOOT, Can.REPEAT}
+    kind: ClassVar[type[LockstepDji]]
+    height_m = 3.0
+
+    def __init__(self, _: Path) -> None:
+        self.dji = self.kind(OPTIONS, SPEED)
+        self._called: list[tuple[float, str]] = []
+        call = self.dji.bridge.call
+
+        def note(name: str, arguments: Message) -> Message:
+            if not name.startswith("/rosapi") and "joystick_action" not in name and "release" not in name:
+                self._called.append((self.now_s, name))
+            return call(name, arguments)
+
+        self.dji.bridge.call = note  # type: ignore[method-assign]
+        super().__init__(self.dji)
+        scripted(self, self.dji._pace)
+
+    @property
+    @override
+    def now_s(self) -> float:
+        return self.dji.bridge.now_s
+
+    @override
+    def setpoints_s(self) -> list[float]:
+        return [time_s for time_s, _, _ in self.dji.aircraft.setpoints]
+
+    @override
+    def commands(self) -> list[tuple[float, str]]:
+        return self._called
+
+    @override
+    def pass_step(self) -> None:
+        self.step_script()
+        with self.dji.lock:
+            self.dji.bridge.step(self.now_s + STEP_S)
+
+    @override
+    def fall_silent(self) -> None:
+        self.dji.bridge.faults.silent_topics |= set(self.dji.bridge.nodes[0].topics)
+
+    @override
+    def speak(self) -> None:
+        self.dji.bridge.faults.silent_topics.clear()
+
+    @override
+    def pilot_takes_over(self) -> None:
+        self.dji.aircraft.pilot_takes_over()
+
+    @override
+    def pilot_disarms(self) -> None:
+        assert self.dji.aircraft.body.is_on_ground
+        self.dji.aircraft.device, self.dji.aircraft.has_motors = RC, False
+
+    @override
+    def ignore(self, *, does: bool = True) -> None:
+        services = self.dji.bridge.nodes[0].services
+        self.dji.bridge.faults.dead_services = set(services) if does else set()
+
+    @override
+    def refuse(self, words: str) -> None:
+        self.dji.aircraft.refusal = words
+
+    @override
+    def hold_up(self, *, does: bool = True) -> None:
+        self.dji.is_socket_full = does
+
+
+class DjiPsdk(OfDji):
+    kind = LockstepPsdk
+
+
+class DjiOsdkVehicle(OfDji):
+    """It lands by setpoints."""
+
+    can = OfDji.can - {Can.IGNORE}
+    kind = LockstepOsdkVehicle
+
+
+class OfCrazyflie(Craft):
+    """A Crazyflie, which nobody but UAL can fly."""
+
+    can = frozenset((Can.BE_UNHEARD, Can.REBOOT, Can.IGNORE, Can.REPEAT, Can.STALL))
+    height_m = 1.0
+
+    def __init__(self, cache: Path) -> None:
+        memory = MemoryPort()
+        self.link = BadLink(memory, 0)
+        self.crazyflie = Crazyflie(memory)
+        self.crazyflie.port = self.link
+        self._received: list[tuple[float, Packet]] = []
+        take = self.crazyflie._take
+
+        def note(raw: bytes) -> None:
+            packet = Packet.decode(raw)
+            if packet is not None:
+                self._received.append((self.now_s, packet))
+            take(raw)
+
+        self.crazyflie._take = note  # type: ignore[method-assign]
+        options = BackendOptions("uav_1", None, {"cache_directory": str(cache)})
+        backend = LockstepCrazyflie(options, self.crazyflie, memory, SPEED)
+        super().__init__(backend)
+        link = backend._link
+        assert isinstance(link, SteppedLink)
+        scripted(self, link._pace)
+
+    @property
+    @override
+    def now_s(self) -> float:
+        return self.crazyflie.elapsed_s
+
+    @override
+    def setpoints_s(self) -> list[float]:
+        return [time_s for time_s, each in list(self._received) if (each.port, each.channel) == (SETPOINT, 0)]
+
+    @override
+    def commands(self) -> list[tuple[float, str]]:
+        named = ((time_s, _name(each)) for time_s, each in list(self._received))
+        return [(time_s, name) for time_s, name in named if name]
+
+    @override
+    def pass_step(self) -> None:
+        self.step_script()
+        self.crazyflie.step()
+
+    @override
+    def fall_silent(self) -> None:
+        self.link.down = SILENT
+
+    @override
+    def speak(self) -> None:
+        self.link.down = Faults()
+
+    @override
+    def pilot_disarms(self) -> None:
+        """It has no pilot: another program disarms it."""
+        self.crazyflie._on_arm(PLATFORM, 0, bytes((SET_ARMED, 0)))
+
+    @override
+    def reboot(self) -> None:
+        self.crazyflie.boot()
+
+    @override
+    def ignore(self, *, does: bool = True) -> None:
+        self.crazyflie.ignored = {HIGH_LEVEL, PLATFORM} if does else set()
+
+
+def _name(packet: Packet) -> str:
+    """Returns the name of a command; nothing for a hover, which the backend begins by itself."""
+    if packet.port == PLATFORM and packet.channel == 0 and packet.data[0] == SET_ARMED:
+        return "arm"
+    return "land" if packet.port == HIGH_LEVEL and packet.data[0] == LAND else ""
+
+
+class OfLight(Craft):
+    """The light simulation: its link carries nothing either way when it is silent."""
+
+    can = frozenset((Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT, Can.REFUSE))
+    link_s = 1.0
+
+    def __init__(self, _: Path) -> None:
+        backend = LightBackend(BackendOptions("uav_1", None, {"speed_factor": SPEED}))
+        self.world = backend.world
+        self._setpoints_s: list[float] = []
+        self._commands: list[tuple[float, str]] = []
+        set_setpoint, step_once = self.world.fleet.set_setpoint, self.world._step_once
+
+        def note(index: int, setpoint: Setpoint, now_s: float) -> None:
+            self._setpoints_s.append(now_s)
+            set_setpoint(index, setpoint, now_s)
+
+        def step(every: int = 1) -> None:
+            self.step_script()
+            step_once(every)
+
+        self.world.fleet.set_setpoint = note  # type: ignore[method-assign]
+        for name in ("_arm", "_disarm", "_guide", "_switch"):
+            setattr(backend, name, self._noted(name, getattr(backend, name)))
+        self._script = []
+        self.world._step_once = step  # type: ignore[method-assign]
+        super().__init__(backend)
+
+    def _noted(self, name: str, action: Callable[..., str | None]) -> Callable[..., str | None]:
+        def noted(*arguments: object) -> str | None:
+            self._commands.append((self.now_s, name.strip("_")))
+            return action(*arguments)
+
+        return noted
+
+    @property
+    @override
+    def now_s(self) -> float:
+        return self.world.now_s()
+
+    @override
+    def setpoints_s(self) -> list[float]:
+        return self._setpoints_s
+
+    @override
+    def commands(self) -> list[tuple[float, str]]:
+        return self._commands
+
+    @override
+    def pass_step(self) -> None:
+        raise NotImplementedError
+
+    @override
+    def fall_silent(self) -> None:
+        self.uav.simulation.begin_fault(LinkLost())
+
+    @override
+    def speak(self) -> None:
+        self.uav.simulation.end_fault()
+
+    @override
+    def pilot_takes_over(self) -> None:
+        self.uav.simulation.pilot_take_over()
+        self._commands.clear()
+
+    @override
+    def pilot_disarms(self) -> None:
+        self.uav.simulation.pilot_disarm()
+        self._commands.clear()
+
+    @override
+    def refuse(self, words: str) -> None:
+        self.uav.simulation.begin_fault(CommandRefused(Command.ANY, words))
+
+
+class OfHover(Craft):
+    """The example of a third party's backend."""
+
+    can = frozenset(Can) - {Can.BE_HELD_UP}
+
+    def __init__(self, _: Path) -> None:
+        self.hover = LockstepHover(OPTIONS, SPEED)
+        super().__init__(self.hover)
+        scripted(self, self.hover.device.pace)
+
+    @property
+    @override
+    def now_s(self) -> float:
+        return self.hover.device.elapsed_s
+
+    @override
+    def setpoints_s(self) -> list[float]:
+        return self.hover.device.targets_s
+
+    @override
+    def commands(self) -> list[tuple[float, str]]:
+        return self.hover.device.commands
+
+    @override
+    def pass_step(self) -> None:
+        self.step_script()
+        self.hover.device.advance()
+
+    @override
+    def fall_silent(self) -> None:
+        self.hover.device.is_silent = True
+
+    @override
+    def speak(self) -> None:
+        self.hover.device.is_silent = False
+
+    @override
+    def pilot_takes_over(self) -> None:
+        self.hover.device.pilot_switches("hold")
+
+    @override
+    def pilot_disarms(self) -> None:
+        self.hover.device.pilot_switches("disarm")
+
+    @override
+    def reboot(self) -> None:
+        self.hover.device.boot()
+
+    @override
+    def ignore(self, *, does: bool = True) -> None:
+        self.hover.device.ignores = does
+
+    @override
+    def refuse(self, words: str) -> None:
+        self.hover.device.refusal = words
+
+
+class OfAirsim(Craft):
+    """AirSim, whose pilot takes over by ending the control of its API. It lands by setpoints."""
+
+    can = frozenset((Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT, Can.STALL))
+    link_s = 3.0
+
+    def __init__(self, _: Path) -> None:
+        self.vehicle = Vehicle("Drone1")
+        self._setpoints_s: list[float] = []
+        self._commands: list[tuple[float, str]] = []
+        self.server = AirsimServer([self.vehicle], clock_speed=SPEED)
+        self.server.flies_on = True
+        begin = self.server._begin
+
+        def note(peer: Peer, number: int, method: str, arguments: list[Any]) -> None:
+            if method == "moveByVelocity":
+                self._setpoints_s.append(self.now_s)
+            elif method in ("enableApiControl", "armDisarm"):
+                self._commands.append((self.now_s, method))
+            begin(peer, number, method, arguments)
+
+        self.server._begin = note  # type: ignore[method-assign]
+        super().__init__(AirsimBackend(BackendOptions("uav_1", self.server.url, {"rate_hz": 25.0})))
+        self.server.on_step = self.step_script
+
+    @override
+    def close(self) -> None:
+        super().close()
+        self.server.close()
+
+    @property
+    @override
+    def now_s(self) -> float:
+        return self.vehicle.now_s
+
+    @override
+    def setpoints_s(self) -> list[float]:
+        return self._setpoints_s
+
+    @override
+    def commands(self) -> list[tuple[float, str]]:
+        return self._commands
+
+    @override
+    def pass_step(self) -> None:
+        self.server.run(STEP_S)
+
+    @override
+    def fall_silent(self) -> None:
+        self.server.is_silent = True
+
+    @override
+    def speak(self) -> None:
+        self.server.is_silent = False
+
+    @override
+    def pilot_takes_over(self) -> None:
+        self.vehicle.enable_api_control(False)
+
+    @override
+    def pilot_disarms(self) -> None:
+        self.vehicle.is_armed = False
+
+
+CRAFTS: dict[str, type[Craft]] = {
+    "px4": MavlinkPx4,
+    "ardupilot": MavlinkArduPilot,
+    "mavros px4": MavrosPx4,
+    "mavros ardupilot": MavrosArduPilot,
+    "dji psdk": DjiPsdk,
+    "dji osdk": DjiOsdkVehicle,
+    "airsim": OfAirsim,
+    "crazyflie": OfCrazyflie,
+    "light": OfLight,
+    "hover": OfHover,
+}

@@ -1,0 +1,103 @@
+"""The vehicle is not heard. What is sent may reach it all the same, and a pilot may have taken over unseen."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.ual_daemon.backends.faults.craft import Can, Craft
+from tests.ual_daemon.backends.faults.over import over
+from ual.errors import LinkLostError
+from ual.geometry import Pose
+from ual.types import State
+from ual_daemon.flight.setpoint_sender import LONGEST_BLIND_S
+
+NOTICED_S = LONGEST_BLIND_S + 0.05
+"""A silence is noticed by then. What has left before is on its way."""
+FAR = Pose.at(40.0, 0.0, 4.0)
+
+
+@over(Can.BE_UNHEARD)
+def test_a_silent_link_is_lost_and_heals_by_itself(craft: Craft) -> None:
+    craft.fly()
+    task = craft.uav.go_to_waypoint(FAR, blocking=False)
+    begin_s = craft.play((1.0, craft.fall_silent), (4.0, craft.speak), for_s=8.0)
+    assert craft.first_s(State.UNINITIALIZED, begin_s) - begin_s < 1.0 + craft.link_s
+    with pytest.raises(LinkLostError):
+        task.wait(0.0)
+    assert craft.states[-1][1] is not State.UNINITIALIZED
+    assert craft.commands_since(begin_s) == []  # nothing is armed, and no mode changed, unasked
+
+
+@over(Can.BE_UNHEARD, red="px4, ardupilot, mavros px4, mavros ardupilot, dji psdk, dji osdk, crazyflie, hover")
+@pytest.mark.parametrize("name", ["land", "arm"])
+def test_nothing_is_commanded_in_a_silence(craft: Craft, name: str) -> None:
+    craft.fly()
+    begin_s = craft.play(
+        (0.1, craft.fall_silent),
+        (0.6, lambda: craft.command(name)),
+        (1.2, craft.speak),
+        for_s=1.2,
+    )
+    assert craft.commands_since(begin_s) == []
+
+
+@over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT, red="px4, ardupilot, airsim, hover")
+@pytest.mark.parametrize(("name", "taken_s"), [("land", 0.5), ("land", 0.9), ("take_control", 0.5), ("take_off", 0.9)])
+def test_a_command_in_a_silence_overrules_no_pilot_after_it(craft: Craft, name: str, taken_s: float) -> None:
+    craft.fly()
+    begin_s = craft.play(
+        (0.1, craft.fall_silent),
+        (0.7, lambda: craft.command(name)),
+        (taken_s, craft.pilot_takes_over),
+        (1.4, craft.speak),
+        for_s=5.0,
+    )
+    assert craft.commands_since(begin_s) == []
+    assert craft.uav.state() is State.FLYING_MANUAL
+
+
+@over(Can.BE_UNHEARD, Can.IGNORE, red="px4, mavros px4, mavros ardupilot, crazyflie")
+def test_nothing_is_repeated_in_a_silence(craft: Craft) -> None:
+    craft.fly()
+    craft.ignore()
+    begin_s = craft.play(
+        (0.1, lambda: craft.command("land")),
+        (0.15, craft.fall_silent),
+        (1.2, craft.speak),
+        for_s=1.2,
+    )
+    assert craft.commands_since(begin_s + 0.15 + NOTICED_S) == []
+
+
+@over(Can.BE_UNHEARD, red="crazyflie")
+def test_what_was_disarmed_in_a_silence_is_not_armed_again(craft: Craft) -> None:
+    craft.arm()
+    craft.uav.disarm()
+    craft.run(3.0)
+    craft.ready()
+    begin_s = craft.play(
+        (0.0, lambda: craft.command("arm")),
+        (0.02, craft.fall_silent),
+        (0.6, craft.pilot_disarms),
+        (2.0, craft.speak),
+        for_s=6.0,
+    )
+    assert craft.commands_since(begin_s + 0.6) == []
+    assert craft.uav.state() is State.LANDED_DISARMED
+
+
+@over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT, red="airsim")
+@pytest.mark.parametrize(("silent_s", "seen_s"), [(0.6, 0.5), (1.4, 0.02)])
+def test_nothing_from_before_a_silence_is_believed_after_it(craft: Craft, silent_s: float, seen_s: float) -> None:
+    """After a short one, the pilot's mode is seen as soon as without any."""
+    craft.fly()
+    craft.uav.go_to_waypoint(FAR, blocking=False)
+    craft.run(1.0)
+    begin_s = craft.play(
+        (0.0, craft.fall_silent),
+        (0.1, craft.pilot_takes_over),
+        (silent_s, craft.speak),
+        for_s=silent_s + 3.0,
+    )
+    assert craft.setpoints_between(begin_s + silent_s + seen_s) == []
+    assert craft.uav.state() is State.FLYING_MANUAL
