@@ -248,7 +248,7 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def test_the_excerpts_of_write_a_backend_are_the_example() -> None:
-    code = (HOVER / "ual_hover" / "backend.py").read_text(encoding="utf-8")
+    code = "".join((HOVER / "ual_hover" / f"{name}.py").read_text(encoding="utf-8") for name in ("backend", "session"))
     *excerpts, program = blocks(DOCS / "write-a-backend.md", "python")
     assert len(excerpts) >= 5
     for excerpt in excerpts:

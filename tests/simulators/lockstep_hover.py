@@ -13,7 +13,7 @@ from ual_daemon.backends.base import BackendOptions, Clock
 
 sys.path.append(str(Path(__file__).parents[2] / "examples" / "third_party_backend"))
 
-from ual_hover.autopilot import PERIOD_S, Autopilot, Packet, Target
+from ual_hover.autopilot import PERIOD_S, Answer, Autopilot, Packet, Target
 from ual_hover.backend import HoverBackend
 
 
@@ -29,7 +29,7 @@ class Device(Autopilot):
         self.refusal = ""
         self.targets_s: list[float] = []
         self.commands: list[tuple[float, str]] = []
-        self._waiting: deque[Packet] = deque()
+        self._waiting: deque[Packet | Answer] = deque()
 
     def advance(self) -> None:
         """Flies on by a step; what it says waits until it is received."""
@@ -39,22 +39,24 @@ class Device(Autopilot):
             self._waiting.append(packet)
 
     @override
-    def receive(self, timeout_s: float) -> Packet | None:
-        if not self._waiting:
+    def receive(self, timeout_s: float) -> Packet | Answer | None:
+        if not self._waiting and timeout_s > 0.0:
             self.pace.wait()
             self.advance()
         return self._waiting.popleft() if self._waiting else None
 
     @override
-    def command(self, name: str) -> str:
+    def command(self, name: str) -> None:
         self.commands.append((self.elapsed_s, name))
         if self.ignores:
-            return ""
-        return self.refusal or super().command(name)
+            return
+        answer = Answer(name, self.refusal or self.execute(name))
+        if not self.is_silent:
+            self._waiting.append(answer)
 
     def pilot_switches(self, name: str) -> None:
         """The pilot's own command."""
-        assert super().command(name) == "ok"
+        assert self.execute(name) == "ok"
 
     @override
     def follow(self, target: Target) -> None:
@@ -77,7 +79,5 @@ class LockstepHover(HoverBackend):
     """Flies a stepped device."""
 
     def __init__(self, options: BackendOptions, speed: float) -> None:
-        super().__init__(options)
         self.device = Device(speed)
-        self._autopilot = self.device
-        self.clock = _Clock(self.device)
+        super().__init__(options, self.device, _Clock(self.device))

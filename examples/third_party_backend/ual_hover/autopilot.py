@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
 
 PERIOD_S = 0.02
@@ -32,6 +33,14 @@ class Packet:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """What it sends after a command: the command, and ``ok``, or the reason of a refusal."""
+
+    command: str
+    words: str
+
+
+@dataclass(frozen=True)
 class Target:
     """What it is to follow: a position (or none), and the motion there."""
 
@@ -48,6 +57,7 @@ class Autopilot:
         self._lock = threading.Lock()
         self._period_s = PERIOD_S / speed
         self._due_s = time.monotonic()
+        self._answers: deque[Answer] = deque()
         self.boot()
 
     def boot(self) -> None:
@@ -58,8 +68,10 @@ class Autopilot:
         self._heading_deg = self._yaw_rate_deg_s = 0.0
         self._target = Target(self._velocity, 0.0, self._position)
 
-    def receive(self, timeout_s: float) -> Packet | None:
-        """Waits for the next packet. Returns None if none came in time."""
+    def receive(self, timeout_s: float) -> Packet | Answer | None:
+        """Waits for what it sends next. Returns None if nothing came in time."""
+        if self._answers:
+            return self._answers.popleft()
         pause_s = self._due_s - time.monotonic()
         time.sleep(max(0.0, min(pause_s, timeout_s)))
         if pause_s > timeout_s:
@@ -83,10 +95,12 @@ class Autopilot:
                 self._yaw_rate_deg_s,
             )
 
-    def command(self, name: str) -> str:
-        """Executes ``arm``, ``disarm``, or a change to a mode (``follow``, ``hold``, ``land``). Returns ``ok``, or the
-        reason of a refusal.
-        """
+    def command(self, name: str) -> None:
+        """Sends a command: ``arm``, ``disarm``, or a change to a mode (``follow``, ``hold``, ``land``)."""
+        self._answers.append(Answer(name, self.execute(name)))
+
+    def execute(self, name: str) -> str:
+        """Executes a command. Returns ``ok``, or the reason of a refusal."""
         with self._lock:
             if name in ("arm", "disarm"):
                 if self._landed_s == 0.0:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from concurrent.futures import Future
 from typing import Annotated
@@ -11,32 +10,41 @@ from typing import Annotated
 from msgspec import Meta
 from typing_extensions import override
 
-from ual.errors import RejectedByAutopilotError
-from ual.geometry import Pose, Quaternion, Twist, Vector3
+from ual.errors import LinkLostError, UalError
+from ual.geometry import Vector3
 from ual.types import Capability, Limits
 from ual_daemon.backends.base import Backend, BackendOptions, Clock, UpdateCallback
-from ual_daemon.backends.values import (
-    Control,
-    Estimator,
-    Freshness,
-    LandedState,
-    Mode,
-    PositionSetpoint,
-    Sample,
-    Setpoint,
-    Snapshot,
-    VehicleInfo,
-)
+from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Repeat, shows_armed, shows_mode
+from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.command_runner import CommandRunner
+from ual_daemon.backends.engine.loop import Loop, LoopThread
+from ual_daemon.backends.values import Freshness, PositionSetpoint, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import Settings, convert
 from ual_hover.autopilot import HORIZONTAL_M_S, VERTICAL_M_S, YAW_RATE_DEG_S, Autopilot, Packet, Target, Triple
+from ual_hover.session import Session
 
-CONTROLS = {"follow": Control.REFERENCES, "land": Control.LAND, "hold": Control.OTHER}
 INFO = VehicleInfo(
     autopilot="hover",
     capabilities=frozenset(Capability)
     - {Capability.GEO, Capability.EXTERNAL_POSE},  # it does not know its position on Earth
     limits=Limits(HORIZONTAL_M_S, VERTICAL_M_S, VERTICAL_M_S, yaw_rate_rad_s=math.radians(YAW_RATE_DEG_S)),
 )
+AGAIN = Repeat(every_s=0.25, most=18)
+
+
+def arming(what: str, *, is_armed: bool) -> Command[str]:
+    """A command that arms or disarms."""
+    return Command(what, what, ARMING, key=what, shows=shows_armed(is_armed=is_armed), repeat=AGAIN)
+
+
+def flying(what: str, mode: str) -> Command[str]:
+    """A command that changes the mode."""
+    return Command(what, mode, FLYING, key=mode, mode=mode, shows=shows_mode(mode), repeat=AGAIN)
+
+
+ARM, DISARM = arming("arm", is_armed=True), arming("disarm", is_armed=False)
+TAKE_OFF, TAKE_CONTROL = flying("take off", "follow"), flying("take control", "follow")
+LAND, HOLD = flying("land", "land"), flying("hold", "hold")
 
 
 class HoverSettings(Settings, frozen=True, kw_only=True):
@@ -57,43 +65,50 @@ class HoverClock(Clock):
 
 
 class HoverBackend(Backend):
-    """One thread receives the autopilot's packets and calls `on_update`."""
+    """The face of a session. Its methods may be called from any thread."""
 
     name = "hover"
     freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
 
-    def __init__(self, options: BackendOptions) -> None:
+    def __init__(self, options: BackendOptions, autopilot: Autopilot | None = None, clock: Clock | None = None) -> None:
+        """Tests give an autopilot and a clock of their own."""
         super().__init__(options)
-        settings = convert(options.settings, HoverSettings, self.name)
-        self.clock = HoverClock(settings.speed)
-        if settings.speed > 1.0:  # a pause of this computer is longer in the autopilot's time
-            self.freshness = Freshness(*[settings.speed] * 5)
-        self._packet_timeout_s = 0.1 / settings.speed
-        self._epoch_s = time.time()
-        self._autopilot = Autopilot(settings.speed)
-        self._newest: Sample[Packet] | None = None
-        self._looked_s = time.monotonic()
-        self._is_closing = threading.Event()
-        self._thread: threading.Thread | None = None
+        speed = convert(options.settings, HoverSettings, self.name).speed
+        if speed > 1.0:  # a pause of this computer is longer in the autopilot's time
+            self.freshness = Freshness(*[speed] * 5)
+        self.clock = HoverClock(speed) if clock is None else clock
+        self._autopilot = Autopilot(speed) if autopilot is None else autopilot
+        self._speed = speed
+        self._on_update: UpdateCallback = lambda _: None
+        self._session = session = Session(self._autopilot, self.clock, self.freshness.link_s)
+        watched_s = time.monotonic if speed > 1.0 else None
+        self._loop = Loop(session, self.clock, self._update, session.watch, watched_s=watched_s)
+        self._desk = CommandDesk(self._loop, self.clock, self._reach)
+        self._thread = LoopThread(self._loop, self.clock, "hover", self._receive, session.on_defect)
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
-        self._thread = threading.Thread(target=self._receive, args=(on_update,), name="hover", daemon=True)
-        self._thread.start()
+        self._on_update = on_update
+        self._thread.open()
 
     @override
     def close(self) -> None:
-        self._is_closing.set()
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join()
+        self._thread.close()
 
-    def _receive(self, on_update: UpdateCallback) -> None:
-        while not self._is_closing.is_set():
-            packet = self._autopilot.receive(self._packet_timeout_s)
-            self._looked_s = time.monotonic()
-            if packet is not None:
-                self._newest = Sample(packet, self.clock.now_s())
-            on_update(self.snapshot())  # also if nothing came: old data changes the state
+    def _update(self, snapshot: Snapshot) -> None:
+        self._on_update(snapshot)
+
+    def _receive(self, timeout_s: float) -> None:
+        """Takes all that waits. The loop does the rest."""
+        message = self._autopilot.receive(timeout_s / self._speed)
+        now_s = self.clock.now_s()
+        has_paused = self._loop.woke(now_s) > 0.0
+        has_pose = False
+        while message is not None and not has_paused:
+            self._session.take(message, now_s)
+            has_pose = has_pose or isinstance(message, Packet)
+            message = self._autopilot.receive(0.0)
+        self._loop.step(now_s, has_news=has_pose)
 
     @override
     def info(self) -> VehicleInfo:
@@ -101,29 +116,12 @@ class HoverBackend(Backend):
 
     @override
     def snapshot(self) -> Snapshot:
-        newest, now_s = self._newest, self.clock.now_s()
-        updated_s = now_s - (time.monotonic() - self._looked_s)
-        if newest is None:
-            return Snapshot(time_s=now_s, updated_s=updated_s)
-        packet, received_s = newest.value, newest.time_s
-        rotation = Vector3(0.0, 0.0, -math.radians(packet.yaw_rate_deg_s))
-        return Snapshot(
-            time_s=now_s,
-            heard_s=received_s,
-            updated_s=updated_s,
-            stamp_s=self._epoch_s + packet.time_s,
-            armed=Sample(packet.is_armed, received_s),
-            landed=Sample(LandedState.ON_GROUND if packet.is_on_ground else LandedState.IN_AIR, received_s),
-            mode=Sample(Mode(packet.mode, CONTROLS[packet.mode]), received_s),
-            estimator=Sample(Estimator(True), received_s),
-            pose=Sample(
-                Pose(_ned_to_enu(packet.position), Quaternion.from_yaw(_yaw_rad(packet.heading_deg))), received_s
-            ),
-            velocity=Sample(Twist(_ned_to_enu(packet.velocity), rotation), received_s),
-        )
+        return self._loop.newest.at(self.clock.now_s())
 
     @override
     def send(self, setpoint: Setpoint) -> None:
+        if not self._session.watch.is_up(self.clock.now_s()):
+            return
         velocity = _enu_to_ned(setpoint.velocity)
         yaw_rate_deg_s = -math.degrees(setpoint.yaw_rate_rad_s)
         if isinstance(setpoint, PositionSetpoint):
@@ -134,52 +132,37 @@ class HoverBackend(Backend):
 
     @override
     def arm(self) -> Future[None]:
-        return self._command("arm")
+        return self._give(ARM)
 
     @override
     def disarm(self) -> Future[None]:
-        return self._command("disarm")
+        return self._give(DISARM)
 
     @override
     def take_off(self, height_m: float, limits: Limits) -> Future[None]:
-        return self._command("follow")  # the climb is flown with setpoints: VehicleInfo.flies_takeoff_on_setpoints
+        return self._give(TAKE_OFF)  # the climb is flown with setpoints: VehicleInfo.flies_takeoff_on_setpoints
 
     @override
     def land(self, limits: Limits) -> Future[None]:
-        return self._command("land")
+        return self._give(LAND)
 
     @override
     def take_control(self) -> Future[None]:
-        return self._command("follow")
+        return self._give(TAKE_CONTROL)
 
     @override
     def hold(self) -> Future[None]:
-        return self._command("hold")
+        return self._give(HOLD)
 
-    def _command(self, name: str) -> Future[None]:
-        answer: Future[None] = Future()
-        words = self._autopilot.command(name)
-        if words == "ok":
-            answer.set_result(None)
-        else:
-            answer.set_exception(RejectedByAutopilotError(f"the autopilot refused: {words}", {"text": words}))
-        return answer
+    def _give(self, command: Command[str]) -> Future[None]:
+        return self._desk.give(command.what, lambda: command)
 
-
-def _pose(packet: Packet) -> Pose:
-    return Pose(_ned_to_enu(packet.position), Quaternion.from_yaw(_yaw_rad(packet.heading_deg)))
-
-
-def _ned_to_enu(triple: Triple) -> Vector3:
-    """Converts north, east, down to east, north, up."""
-    return Vector3(triple[1], triple[0], -triple[2])
+    def _reach(self, what: str) -> CommandRunner[str] | UalError:
+        if self._session.watch.is_up(self.clock.now_s()):
+            return self._session.runner
+        return LinkLostError(f"cannot {what}: nothing is heard of the autopilot")
 
 
 def _enu_to_ned(vector: Vector3) -> Triple:
     """Converts east, north, up to north, east, down."""
     return (vector.y, vector.x, -vector.z)
-
-
-def _yaw_rad(heading_deg: float) -> float:
-    """Converts a heading clockwise from north to one counter-clockwise from east."""
-    return math.radians(90.0 - heading_deg)

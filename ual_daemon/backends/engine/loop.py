@@ -74,6 +74,7 @@ class Loop:
         self.newest = Snapshot(clock.now_s())
         """The snapshot that was published last."""
         self._driven = driven
+        self._clock = clock
         self._on_update = on_update
         self._watch = watch
         self._wake = wake
@@ -138,7 +139,8 @@ class Loop:
         # After a new pose the rest waits for the next round: the thread that was just notified needs the GIL now.
         if (has_news or not is_due) and now_s < self._next_tick_s and not self._posted:
             return
-        self._tick(now_s)
+        if self._clock.now_s() - now_s <= SILENT_S:  # else the update took long: what came meanwhile is read first
+            self._tick(now_s)
 
     def publish(self, now_s: float) -> None:
         """Publishes the newest data. An error of the layers above does not end the exchange with the autopilot."""
@@ -211,9 +213,15 @@ class LoopThread:
             self._failures.log(error)
             now_s = self._clock.now_s()
             self._on_defect(error, now_s)
-            self._loop.publish(now_s)
+            self._publish(now_s)
             self._closing.wait(TICK_S)
             self._loop.restart(self._clock.now_s())
+
+    def _publish(self, now_s: float) -> None:
+        try:
+            self._loop.publish(now_s)
+        except Exception as error:  # noqa: BLE001 - the defect may be in what makes the snapshot
+            self._failures.log(error)
 
 
 class OnceLog:

@@ -180,3 +180,43 @@ def test_a_turn_needs_no_thread(setup: Setup) -> None:
     thread.turn()
     thread.close()
     assert timeouts_s == [0.0]
+
+
+def test_what_is_posted_in_an_update_that_takes_long_waits_until_what_came_meanwhile_was_read() -> None:
+    """Else a command would leave by what was known before: the safety pilot may have taken over in that time."""
+    clock, done, updates = Clock(), list[float](), list[Snapshot]()
+    watch = LinkWatch("loop", 2.0)
+
+    def take_long(snapshot: Snapshot) -> None:
+        updates.append(snapshot)
+        if len(updates) == 1:
+            clock.now += 2.0 * SILENT_S
+            loop.post(done.append)
+
+    loop = Loop(Vehicle(), clock, take_long, watch)
+    clock.now += 2.0 * TICK_S
+    loop.woke(clock.now)
+    loop.step(clock.now)
+    assert done == []
+    loop.woke(clock.now)
+    assert watch.spoken_s == clock.now + CATCH_UP_S
+    loop.step(clock.now)
+    assert done == [clock.now]
+
+
+def test_a_snapshot_that_cannot_be_made_does_not_end_the_thread(caplog: pytest.LogCaptureFixture) -> None:
+    class Broken(Vehicle):
+        def snapshot(self, now_s: float, updated_s: float, scheduling_gap: str) -> Snapshot:
+            raise RuntimeError("a defect in what makes it")
+
+    def receive(_: float) -> None:
+        clock.now += TICK_S
+        loop.woke(clock.now)
+        loop.step(clock.now)
+
+    clock = Clock()
+    loop = Loop(Broken(), clock, lambda _: None, LinkWatch("loop", 2.0))
+    thread = LoopThread(loop, clock, "loop", receive, lambda _, __: None)
+    thread.turn()
+    thread.turn()
+    assert sum("a defect in what makes it" in str(record.exc_info) for record in caplog.records) == 1

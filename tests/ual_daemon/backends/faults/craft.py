@@ -176,8 +176,8 @@ class Craft(ABC):
     def setpoints_between(self, begin_s: float, end_s: float = float("inf")) -> list[float]:
         return [each for each in list(self.setpoints_s()) if begin_s < each <= end_s]
 
-    def commands_since(self, begin_s: float) -> list[str]:
-        return [name for time_s, name in list(self.commands()) if time_s >= begin_s]
+    def commands_since(self, begin_s: float, end_s: float = float("inf")) -> list[str]:
+        return [name for time_s, name in list(self.commands()) if begin_s <= time_s < end_s]
 
     def first_s(self, state: State, since_s: float) -> float:
         """When the data first showed a state, at or after a time; infinite if they have not."""

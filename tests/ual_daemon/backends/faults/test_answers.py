@@ -35,7 +35,7 @@ def test_a_command_without_an_answer_fails_and_is_not_sent_later(craft: Craft) -
     craft.uav.land()
 
 
-@over(Can.IGNORE, Can.REPEAT, red="hover")
+@over(Can.IGNORE, Can.REPEAT)
 def test_a_command_that_is_heard_late_is_obeyed_once(craft: Craft) -> None:
     craft.arm()
     craft.uav.disarm()

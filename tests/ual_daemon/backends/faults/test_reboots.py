@@ -13,7 +13,7 @@ def boots(craft: Craft) -> int:
     return snapshot.boots_count + snapshot.boots_in_frame_count
 
 
-@over(Can.REBOOT, Can.BE_UNHEARD, red="hover")
+@over(Can.REBOOT, Can.BE_UNHEARD)
 def test_a_reboot_on_the_ground_is_noticed_and_it_flies_again(craft: Craft) -> None:
     craft.ready()
     craft.run(10.0)
