@@ -89,13 +89,14 @@ def _docstring_of_interface(name: str) -> str:
 
 
 def _find_public(app: Sphinx, env: Any, node: Any, content: nodes.Element) -> nodes.Element | None:  # noqa: ANN401
-    """Links a type that a private module defines to where it is documented: where it is public, or as a protocol."""
+    """Links a type to where it is documented: where it is public, as a protocol, or by its short name in `ual`."""
     if node.get("refdomain") != "py":
         return None
     parts = str(node["reftarget"]).split(".")
     public = ".".join(part for part in parts if not part.startswith("_"))
     is_private = any(part.startswith("_") for part in parts)
-    for target in (public, f"ual.interface.{parts[-1].lstrip('_')}"):
+    name = parts[-1].lstrip("_")
+    for target in (public, f"ual.interface.{name}", f"ual.{name}"):
         found = env.domains["py"].resolve_xref(env, node["refdoc"], app.builder, "class", target, node, content)
         if found is not None:
             return found
