@@ -219,8 +219,7 @@ def test_a_ground_stations_landing_beyond_a_breached_fence_is_not_the_fences(
         reason = reason_of_landing(flight)
         assert "ground station" in reason
         assert "fence" not in reason
-    pilot.stand_by()
-    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.wait_for_state(State.LANDED_DISARMED)  # not given back before, which would end the landing
 
 
 def test_a_flight_that_the_pilot_gave_back_was_commanded(
