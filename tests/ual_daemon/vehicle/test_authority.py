@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from tests.ual_daemon.stepped import Stepped, at, stepped
-from ual.errors import PermissionDeniedError
+from ual.errors import PermissionDeniedError, TaskAbortedError
 from ual.geometry import TwistStamped, Vector3
 from ual.simulation import LinkLost
 from ual.types import State
@@ -227,6 +227,22 @@ def test_a_command_from_just_before_the_mode_changed_is_withdrawn_while_nobody_k
     now = backend.snapshot()
     uav.vehicle._flight.step(now._replace(mode=Sample(Mode(mode, Control.OTHER), now.time_s), held_by=Cause.OPEN))
     assert answer.cancelled() is is_withdrawn
+
+
+@pytest.mark.parametrize(("control", "state"), [(Control.LAND, State.LANDING), (Control.TAKE_OFF, State.TAKING_OFF)])
+def test_a_task_that_a_ground_stations_landing_ended_does_not_advise_to_recover_which_would_be_refused(
+    uav: Stepped, control: Control, state: State
+) -> None:
+    uav.fly()
+    task = uav.prepare.go_to_waypoint(at(40.0, 0.0, 3.0)).begin()
+    now = uav.vehicle.backend.snapshot()
+    theirs = Sample(Mode("THEIRS", control), now.time_s)
+    uav.vehicle._flight.step(now._replace(mode=theirs, held_by=Cause.GROUND_STATION))
+    with pytest.raises(TaskAbortedError, match="the ground station took over") as caught:
+        task.future.result(0.0)
+    assert f"the state is {state.name}, which only the safety pilot or a ground station can end" in str(caught.value)
+    assert "recover_from_manual" not in str(caught.value)
+    assert caught.value.metadata["state"] == state.name
 
 
 def test_a_flight_that_others_took_and_gave_back_is_not_told_as_one_that_ual_was_not_commanded_in(uav: Stepped) -> None:

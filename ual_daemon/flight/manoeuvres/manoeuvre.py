@@ -194,8 +194,20 @@ def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
     mode = snapshot.mode.value.name if snapshot.mode is not None else "unknown"
     breach = breach_text(snapshot)
     cause = snapshot.held_by or (Cause.FENCE if breach else Cause.SAFETY_PILOT)
-    metadata = {"by": cause.value, "state": State.FLYING_MANUAL.name, "mode": mode}
+    state = _state_of(snapshot)
+    metadata = {"by": cause.value, "state": state.name, "mode": mode}
     in_mode = f"(the autopilot is in mode {mode}{f'; {breach}' if breach else ''})"
     what = f"taken by the autopilot: {cause.value}" if cause.is_failsafe else f"the {cause.value} took over"
-    then = "takes control back only with force" if cause.needs_force else "takes control back"
-    return TaskAbortedError(f"{during}: {what} {in_mode}; recover_from_manual {then}", metadata)
+    return TaskAbortedError(f"{during}: {what} {in_mode}; {_way_out(state, cause)}", metadata)
+
+
+def _state_of(snapshot: Snapshot) -> State:
+    """Returns the state that the mode of others leads to."""
+    control = snapshot.mode.value.control if snapshot.mode is not None else Control.OTHER
+    return {Control.LAND: State.LANDING, Control.TAKE_OFF: State.TAKING_OFF}.get(control, State.FLYING_MANUAL)
+
+
+def _way_out(state: State, cause: Cause) -> str:
+    if state is not State.FLYING_MANUAL:
+        return f"the state is {state.name}, which only the safety pilot or a ground station can end"
+    return f"recover_from_manual takes control back{' only with force' if cause.needs_force else ''}"
