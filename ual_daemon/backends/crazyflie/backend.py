@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
 from typing_extensions import override
 
-from ual.errors import LinkLostError, RejectedByAutopilotError
+from ual.errors import LinkLostError
 from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.backends import futures
@@ -43,7 +42,6 @@ class CrazyflieBackend(Backend):
         self._is_simulation = isinstance(self._link, UdpLink)
         self._mailbox: SetpointMailbox | None = None
         self._session: Session | None = None
-        self._thread: threading.Thread | None = None
         self._resets_count = 0
 
     @classmethod
@@ -67,21 +65,19 @@ class CrazyflieBackend(Backend):
             self._mailbox = SetpointMailbox(self._send_now, self.clock, f"crazyflie setpoints {self.options.ns}")
             self._mailbox.open()
         self._session = self._make_session(on_update)
-        self._thread = threading.Thread(target=self._session.run, name=f"crazyflie {self.options.ns}", daemon=True)
-        self._thread.start()
+        self._session.thread.open()
 
     def _make_session(self, on_update: UpdateCallback) -> Session:
-        return Session(self._link, self._settings, self.clock, on_update, is_watch_only=self.is_watch_only)
+        name, lost_s = f"crazyflie {self.options.ns}", self.freshness.link_s
+        parts = self._link, self._settings, self.clock, on_update, lost_s
+        return Session(*parts, name=name, is_watch_only=self.is_watch_only)
 
     @override
     def close(self) -> None:
-        session, thread, mailbox = self._session, self._thread, self._mailbox
-        if session is not None:
-            session.close()
-        if mailbox is not None:
-            mailbox.close()
-        if thread is not None and thread is not threading.current_thread():
-            thread.join()
+        if self._mailbox is not None:
+            self._mailbox.close()
+        if self._session is not None:
+            self._session.thread.close()
 
     @override
     def info(self) -> VehicleInfo:
@@ -92,7 +88,7 @@ class CrazyflieBackend(Backend):
     @override
     def snapshot(self) -> Snapshot:
         now_s = self.clock.now_s()
-        return Snapshot(now_s) if self._session is None else self._session.snapshot.at(now_s)
+        return Snapshot(now_s) if self._session is None else self._session.loop.newest.at(now_s)
 
     @override
     def send(self, setpoint: Setpoint) -> None:
@@ -111,28 +107,28 @@ class CrazyflieBackend(Backend):
 
     @override
     def arm(self) -> Future[None]:
-        return self._set_armed(is_armed=True)
+        return self._command("arm", lambda session: session.arm())
 
     @override
     def disarm(self) -> Future[None]:
-        return self._set_armed(is_armed=False)
+        return self._command("disarm", lambda session: session.disarm())
 
     @override
     def take_off(self, height_m: float, limits: Limits) -> Future[None]:
         del height_m, limits  # UAL's setpoints fly the climb
-        return self._answer("take off", lambda session: session.take_off())
+        return self._command("take off", lambda session: session.take_off())
 
     @override
     def land(self, limits: Limits) -> Future[None]:
-        return self._answer("land", lambda session: session.land(limits.descent_speed_m_s))
+        return self._command("land", lambda session: session.land(limits.descent_speed_m_s))
 
     @override
     def take_control(self) -> Future[None]:
-        return self._answer("take control", lambda session: session.take_control())
+        return self._command("take control", lambda session: session.take_control())
 
     @override
     def hold(self) -> Future[None]:
-        return self._answer("hold", lambda session: session.hold())
+        return self._command("hold", lambda session: session.hold())
 
     @override
     def set_external_pose(self, measured: ExternalPose) -> None:
@@ -140,7 +136,7 @@ class CrazyflieBackend(Backend):
         if session is not None and measured.resets_count != self._resets_count:
             # Smoothed by its filter, the jump that follows may be too slow to be seen.
             self._resets_count = measured.resets_count
-            session.post(lambda _: session.telemetry.on_jump(Vector3()))
+            session.loop.post(lambda _: session.telemetry.on_jump(Vector3()))
         if session is not None and session.is_connected:
             position, orientation = measured.pose.position, measured.pose.orientation
             has_orientation = self._settings.sends_orientation
@@ -166,16 +162,8 @@ class CrazyflieBackend(Backend):
         health = self.snapshot().health
         return health is not None and bool(health.is_ready_to_arm)
 
-    def _set_armed(self, *, is_armed: bool) -> Future[None]:
-        what = "arm" if is_armed else "disarm"
-        return self._answer(what, lambda session: session.set_armed(is_armed=is_armed))
-
-    def _answer(self, what: str, command: Callable[[Session], Future[None]]) -> Future[None]:
-        """Gives a command to the session; a refusal ends the future."""
+    def _command(self, what: str, command: Callable[[Session], Future[None]]) -> Future[None]:
         session = self._session
-        if session is None or not session.is_connected:
+        if session is None:
             return futures.failed(LinkLostError(f"cannot {what}: no Crazyflie is connected"))
-        try:
-            return command(session)
-        except RejectedByAutopilotError as error:
-            return futures.failed(error)
+        return command(session)

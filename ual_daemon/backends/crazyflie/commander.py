@@ -15,13 +15,10 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
-from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Vector3, wrap_angle
-from ual_daemon.backends import futures
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.encoder import Encoder, rest
 from ual_daemon.backends.crazyflie.packets import Packet
@@ -71,6 +68,10 @@ MODES = {
 }
 
 
+def _nothing(refusal: str) -> None:
+    """A hover that was not asked for ends without a word."""
+
+
 @dataclass(slots=True)
 class _Handover:
     """A command to the high-level commander that is on its way."""
@@ -79,8 +80,10 @@ class _Handover:
     request: Request
     stays: PositionSetpoint | None = None
     """Keeps it in the air while no answer comes; None: the layers above do."""
+    on_ended: Callable[[str], None] = _nothing
+    """Gets the refusal, or nothing once it was accepted."""
     patience_s: float = PATIENCE_S
-    future: Future[None] = field(default_factory=Future)
+    is_taken_back: bool = False
     asked_s: float | None = None
     asked_count: int = 0
     keep_s: float | None = None
@@ -176,15 +179,24 @@ class Commander:
             if self._phase is not Phase.SETPOINTS or self._handover is not None:
                 self._forget()
 
-    def hand_over(self, phase: Phase, request: Request, stays: PositionSetpoint) -> Future[None]:
-        """Has the high-level commander take over. The future ends with its answer.
+    def hand_over(
+        self, phase: Phase, request: Request, stays: PositionSetpoint, on_ended: Callable[[str], None]
+    ) -> Callable[[], None]:
+        """Has the high-level commander take over. Returns what takes that back, at any time.
 
-        `stays` is sent while no answer comes.
+        `stays` is sent while no answer comes. `on_ended` gets the refusal, or nothing once it was accepted.
         """
-        handover = _Handover(phase, request, stays)
+        handover = _Handover(phase, request, stays, on_ended)
         with self._lock:
             self._replace(handover)
-        return handover.future
+        return lambda: self._take_back(handover)
+
+    def _take_back(self, handover: _Handover) -> None:
+        """Takes back a handover: one that has just taken effect is undone."""
+        with self._lock:
+            handover.is_taken_back = True
+            if self._handover is not handover and self._phase is handover.phase:
+                self._forget()
 
     # --- From the thread that receives --------------------------------------------------------------------------------
 
@@ -201,7 +213,9 @@ class Commander:
                 self._sent_s = None
             elif self._is_silent(now_s):
                 self._last = None
-                self._replace(_Handover(Phase.HOVERING, self.encoder.stop(*flying), rest(*flying), SILENCE_PATIENCE_S))
+                self._replace(
+                    _Handover(Phase.HOVERING, self.encoder.stop(*flying), rest(*flying), patience_s=SILENCE_PATIENCE_S)
+                )
             if is_on_ground and self._handover is None and self._phase is not Phase.SETPOINTS:
                 self._forget()
             if self._is_hover_due(now_s) and not is_on_ground:
@@ -293,7 +307,7 @@ class Commander:
         is_hover = handover.phase is Phase.HOVERING
         asked_s = handover.asked_s if handover.stays is None else None
         is_late = asked_s is not None and now_s - asked_s > handover.patience_s
-        if not is_late and not handover.future.cancelled():
+        if not is_late and not handover.is_taken_back:
             return
         if is_hover or handover.asked_s is None:
             self._replace(None)
@@ -330,6 +344,9 @@ class Commander:
         with self._lock:
             if self._handover is not handover:
                 return  # setpoints have come meanwhile
+            if handover.is_taken_back:
+                self._forget()  # the firmware does it already: any setpoint ends that
+                return
             self._handover = None
             self._answered = handover, error
             if is_fine:
@@ -341,19 +358,18 @@ class Commander:
             else:
                 self._still_since_s = math.inf
 
-    def finish(self) -> None:
-        """Ends the future of a command that was answered, once the snapshot with its effect is published.
+    @property
+    def has_answered(self) -> bool:
+        """Whether a handover has ended, which `finish` tells."""
+        return self._answered is not None
 
-        A command that was withdrawn before is undone: until then nobody could see that it had an effect.
-        """
+    def finish(self) -> None:
+        """Tells that a handover has ended; to be called once the snapshot with its effect is published."""
         answered, self._answered = self._answered, None
-        if answered is None:
-            return
-        handover, error = answered
-        words = f"the high-level commander refused (error {error})"
-        refusal = None if self._phase is handover.phase else RejectedByAutopilotError(words, {"error": str(error)})
-        if not futures.end(handover.future, refusal):
-            self.take_control()
+        if answered is not None:
+            handover, error = answered
+            is_done = self._phase is handover.phase
+            handover.on_ended("" if is_done else f"the high-level commander refused (error {error})")
 
 
 def _is_still(setpoint: Setpoint) -> bool:

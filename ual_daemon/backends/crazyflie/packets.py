@@ -124,6 +124,13 @@ def arm(protocol: int, *, is_armed: bool) -> Packet:
     return Packet(port, channel, bytes((SET_ARMED, is_armed)))
 
 
+def refuses_arming(packet: Packet) -> bool:
+    """Whether a packet is the firmware's answer that it does not arm or disarm."""
+    is_answer = packet.port == SUPERVISOR or (packet.port == PLATFORM and packet.channel == 0)
+    data = packet.data
+    return is_answer and len(data) > 1 and data[0] & ~RESPONSE == SET_ARMED and not data[1]
+
+
 def external_pose(position: Vector3, orientation: Quaternion) -> Packet:
     """Returns a pose from outside, for the estimator."""
     return Packet(LOCALIZATION, 1, struct.pack("<B7f", _EXTERNAL_POSE, *position, *orientation))

@@ -16,8 +16,8 @@ from ual_daemon.backends.crazyflie.requests import Request, Requests
 
 _log = logging.getLogger(__name__)
 
-LOST_S = 1.0
-"""Without values of the pose for so long the link is lost; the slowest rate is 5 a second."""
+FIRST_VALUES_S = 1.0
+"""So long the first values may take once they were asked for."""
 RETRY_S = 1.0
 """A link that cannot be opened, and a firmware that cannot be flown, are tried again after this time."""
 
@@ -62,14 +62,13 @@ class Supervision:
         """Notes what is being done."""
         self.words = words
 
-    def step(self, now_s: float, motion_s: float | None) -> None:
-        """Does what is due. `motion_s` is when the last values of the pose came."""
+    def step(self, now_s: float, *, is_flowing: bool) -> None:
+        """Does what is due. `is_flowing` is whether values of the pose come."""
         if self.state is LinkState.OPENING:
             self._open(now_s)
             return
-        is_flowing = motion_s is not None and now_s - motion_s <= LOST_S
         if self.state is LinkState.CONNECTED and not is_flowing and now_s >= self._due_s:
-            self._change(LinkState.LOST, f"no values for {LOST_S:g} s")
+            self._change(LinkState.LOST, "its values do not come any more")
             self._begin()
         elif self.state is LinkState.LOST and is_flowing:  # it was only out of reach
             self._connected(self._firmware or Firmware(), now_s)
@@ -143,7 +142,7 @@ class Supervision:
     def _connected(self, firmware: Firmware, now_s: float) -> None:
         self._requests.clear()
         is_new, self._firmware, self._steps = firmware is not self._firmware, firmware, None
-        self._due_s = now_s + LOST_S  # the first values need a moment
+        self._due_s = now_s + FIRST_VALUES_S  # the first values need a moment
         self._change(LinkState.CONNECTED, "")
         self._on_connected(firmware, is_new)
 

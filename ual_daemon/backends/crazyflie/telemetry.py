@@ -83,13 +83,17 @@ class Telemetry:
         self.rssi_dbm: float | None = None
         self.discard()
 
-    def discard(self) -> None:
-        """Discards what may have changed while nothing was heard."""
+    def discard_state(self) -> None:
+        """Discards what others may have changed while nothing was read. Where it is and whether it flies grows old."""
         self.info: Sample[Supervisor] | None = None
+        self._estimator: Sample[Estimator] | None = None
+
+    def discard(self) -> None:
+        """Discards all of the boot before."""
+        self.discard_state()
         self.pose: Sample[Pose] | None = None
         self.velocity: Sample[Twist] | None = None
         self._rates = Vector3()
-        self._estimator: Sample[Estimator] | None = None
         self._landed: Sample[LandedState] = Sample(LandedState.UNKNOWN, NEVER_S)
         self._moved_s = -math.inf
         self._measured_s = self._stamp_s = 0.0

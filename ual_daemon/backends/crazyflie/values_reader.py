@@ -5,6 +5,7 @@ from __future__ import annotations
 from ual_daemon.backends.crazyflie import log_blocks
 from ual_daemon.backends.crazyflie.log_blocks import Block
 from ual_daemon.backends.crazyflie.telemetry import BoardTime, Telemetry
+from ual_daemon.backends.engine.link_watch import LinkWatch
 
 CLOCK_TOLERANCE_S = 1.0
 """A firmware whose blocks are gone has booted if its clock is off by more than this; else another client took them."""
@@ -13,15 +14,15 @@ CLOCK_TOLERANCE_S = 1.0
 class ValuesReader:
     """Fills `Telemetry`. Belongs to the thread that receives."""
 
-    def __init__(self, telemetry: Telemetry) -> None:
+    def __init__(self, telemetry: Telemetry, watch: LinkWatch) -> None:
+        """The link lives while the values of the motion come."""
         self._telemetry = telemetry
+        self._watch = watch
         self._blocks: dict[int, Block] = {}
         self._motion_ident = -1
         self._times: dict[int, BoardTime] = {}
         self.is_boot_open = False
         """Whether it may have booted since the last values: the next ones show it."""
-        self.motion_s: float | None = None
-        """When the last motion came."""
         self.has_rebooted = False
         """Whether it has booted since the last time; the caller sets it back."""
 
@@ -47,7 +48,7 @@ class ValuesReader:
         if measured_s is None:
             return
         if block.ident == self._motion_ident:
-            self.motion_s = now_s
+            self._watch.on_heard(now_s)
             self._telemetry.on_motion(values, measured_s, now_s, utc_s)
         else:
             self._telemetry.on_status(values, now_s)
@@ -61,4 +62,5 @@ class ValuesReader:
                 self._telemetry.boots_count += 1
             else:
                 self._telemetry.boots_in_frame_count += 1
+            self._watch.on_reboot(now_s)
             self.has_rebooted = True

@@ -84,7 +84,7 @@ class Flown:
 
     def _turn(self) -> None:
         before_s = self.now_s
-        self.session._turn()
+        self.session.thread.turn()
         if self.now_s == before_s:  # the link is being opened
             self.crazyflie.step()
 

@@ -445,7 +445,7 @@ def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> N
     commander = Commander(sent.append, sent.append, hovers_by_itself=True)
     requests = Requests(sent.append)
     place = Pose.at(0.0, 0.0, 1.0)
-    commander.hand_over(Phase.HOLDING, commander.encoder.stop(place, Vector3()), rest(place, Vector3()))
+    commander.hand_over(Phase.HOLDING, commander.encoder.stop(place, Vector3()), rest(place, Vector3()), print)
     flying = place, Vector3()
     commander.step(requests, 0.0, flying)
     requests.step(0.0)
@@ -469,7 +469,7 @@ def test_a_landing_is_not_asked_for_while_a_setpoint_is_still_being_sent() -> No
     pose, velocity = Pose.at(0.0, 0.0, 1.0), Vector3()
 
     def blocked(packet: Packet) -> None:
-        commander.hand_over(Phase.LANDING, commander.encoder.land(1.0, 0.0, 0.5), rest(pose, velocity))
+        commander.hand_over(Phase.LANDING, commander.encoder.land(1.0, 0.0, 0.5), rest(pose, velocity), print)
         commander.step(requests, 0.0, (pose, velocity))
         requests.step(0.0)
         sent.append(packet)

@@ -49,14 +49,14 @@ def test_a_command_in_a_stall_overrules_no_pilot(craft: Craft, name: str, stall_
     assert craft.uav.state() is State.FLYING_MANUAL
 
 
-@over(Can.STALL, red="px4, ardupilot, mavros px4, mavros ardupilot, dji psdk, dji osdk, crazyflie")
+@over(Can.STALL, red="px4, ardupilot, mavros px4, mavros ardupilot, dji psdk, dji osdk")
 def test_a_command_that_waits_for_too_long_in_a_stall_is_not_executed(craft: Craft) -> None:
     craft.fly()
     begin_s = craft.play((0.0, lambda: craft.stall(8.0)), (0.5, lambda: craft.command("land")), for_s=12.0)
     assert craft.commands_since(begin_s) == []
 
 
-@over(Can.STALL, red="airsim, crazyflie")
+@over(Can.STALL, red="airsim")
 def test_a_stall_is_not_blamed_on_the_vehicle(craft: Craft) -> None:
     craft.fly()
     craft.uav.go_to_waypoint(Pose.at(10.0, 0.0, 3.0), blocking=False)
