@@ -19,10 +19,10 @@ import grpc
 import hypothesis
 import pytest
 
+from tests import waiting
 from ual import discovery
 
-LIMIT_S = 60.0
-"""How long anything may take on a busy machine before a test gives up."""
+LIMIT_S = waiting.LIMIT_S
 TIME_TO_BEGIN_S = 3.0
 """A caller's time limit that is to pass once his command has begun, on a busy machine, too."""
 
