@@ -66,8 +66,18 @@ def test_a_long_sentence_is_found_with_its_line(tmp_path: Path, name: str) -> No
     assert found.line == (2 if name.endswith(".md") else 4)
 
 
-def test_only_listed_files_have_long_sentences() -> None:
-    too_long = {path.relative_to(ROOT).as_posix(): long_ones(path) for path in files()}
+def test_a_long_comment_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "long.py"
+    begin, _, end = LONG.partition(" ")
+    path.write_text(f'x = """\n# {LONG}\n"""\ny = 2\n# {begin}\n# {end}\n')
+    [found] = long_ones(path)
+    assert found == (5, LONG)
+
+
+@pytest.mark.parametrize("folder", sorted({path.relative_to(ROOT).parts[0] for path in files()}))
+def test_only_listed_files_have_long_sentences(folder: str) -> None:
+    of_folder = [path for path in files() if path.relative_to(ROOT).parts[0] == folder]
+    too_long = {path.relative_to(ROOT).as_posix(): long_ones(path) for path in of_folder}
     found = {
         name: [f"line {each.line}, {each.words_count} words: {each.text}" for each in sentences]
         for name, sentences in too_long.items()
