@@ -19,7 +19,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist run test test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients lock lint docs format proto proto-check proto-baseline wire bench bench-guard bench-fleet bench-tracker clean
+.PHONY: help install dev dist release run test coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients lock lint docs format proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -60,6 +60,20 @@ dist: | $(VENV)/.made  ## The wheels of all three distributions into dist: docs/
 	$(BIN)/python -m pip wheel --disable-pip-version-check --quiet --no-deps --wheel-dir dist $(CLIENT) $(TOOLS) .
 	@ls dist/*.whl
 
+# What is flown with the wheels is what the SBOM lists: they are installed apart, in the versions of constraints.txt.
+release: $(DEV)  ## Checks this commit, builds its wheels and SBOM into dist, and tags it: CONTRIBUTING.md
+	$(BIN)/python tools/release.py check
+	$(MAKE) lint proto-check docs test
+	$(MAKE) dist sbom
+	$(BIN)/python tools/release.py tag
+
+sbom: | $(VENV)/.made  ## What the wheels in dist need, as dist/ual.cdx.json (CycloneDX)
+	rm -rf build/release && $(PYTHON) -m venv build/release
+	build/release/bin/python -m pip install --disable-pip-version-check --quiet --no-compile --constraint $(LOCK) dist/*.whl
+	$(PIP_NEWEST) --quiet --upgrade --target build/cyclonedx cyclonedx-bom
+	PYTHONPATH=build/cyclonedx $(BIN)/python -m cyclonedx_py environment --output-file dist/ual.cdx.json build/release
+	@ls dist/*
+
 run: $(INSTALLED)  ## Flies: a light (simulated) UAV, uav_1, armed by its simulated safety pilot
 	@echo 'In another terminal: . $(BIN)/activate; ual takeoff 3; ual goto 4 2 3; ual land'
 	$(BIN)/ual-daemon --backend light --ns uav_1 --auto-arm
@@ -69,6 +83,10 @@ IN_PARALLEL = -n $$((3 * $$(nproc))) --dist loadgroup
 
 test: $(DEV)  ## The tests, but those that need a real autopilot
 	$(BIN)/python -m pytest $(IN_PARALLEL)
+
+coverage: $(DEV)  ## The tests, and how much of each room they reach; build/coverage.json has the lines
+	$(BIN)/python -m pytest $(IN_PARALLEL) --cov --cov-report=json:build/coverage.json
+	$(BIN)/python tools/coverage_by_room.py build/coverage.json
 
 test-thorough: $(DEV)  ## The property tests, each with 1000 examples that are new each time
 	UAL_TEST_HYPOTHESIS=thorough $(BIN)/python -m pytest $(IN_PARALLEL) -m hypothesis

@@ -1,7 +1,7 @@
 """Numbers inside MAVLink messages, by which a message that arrives can be matched with the one that was sent.
 
 A position carries its number in its distance to the north. A setpoint of UAL carries it in its yaw rate, and one of the
-other ways in its speed to the north: what UAL sends is a velocity that is corrected (decision 21), but no corrected yaw
+other ways in its speed to the north. What UAL sends is a velocity that is corrected (decision 21), but no corrected yaw
 rate while the UAV is to turn. All are exact in MAVLink's 32-bit floating point numbers, and plausible to an autopilot.
 """
 

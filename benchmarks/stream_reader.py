@@ -2,7 +2,7 @@
 
     python -m benchmarks.stream_reader RATE_HZ    # a child: see `benchmarks.children`
 
-Speaks the little HTTP/2 that one stream on a connection needs (RFC 9113), without a gRPC library: a message costs 10 to
+Speaks the little HTTP/2 that one stream on a connection needs (RFC 9113), without a gRPC library. A message costs 10 to
 20 µs instead of 150, so that one process reads 500 streams beside the daemon that it measures.
 """
 

@@ -19,10 +19,10 @@ import grpc
 import hypothesis
 import pytest
 
+from tests import waiting
 from ual import discovery
 
-LIMIT_S = 60.0
-"""How long anything may take on a busy machine before a test gives up."""
+LIMIT_S = waiting.LIMIT_S
 TIME_TO_BEGIN_S = 3.0
 """A caller's time limit that is to pass once his command has begun, on a busy machine, too."""
 
@@ -31,8 +31,11 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 # The same examples each time, however busy the machine; `make test-thorough` looks for others, and for longer.
-hypothesis.settings.register_profile("deterministic", derandomize=True, deadline=None, max_examples=40)
-hypothesis.settings.register_profile("thorough", deadline=None, max_examples=1000)
+_SLOW = [hypothesis.HealthCheck.too_slow]  # that measures the computer
+hypothesis.settings.register_profile(
+    "deterministic", derandomize=True, deadline=None, max_examples=40, suppress_health_check=_SLOW
+)
+hypothesis.settings.register_profile("thorough", deadline=None, max_examples=1000, suppress_health_check=_SLOW)
 hypothesis.settings.load_profile(os.environ.get("UAL_TEST_HYPOTHESIS", "deterministic"))
 
 

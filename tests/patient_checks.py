@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection
-from contextlib import ExitStack
-from pathlib import Path
 
 import pytest
 from _pytest.mark import ParameterSet
 
 import ual
-from tests.conftest import LIMIT_S, DaemonProcess
-from ual import conformance, discovery
+from tests.waiting import until
+from ual import conformance
 from ual.conformance import Check, CheckFailedError, Flight
 from ual.conformance.flight import CannotRunError
 from ual.conformance.runner import LONGEST_GAP_S
@@ -59,21 +56,9 @@ def grouped(value: object, name: str, group: str = "") -> ParameterSet:
     return pytest.param(value, id=name, marks=pytest.mark.xdist_group(group or name))
 
 
-def served(stack: ExitStack, directory: Path, backend: str, *flags: str) -> Uav:
-    """A UAV of a daemon that has the backends of `tests.simulators.daemon`, over gRPC."""
-    environment = {discovery.RUNTIME_DIR_VARIABLE: str(directory), "XDG_CACHE_HOME": str(directory)}
-    flags = ("--backend", backend, "--listen", "127.0.0.1:0", *flags)
-    daemon = DaemonProcess(flags, "uav_1", environment, module="tests.simulators.daemon")
-    stack.callback(daemon.close)
-    return stack.enter_context(ual.Uav(address=daemon.address))
-
-
 def wait_until_ready(uav: Uav, is_known: Callable[[Uav], bool] = lambda _: True) -> None:
     """Waits until the UAV is ready, and what the checks need is known of it."""
-    deadline_s = time.monotonic() + LIMIT_S
-    while not uav.is_ready() or not is_known(uav):
-        assert time.monotonic() < deadline_s, uav.telemetry()
-        time.sleep(0.02)
+    until(lambda: uav.is_ready() and is_known(uav), seen=uav.telemetry)
 
 
 def _is_silence(error: BaseException) -> bool:

@@ -28,7 +28,7 @@ def is_zero(latitude_deg: float, longitude_deg: float) -> bool:
 class Projection(ABC):
     """A local frame on Earth: its origin, and how its metres relate to latitude and longitude.
 
-    Each autopilot has its own projection, and a goal must be in the autopilot's metres: choose the class that computes
+    Each autopilot has its own projection, and a goal must be in the autopilot's metres. Choose the class that computes
     as the autopilot does. z is the altitude above the origin's altitude (not above a tangent plane), as in autopilots.
     """
 

@@ -1,7 +1,7 @@
 """Attacks by connections and frames, with plain sockets: ``python -m benchmarks.attacks.connections NAME HOST PORT``.
 
 Each attack is a function of the host, the port and an event. It floods until the event is set, and returns how often
-it did what it does. The program floods until its standard input ends, and prints that number: so it can run in a
+it did what it does. The program floods until its standard input ends, and prints that number. So it can run in a
 process of its own, and takes no time of Python from who measures.
 """
 

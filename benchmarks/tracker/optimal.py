@@ -2,9 +2,9 @@
 purpose independent of UAL's planner.
 
 The motion is symmetric. Speeding up to v takes the time t(v) and the distance v t(v) / 2. With j the jerk and a the
-acceleration limit, the acceleration is a trapezoid with ramps of a / j where v >= a^2 / j, and t = v / a + a / j; a
-triangle below that, and t = 2 sqrt(v / j). See Biagiotti and Melchiorri, "Trajectory Planning for Automatic Machines
-and Robots" (2008), 3.4.
+acceleration limit, the acceleration is a trapezoid with ramps of a / j where v >= a^2 / j, and t = v / a + a / j. It
+is a triangle below that, and t = 2 sqrt(v / j). See Biagiotti and Melchiorri, "Trajectory Planning for Automatic
+Machines and Robots" (2008), 3.4.
 """
 
 from __future__ import annotations

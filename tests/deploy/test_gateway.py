@@ -21,6 +21,7 @@ import ual
 from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
 from tests.ports import free_port
 from tests.ual_daemon.server.access.ways_in import Made, beyond_loopback, make_files
+from tests.waiting import until
 from ual import discovery
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
@@ -69,13 +70,14 @@ def start_gateway(tmp_path: Path) -> Iterator[StartGateway]:
 
             stack.callback(end)
             host, _, port = address.rpartition(":")
-            deadline_s = time.monotonic() + LIMIT_S
-            while True:
-                with socket.socket() as probe:
-                    if probe.connect_ex((host, int(port))) == 0:
-                        return address
+
+            def is_there() -> bool:
                 assert nginx.poll() is None, nginx.communicate()[1]
-                assert time.monotonic() < deadline_s
+                with socket.socket() as probe:
+                    return probe.connect_ex((host, int(port))) == 0
+
+            until(is_there)
+            return address
 
         yield start
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from grpc_reflection.v1alpha import reflection_pb2, reflection_pb2_grpc
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.examples.installing import THREADS_LEFT, install, run, search_path
+from tests.waiting import until
 
 IN_PROCESS = """
 import threading
@@ -150,15 +152,20 @@ def test_for_asyncio(installed: Path, daemon: DaemonProcess) -> None:
 def test_its_frames_are_in_the_tree_and_go_with_the_joints(installed: Path, daemon: DaemonProcess) -> None:
     run("import sys, ual; ual.Uav(address=sys.argv[1]).extension('arm').move(1.5, 0.0)", installed, daemon.address)
     with ual.Uav(address=daemon.address) as uav:
-        for _ in range(round(LIMIT_S / 0.05)):
-            try:
-                tool = uav.transform("uav_1/base_link", "uav_1/arm/tool").translation
-            except ual.UalError:
-                continue
-            if abs(tool.z - (-0.1 - 0.55 * math.sin(1.5))) < 1e-6:  # 0.55 m of arm, nearly straight down
-                assert tool.x == pytest.approx(0.1 + 0.55 * math.cos(1.5))
-                return
-        raise AssertionError(f"the tool is at {tool}")
+
+        def tool() -> ual.Vector3 | None:
+            with contextlib.suppress(ual.UalError):
+                return uav.transform("uav_1/base_link", "uav_1/arm/tool").translation
+            return None
+
+        def is_down() -> bool:
+            here = tool()
+            return here is not None and abs(here.z - (-0.1 - 0.55 * math.sin(1.5))) < 1e-6
+
+        until(is_down, "the tool 0.55 m below the shoulder, nearly", seen=tool)
+        here = tool()
+        assert here is not None
+        assert here.x == pytest.approx(0.1 + 0.55 * math.cos(1.5))
 
 
 def test_it_is_in_reflection_and_health(daemon: DaemonProcess) -> None:

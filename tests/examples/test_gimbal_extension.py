@@ -14,7 +14,8 @@ from tests.conftest import LIMIT_S, DaemonProcess
 from tests.examples.installing import EXAMPLES, THREADS_LEFT, install, run, search_path
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
-from tests.ual_daemon.backends.mavlink.test_backend import Autopilot, Pair, opened, wait_for
+from tests.ual_daemon.backends.mavlink.test_backend import Autopilot, Pair, opened
+from tests.waiting import until
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -118,7 +119,7 @@ def pair() -> Iterator[Pair]:
             autopilot.say(heartbeat())
             return backend.info().autopilot == "PX4"
 
-        wait_for(meets, "the autopilot")
+        until(meets, "the autopilot")
         yield backend, autopilot
 
 
@@ -157,13 +158,13 @@ def test_by_mavlink(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
 
     half = math.radians(-30.0) / 2.0
     autopilot.say(status(12, (math.cos(half), 0.0, math.sin(half), 0.0)))  # 30 degrees down, ahead
-    wait_for(lambda: said(device) is not None, "the attitude")
+    until(lambda: said(device) is not None, "the attitude")
     assert said(device) == pytest.approx((math.radians(-30.0), 0.0))
     half = math.radians(20.0) / 2.0
     autopilot.say(status(12, (math.cos(half), 0.0, 0.0, math.sin(half))))  # to the right of the nose
-    wait_for(lambda: is_near(device, 0.0, -20.0), "the yaw")
+    until(lambda: is_near(device, 0.0, -20.0), "the yaw")
     autopilot.say(status(12 | 16, (math.cos(half), 0.0, 0.0, math.sin(half))))  # the same from north: left of the nose
-    wait_for(lambda: is_near(device, 0.0, 25.0), "the yaw")
+    until(lambda: is_near(device, 0.0, 25.0), "the yaw")
     device.close()
     assert "ual_gimbal.device" in sys.modules
 

@@ -22,7 +22,7 @@ import ual
 from examples import avoidance, contact, film, perch, survey
 from tests.conftest import DaemonProcess, StartDaemon
 from tests.examples.installing import install, search_path
-from tests.ual.recording.waiting import wait_until
+from tests.waiting import until
 from ual import discovery
 
 ROOT = Path(__file__).parents[2]
@@ -186,7 +186,7 @@ def test_where_one_falls_silent_the_other_lands(start_daemon: StartDaemon, runti
     program = Program(runtime_dir, "avoidance", "uav_1", "uav_2")
     with ual.Uav("uav_2") as uav:
         uav.wait_for(ual.State.FLYING_AUTO)
-        wait_until(lambda: uav.velocity().twist.linear.norm() > 0.1)
+        until(lambda: uav.velocity().twist.linear.norm() > 0.1)
         with daemons[0].frozen():
             out, _ = program.process.communicate(timeout=LIMIT_S)
         assert program.process.returncode == 1
@@ -285,12 +285,12 @@ def test_a_pipe_that_moves_breaks_the_approach_off_and_it_perches_where_the_pipe
     name = start_armed(start_daemon).ns
     with ual.Uav(name) as uav:
         program = Program(runtime_dir, "perch", name, "--pipe", "2", "1", "1")
-        wait_until(lambda: any(frame.frame_id == "pipe" for frame in uav.frames()))
+        until(lambda: any(frame.frame_id == "pipe" for frame in uav.frames()))
 
         def over_the_pipe_m() -> float:
             return uav.transform("pipe").translation.z - perch.FOOT_M
 
-        wait_until(lambda: uav.state() is ual.State.FLYING_AUTO and over_the_pipe_m() < perch.NEAR_M / 2)
+        until(lambda: uav.state() is ual.State.FLYING_AUTO and over_the_pipe_m() < perch.NEAR_M / 2)
         uav.add_frame(ual.Transform(ual.Vector3(2.6, 1.0, 1.0), frame_id="map", child_frame_id="pipe"))
         assert program.until("broken off")
         program.until("perched")

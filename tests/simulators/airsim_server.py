@@ -11,7 +11,6 @@ import math
 import selectors
 import socket
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -280,11 +279,3 @@ class AirsimServer:
         position, rotation = state["position"], state["orientation"]
         yaw_rad = 2.0 * math.atan2(rotation["z_val"], rotation["w_val"])
         self.vehicles[name].place((position["x_val"], position["y_val"], position["z_val"]), yaw_rad)
-
-
-def wait_until(condition: Callable[[], bool], what: str, limit_s: float = 60.0) -> None:
-    """Waits for a condition, and fails if it does not come true."""
-    deadline_s = time.monotonic() + limit_s
-    while not condition():
-        assert time.monotonic() < deadline_s, what
-        time.sleep(0.01)

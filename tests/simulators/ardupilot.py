@@ -102,7 +102,7 @@ _MAVLINK, _EXTERNAL_NAVIGATION = 1, 6
 class ArduPilot(Autopilot):
     """An ArduCopter with any number of equal links. If `radio` is given, the pilot's transmitter is there.
 
-    It starts on the ground `start` from its origin, in STABILIZE, `boot_s` after it has booted; `settle_s` is how long
+    It starts on the ground `start` from its origin, in STABILIZE, `boot_s` after it has booted. `settle_s` is how long
     after booting its estimator is good (40 s for the real one).
     """
 

@@ -1,7 +1,7 @@
 """A small rosbridge: protocol 2 in JSON and CBOR, ROS 1 and ROS 2, rosapi, and nodes that are plain Python objects.
 
-It behaves as rosbridge_suite does: a wrong type or an unknown topic is written to its own log and not sent to the
-client (unless `sends_status`), a service that is not there is answered with an error, NaN is null in JSON. With ROS 2
+It behaves as rosbridge_suite does. A wrong type or an unknown topic is written to its own log and not sent to the
+client (unless `sends_status`). A service that is not there is answered with an error; NaN is null in JSON. With ROS 2
 the operations of a client are executed one after another, and a call holds up those after it until it is answered.
 """
 

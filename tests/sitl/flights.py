@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from tests.sitl.transmitter import Transmitter
+from tests.waiting import until
 from ual.geometry import Pose, Vector3
 from ual.interface import Uav
 from ual.types import State
@@ -25,9 +26,7 @@ class Flight:
     def wait_for(self, condition: Callable[[], bool], what: str, limit_s: float = PATIENCE_S) -> float:
         """Waits, and says how long it took."""
         began_s = time.monotonic()
-        while not condition():
-            assert time.monotonic() - began_s < limit_s, f"{what} did not come; {self.uav.telemetry()}"
-            time.sleep(0.005)
+        until(condition, what, seen=self.uav.telemetry, limit_s=limit_s)
         return time.monotonic() - began_s
 
     def wait_for_state(self, state: State) -> float:

@@ -20,8 +20,8 @@ class Simulator:
     """An autopilot in its simulator.
 
     `wanders_m` is how far off its own estimate it may hover, `estimate_m_s` how wrong its velocity may be. `own_hold`
-    is the mode in which it holds its position by itself, `pilots_mode` the one in which its safety pilot flies,
-    `references_mode` the (custom) mode in which it takes our references, and `references_name` its name.
+    is the mode in which it holds its position by itself, `pilots_mode` the one in which its safety pilot flies.
+    `references_mode` is the (custom) mode in which it takes our references, and `references_name` its name.
     `disarm_refusal` is how it refuses to be disarmed in the air.
     """
 

@@ -15,6 +15,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, daemon_environment
+from tests.waiting import until
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
@@ -54,10 +55,7 @@ def started(stack: ExitStack, url: str, directory: Path) -> DaemonProcess:
 
 
 def wait_until_ready(uav: Uav) -> None:
-    deadline_s = time.monotonic() + LIMIT_S
-    while not uav.is_ready():
-        assert time.monotonic() < deadline_s, uav.telemetry()
-        time.sleep(0.02)
+    until(uav.is_ready, seen=uav.telemetry, limit_s=LIMIT_S)
 
 
 # Before the checks, whose daemon would be a second one on the same link.

@@ -1,12 +1,11 @@
 """The conformance checks on real autopilots in simulation, through the class and over gRPC to a daemon.
 
-They are flown twice over: by a daemon that may not arm, with the safety pilot, as real UAVs are; and those that this
+They are flown twice over: by a daemon that may not arm, with the safety pilot, as real UAVs are. And those that this
 leaves out by one that may, with a limit of speed that is soon reached.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ from tests.conftest import LIMIT_S, DaemonProcess
 from tests.sitl.copter_pilot import CopterPilot
 from tests.sitl.simulators import Simulator
 from tests.sitl.transmitter import Sticks, Transmitter
+from tests.waiting import until
 from ual import conformance, discovery
 from ual.conformance import Check, Flight, Need, Tolerances
 from ual.conformance.flight import CannotRunError
@@ -108,10 +108,12 @@ def connect(request: pytest.FixtureRequest) -> Connect:
 @contextmanager
 def flying(uav: Uav) -> Iterator[Flight]:
     """The flight of the checks; in the end it has landed and is disarmed."""
-    deadline_s = time.monotonic() + LIMIT_S
-    while not (uav.is_ready() and uav.info().is_simulation and uav.telemetry().position_geo):
-        assert time.monotonic() < deadline_s, uav.telemetry()
-        time.sleep(0.02)
+    until(
+        lambda: uav.is_ready() and uav.info().is_simulation and uav.telemetry().position_geo,
+        "what the checks need to know",
+        seen=uav.telemetry,
+        limit_s=LIMIT_S,
+    )
     flight = Flight(uav, Tolerances())
     try:
         yield flight

@@ -6,7 +6,6 @@ The conformance checks through the class and over gRPC, and a daemon that is kil
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,6 +14,7 @@ import pytest
 
 import ual
 from tests.conftest import DaemonProcess
+from tests.waiting import until, until_state
 from ual import conformance, discovery
 from ual.conformance import Check, Flight
 from ual.conformance.flight import CannotRunError
@@ -44,10 +44,7 @@ def begin_daemon(url: str, directory: Path) -> DaemonProcess:
 
 
 def wait_for(uav: Uav, *states: State) -> None:
-    deadline_s = time.monotonic() + READY_S
-    while uav.state() not in states:
-        assert time.monotonic() < deadline_s, uav.telemetry()
-        time.sleep(0.02)
+    until_state(uav, *states, limit_s=READY_S)
 
 
 # Before the checks, whose daemon would be a second one on the same link.
@@ -60,10 +57,7 @@ def test_a_daemon_that_is_killed_in_a_hover_is_followed_by_one_that_lands(url: s
             if uav.state() is State.LANDED_DISARMED:
                 uav.arm()
             uav.take_off(HEIGHT_M)
-            deadline_s = time.monotonic() + READY_S
-            while not uav.telemetry().flight_mode.startswith("hover"):
-                assert time.monotonic() < deadline_s
-                time.sleep(0.02)
+            until(lambda: uav.telemetry().flight_mode.startswith("hover"), seen=uav.telemetry, limit_s=READY_S)
         daemon.process.kill()
         again = begin_daemon(url, tmp_path)
         stack.callback(again.close)

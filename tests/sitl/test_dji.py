@@ -26,6 +26,7 @@ from tests.simulators.lockstep_dji import DjiPilot
 from tests.simulators.rosbridge import Bridge
 from tests.simulators.rosbridge_node import served
 from tests.simulators.rosbridge_server import RosbridgeServer
+from tests.waiting import until_state
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
@@ -150,7 +151,5 @@ def test_the_pilot_takes_over_at_random_moments_and_nothing_is_sent_after(aircra
 def wait_for(uav: Uav, state: State) -> float:
     """Waits for a state. Returns how long it took, in s."""
     begun_s = time.monotonic()
-    while uav.state() is not state:
-        assert time.monotonic() < begun_s + LIMIT_S, uav.telemetry()
-        time.sleep(0.002)
+    until_state(uav, state, limit_s=LIMIT_S)
     return time.monotonic() - begun_s

@@ -11,6 +11,7 @@ import pytest
 from tests.sitl.flights import PATIENCE_S, Flight
 from tests.sitl.pilot import SafetyPilot
 from tests.sitl.transmitter import Transmitter
+from tests.waiting import until
 from ual.errors import TaskAbortedError
 from ual.geometry import Quaternion, wrap_angle
 from ual.types import State
@@ -43,10 +44,7 @@ def nose(pilot: Transmitter) -> Nose:
         seen.append(Quaternion(x, y, z, w).yaw_rad)
 
     pilot.listen(mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, 20.0, take)
-    until_s = time.monotonic() + 10.0
-    while not seen:
-        assert time.monotonic() < until_s, "no HIL_STATE_QUATERNION came"
-        time.sleep(0.05)
+    until(lambda: seen, "HIL_STATE_QUATERNION", limit_s=10.0)
     return lambda: seen[-1]
 
 

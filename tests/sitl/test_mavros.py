@@ -16,7 +16,7 @@ import pytest
 from typing_extensions import override
 
 import ual
-from tests.conftest import LIMIT_S, DaemonProcess
+from tests.conftest import DaemonProcess
 from tests.sitl.simulators import ARDUPILOT, PX4, Simulator
 from tests.sitl.test_conformance import (
     WITH_PILOT,
@@ -28,6 +28,7 @@ from tests.sitl.test_conformance import (
     run_check,
 )
 from tests.sitl.transmitter import Transmitter
+from tests.waiting import until_state
 from ual import discovery
 from ual.conformance import Check, Flight
 from ual.errors import NotSupportedError
@@ -113,24 +114,16 @@ def test_the_pilot_takes_over_again_and_again_and_nothing_is_sent_after(
     backend, uav = counting
     assert uav.simulation is not None
     uav.simulation.pilot_arm()
-    wait_for(uav, State.LANDED_ARMED)  # he sees it before we do: MAVROS tells it at its own rate
+    until_state(uav, State.LANDED_ARMED)  # he sees it before we do: MAVROS tells it at its own rate
     uav.take_off(4.0)
     for number in range(TIMES):
         uav.go_to_waypoint(Pose.at(8.0 * (number % 2), 0.0, 4.0), blocking=False)
         time.sleep(1.0)
         uav.simulation.pilot_take_over()
-        wait_for(uav, State.FLYING_MANUAL)
+        until_state(uav, State.FLYING_MANUAL)
         told = backend.sent_count
         time.sleep(1.0)
         assert backend.sent_count <= told + 1
         uav.recover_from_manual()
-        wait_for(uav, State.FLYING_AUTO)
+        until_state(uav, State.FLYING_AUTO)
     uav.land()
-
-
-def wait_for(uav: Uav, state: State) -> None:
-    """Waits for a state."""
-    deadline_s = time.monotonic() + LIMIT_S
-    while uav.telemetry().state is not state:
-        assert time.monotonic() < deadline_s, uav.telemetry()
-        time.sleep(0.02)

@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from tests.waiting import until
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 
@@ -154,7 +155,7 @@ class Transmitter(ABC):
     @abstractmethod
     def stand_by(self) -> None:
         """Moves his switch to where it must stand before he can take over again, as he does when he has seen that
-        control was recovered; where programs fly by a position of the switch, that gives control back. Returns when the
+        control was recovered. Where programs fly by a position of the switch, that gives control back. Returns when the
         autopilot has surely seen it.
         """
 
@@ -176,12 +177,13 @@ class Transmitter(ABC):
 
     def _order(self, command: int, params: tuple[float, ...], is_done: Callable[[], bool], what: str) -> None:
         """Sends a command until it has shown its effect."""
-        deadline_s = time.monotonic() + PATIENCE_S
-        while not is_done():
-            assert time.monotonic() < deadline_s, self._not(what)
+
+        def send() -> None:
             self._command(command, params)
             with self._changed:
                 self._changed.wait_for(is_done, timeout=SEND_AGAIN_S)
+
+        until(is_done, what, seen=lambda: self._not(what), between=send, limit_s=PATIENCE_S)
 
     def _not(self, what: str) -> str:
         return f"{self.autopilot} {self._system_id} is not {what} (mode {self.mode:#x}); it said {self.said!r}"

@@ -19,6 +19,7 @@ import pytest
 import ual
 from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
 from tests.ual import fake_daemon
+from tests.waiting import until
 from ual import TaskStatus, _calls, _target, errors
 from ual._target import CHANNEL_OPTIONS
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
@@ -205,10 +206,8 @@ def test_where_the_daemon_moved_the_calls_that_run_go_on_until_they_end(monkeypa
         first.wait_for_streamed(1)
         setpoints.put(None)
         stream.result(LIMIT_S)
-        deadline_s = time.monotonic() + LIMIT_S
-        while uav._connection._retired and time.monotonic() < deadline_s:  # gRPC may not have told yet that it ended
-            uav.set_home()
-        assert uav._connection._retired == [], "the old channel is closed"
+        # gRPC may not have told yet that it ended.
+        until(lambda: uav._connection._retired == [], "the end of the old channel", between=uav.set_home)
 
 
 def test_a_call_that_waits_for_the_daemon_finds_it_at_another_address(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -453,11 +452,8 @@ def test_a_closed_client_leaves_nothing(daemon: DaemonProcess) -> None:
     threads, sockets = threading.active_count(), count_sockets()
     for _ in range(3):
         use_everything()
-    deadline_s = time.monotonic() + LIMIT_S
-    while (threading.active_count() > threads or count_sockets() > sockets) and time.monotonic() < deadline_s:
-        time.sleep(0.01)
-    assert threading.active_count() <= threads, threading.enumerate()
-    assert count_sockets() <= sockets
+    until(lambda: threading.active_count() <= threads, seen=threading.enumerate)
+    until(lambda: count_sockets() <= sockets, seen=count_sockets)
 
 
 def use_everything() -> None:

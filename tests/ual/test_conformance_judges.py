@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, cast
 
 import pytest
 
+from tests.waiting import until_state
 from ual import conformance
 from ual.conformance import CheckFailedError, Flight, Outcome, Tolerances
 from ual.conformance.flight import CannotRunError
@@ -345,9 +345,7 @@ def test_an_operator_is_asked_to_arm_what_nobody_else_may(sabotaged: Sabotaged) 
         sabotaged.uav.land()
     if sabotaged.uav.state() is State.LANDED_ARMED:
         sabotaged.uav.simulation.pilot_disarm()
-        deadline_s = time.monotonic() + 30.0
-        while sabotaged.uav.state() is not State.LANDED_DISARMED and time.monotonic() < deadline_s:
-            time.sleep(0.01)
+        until_state(sabotaged.uav, State.LANDED_DISARMED)
     flight = Flight(cast("Uav", sabotaged), ask_operator=ask)
     flight.has_pilot, flight.info = False, replace(flight.info, is_arming_allowed=False)
     conformance.run_check(flight, CHECKS["bad_heights_are_refused"])

@@ -15,6 +15,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.waiting import until
 from ual import State, Twist, Vector3
 from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError, TeamError
 from ual.interface import Uav
@@ -113,12 +114,7 @@ def test_a_commander_takes_it_and_the_holder_is_told(daemon: DaemonProcess, uav:
 
 
 def wait_for_loss(lease: ual.interface.Lease) -> None:
-    for _ in range(round(LIMIT_S / 0.05)):
-        if lease.lost is not None:
-            assert isinstance(lease.lost, LeaseLostError)
-            return
-        threading.Event().wait(0.05)
-    raise AssertionError("the holder was not told")
+    assert isinstance(until(lambda: lease.lost, "the holder's notice"), LeaseLostError)
 
 
 def test_a_program_that_hangs_loses_it_and_the_uav_holds(daemon: DaemonProcess, uav: ual.Uav) -> None:

@@ -16,6 +16,7 @@ import ual
 import ual.aio
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon, sample
+from tests.waiting import until
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, UalError
 from ual.shared.callbacks import SLOW_S
 from ual.types import Telemetry
@@ -164,10 +165,8 @@ def test_what_closes_itself_gives_its_connection_back(daemon: FakeDaemon, uav: u
         may_close.set()
         assert has_closed.wait(LIMIT_S)
     no_thread_is_left()
-    deadline_s = time.monotonic() + LIMIT_S
-    while open_count() > before_count + 5 and time.monotonic() < deadline_s:  # the sockets' other ends are here, too
-        time.sleep(0.05)
-    assert open_count() <= before_count + 5
+    # The sockets' other ends are here, too.
+    until(lambda: open_count() <= before_count + 5, seen=open_count)
 
 
 def test_a_system_without_threads_is_told(uav: ual.Uav, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -408,12 +407,14 @@ def test_a_client_that_is_being_closed_opens_no_subscription(daemon: FakeDaemon)
     closing = threading.Thread(target=uav.close)
     closing.start()
     refusals: list[str] = []
-    deadline_s = time.monotonic() + LIMIT_S
-    while not refusals and time.monotonic() < deadline_s:  # until it has begun
+
+    def subscribe() -> None:
         try:
             uav.subscribe(print, rate_hz=10.0).close()
         except UalError as error:
             refusals.append(error.message)
+
+    until(lambda: refusals, between=subscribe)  # until it has begun
     may_return.set()
     closing.join(LIMIT_S)
     assert refusals == ["this client is closed"]

@@ -15,6 +15,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.conftest import LIMIT_S
+from tests.waiting import until
 from ual.errors import UalError, WrongStateError
 from ual.geometry import Pose, Quaternion, Transform, Twist, Vector3
 from ual.types import State
@@ -114,7 +115,7 @@ def _flies_as_ever(uav: UAL) -> None:
             way_down.get(uav.state(), lambda: None)()
         return uav.state() is State.LANDED_DISARMED
 
-    _wait_for(rests)
+    until(rests)
     uav.set_home(set_z=True)
     uav.arm()
     uav.take_off(2.0)
@@ -122,13 +123,6 @@ def _flies_as_ever(uav: UAL) -> None:
     position = uav.pose().pose.position
     assert tuple(position) == pytest.approx((2, 1, 2), abs=0.05)
     uav.land()
-
-
-def _wait_for(condition: Callable[[], bool]) -> None:
-    limit_s = time.monotonic() + 120
-    while not condition():
-        assert time.monotonic() < limit_s
-        time.sleep(0.01)
 
 
 def test_a_thread_waits_for_a_state_that_another_one_brings() -> None:

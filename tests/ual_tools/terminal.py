@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing_extensions import Self
 
 from tests.conftest import LIMIT_S, open_terminal
+from tests.waiting import until
 
 _MAIN = "from ual_tools.main import main; main()"
 UAL = (sys.executable, "-c", _MAIN)
@@ -79,11 +80,7 @@ class Terminal:
 
     def wait_until(self, is_so: Callable[[], bool]) -> None:
         """Waits for anything, and reads meanwhile."""
-        deadline_s = time.monotonic() + LIMIT_S
-        while not is_so():
-            assert time.monotonic() < deadline_s, self.text[-5000:]
-            self.drain()
-            time.sleep(0.01)
+        until(is_so, seen=self._end, between=self._drain_and_pause)
 
     def wait_for(self, text: str) -> None:
         while text not in self.text:
@@ -91,14 +88,23 @@ class Terminal:
 
     def press_until(self, keys: bytes, text: str) -> None:
         """Presses keys again until the text is there: a program that was not scheduled for long may drop them."""
-        deadline_s = time.monotonic() + LIMIT_S
-        while text not in self.text:
-            assert time.monotonic() < deadline_s, self.text[-5000:]
-            self.press(keys)
-            again_s = time.monotonic() + 3.0
-            while text not in self.text and time.monotonic() < again_s:
-                self.drain()
-                time.sleep(0.01)
+        due_s = 0.0
+
+        def press_again() -> None:
+            nonlocal due_s
+            if time.monotonic() > due_s:
+                self.press(keys)
+                due_s = time.monotonic() + 3.0
+            self._drain_and_pause()
+
+        until(lambda: text in self.text, repr(text), seen=self._end, between=press_again)
+
+    def _end(self) -> str:
+        return self.text[-5000:]
+
+    def _drain_and_pause(self) -> None:
+        self.drain()
+        time.sleep(0.01)
 
     def press(self, keys: bytes) -> None:
         os.write(self._ours, keys)

@@ -10,7 +10,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from tests.pages import why_wrong
 from tests.ports import free_port
 from tests.ual import fake_daemon
 from tests.ual_tools.terminal import UAL, Terminal
+from tests.waiting import until_state
 from ual.discovery import Registration
 from ual.types import State, Telemetry
 from ual_tools import values
@@ -60,11 +60,8 @@ def done_json(*words: str | Path) -> list[dict[str, Any]]:
 
 
 def wait_for_state(*states: State) -> None:
-    deadline_s = time.monotonic() + LIMIT_S
     with ual.Uav() as uav:
-        while uav.state() not in states:
-            assert time.monotonic() < deadline_s, uav.state()
-            time.sleep(0.01)
+        until_state(uav, *states)
 
 
 @pytest.fixture

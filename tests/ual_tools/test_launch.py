@@ -19,6 +19,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, daemon_environment, open_terminal
+from tests.waiting import until, until_async
 from ual import discovery
 from ual.types import State, Telemetry
 from ual_tools.launch.descendants import all_below
@@ -117,13 +118,6 @@ def runs(pid: int) -> bool:
         return False
 
 
-def wait_until(is_true: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + LIMIT_S
-    while not is_true():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
-
-
 StartTeam = Callable[..., Launched]
 
 
@@ -178,7 +172,7 @@ def test_ctrl_c_in_flight_lands_all_and_leaves_no_process(start_team: StartTeam)
     launched = start_team(BESIDE, count=2)
     launched.wait_for("all are ready")
     with ual.Team(["uav_1", "uav_2"]) as team:
-        wait_until(lambda: set(team.state().values()) == {State.LANDED_ARMED})
+        until(lambda: set(team.state().values()) == {State.LANDED_ARMED})
         team.take_off(3.0)
         below = all_below(launched.process.pid)
         assert len(below) >= 2 + 2 * 3 + 2  # daemons, what is beside each, and the left-behind of each; viewer, mission
@@ -354,10 +348,7 @@ class Heard(Log):
         self.lines.append(text)
 
     async def until(self, line: str) -> None:
-        deadline_s = time.monotonic() + LIMIT_S
-        while line not in self.lines:
-            assert time.monotonic() < deadline_s, self.lines
-            await asyncio.sleep(0.01)
+        await until_async(lambda: line in self.lines, line, seen=lambda: self.lines)
 
 
 def supervised(

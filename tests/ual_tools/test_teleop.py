@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -14,6 +13,7 @@ from click.testing import CliRunner
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual_tools.terminal import Terminal
+from tests.waiting import until
 from ual.geometry import Vector3
 from ual.types import State, Telemetry
 from ual_tools.main import cli
@@ -281,10 +281,7 @@ def test_a_terminal_that_takes_no_output_stops_the_uav(flying: ual.Uav) -> None:
     with Terminal("teleop", "keyboard") as terminal:
         fly_forward(terminal, flying)
         with Held(terminal, UP_ARROW):
-            deadline_s = time.monotonic() + LIMIT_S
-            while speed(flying) > 0.05:  # nobody reads
-                assert time.monotonic() < deadline_s
-                time.sleep(0.01)
+            until(lambda: speed(flying) <= 0.05, seen=flying.telemetry)  # nobody reads
             terminal.wait_for("the terminal is slow")
 
 

@@ -14,6 +14,7 @@ import ual
 from tests.conftest import LIMIT_S, DaemonProcess
 from tests.ual.joystick.virtual import VirtualDevice, require_pygame, virtual_devices
 from tests.ual_tools.test_teleop_pilot import PERIOD_S, Flight
+from tests.waiting import until
 from ual.geometry import Twist, Vector3
 from ual.joystick import Button, Joysticks
 from ual.types import State
@@ -171,12 +172,12 @@ def test_a_light_uav_is_flown_and_stands_after_the_cable_was_pulled(
         vehicle.open()
         controls, pilot = JoystickControls(joysticks, joysticks.find(), Layout()), Pilot([vehicle], 2.0)
 
+        def control() -> None:
+            controls.control(pilot, b"", time.monotonic(), is_late=False)
+            time.sleep(PERIOD_S)
+
         def fly_until(condition: Callable[[], bool]) -> None:
-            end_s = time.monotonic() + LIMIT_S
-            while not condition():
-                assert time.monotonic() < end_s
-                controls.control(pilot, b"", time.monotonic(), is_late=False)
-                time.sleep(PERIOD_S)
+            until(condition, seen=uav.telemetry, between=control)
 
         fly_until(lambda: vehicle.telemetry is not None and not controls.question(0.0))
         device.button(NUMBERS[Button.LEFT_SHOULDER], True)

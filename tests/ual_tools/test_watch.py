@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import io
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
-from tests.conftest import LIMIT_S, StartDaemon
+from tests.conftest import StartDaemon
+from tests.waiting import until
 from ual.errors import DaemonUnreachableError
 from ual.geometry import Pose, Quaternion, Transform, Twist, Vector3
 from ual.types import Battery, Health, State, TaskInfo, TaskKind, TaskStatus, Telemetry
@@ -214,10 +214,7 @@ def test_daemons_appear_and_vanish(start_daemon: StartDaemon, monkeypatch: pytes
         return board.seen()[ns].telemetry
 
     def wait_for_telemetry(ns: str) -> None:
-        deadline_s = time.monotonic() + LIMIT_S
-        while telemetry_of(ns) is None:
-            assert time.monotonic() < deadline_s
-            board.changed.wait(0.1)
+        until(lambda: telemetry_of(ns), f"telemetry of {ns}", seen=board.seen)
 
     start_daemon(ns="uav_10").wait_for("listening")
     roster.update()

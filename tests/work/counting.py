@@ -85,8 +85,8 @@ def least(works: Sequence[Work]) -> Work:
 
 
 def calls_of_samples(uav: UAL, count: int, begin: Callable[[], object]) -> float:
-    """Returns how many functions of UAL are called for a sample, on the thread that hears the autopilot: the mean of
-    all that is called between the first and the last of some samples. `begin` is called at the first one.
+    """Returns how many functions of UAL are called for a sample, on the thread that hears the autopilot. It is the
+    mean of all that is called between the first and the last of some samples. `begin` is called at the first one.
     """
     profile = cProfile.Profile()
     seen: list[Telemetry] = []

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from typing import NamedTuple
 
-from tests.conftest import LIMIT_S
 from tests.patient_checks import wait_until_ready
 from tests.simulators import ArduPilot, Autopilot, MemoryPort, Px4
 from tests.simulators.airsim import Vehicle
@@ -18,6 +16,7 @@ from tests.simulators.lockstep import LockstepBackend
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.lockstep_dji import LockstepPsdk
 from tests.simulators.lockstep_mavros import LockstepMavros
+from tests.waiting import until, until_state
 from ual.errors import NotSupportedError
 from ual.types import State
 from ual_daemon import UAL
@@ -141,18 +140,10 @@ def _is_home_known(backend: Backend) -> bool:
 
 
 def _arm(uav: UAL) -> None:
-    until(lambda: uav.state() in (State.LANDED_DISARMED, State.LANDED_ARMED), "the ground")
+    until_state(uav, State.LANDED_DISARMED, State.LANDED_ARMED)
     if uav.state() is State.LANDED_DISARMED:
         try:
             uav.simulation.pilot_arm()
         except NotSupportedError:
             uav.arm()
-    until(lambda: uav.state() is State.LANDED_ARMED, "the arming")
-
-
-def until(condition: Callable[[], bool], what: str) -> None:
-    """Waits for a condition."""
-    deadline_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < deadline_s, f"{what} did not come"
-        time.sleep(0.002)
+    until_state(uav, State.LANDED_ARMED)

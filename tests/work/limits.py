@@ -48,7 +48,7 @@ SAMPLES = {
     "airsim": 764,
     "dji": 855,
 }
-"""Calls of functions from one sample to the next in the same flights: what was received is decoded, the velocity is
+"""Calls of functions from one sample to the next in the same flights. What was received is decoded, the velocity is
 flown on, and the sample is made for one subscriber.
 """
 

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import until
 from tests.work import limits
 from tests.work.counting import Work, calls_of_samples, counted, least, usual
-from tests.work.flights import BACKENDS, flying, narrow, until
+from tests.work.flights import BACKENDS, flying, narrow
 from tests.work.served import Served, served
 from ual.geometry import Twist, Vector3
 from ual_daemon import UAL

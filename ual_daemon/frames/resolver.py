@@ -269,9 +269,9 @@ class FrameResolver:
     def external_pose(self, pose: PoseStamped, now_s: float) -> Pose:
         """Validates a pose from outside, and converts it to the backend's local frame, also before that has a place.
 
-        ``map`` without an origin on Earth, and what lies below it, is then as it was before any `set_home`, and
-        ``<ns>/odom`` that nothing ties to Earth as it was at the first pose from outside in it: whoever measures from
-        outside does not move with home. Nor is such a frame ever lost for it, as these poses lay the local frame.
+        Whoever measures from outside does not move with home. So ``map`` without an origin on Earth, and what lies
+        below it, is then as it was before any `set_home`. ``<ns>/odom`` that nothing ties to Earth is as it was at the
+        first pose from outside in it. Such a frame is never lost for these poses, since they lay the local frame.
 
         Raises:
             InvalidArgumentError: A value is out of range, the orientation is no rotation, or the frame is the body's.

@@ -6,7 +6,7 @@ import asyncio
 import gc
 import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from ual.types import State
@@ -29,9 +29,11 @@ from ual_daemon.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     import grpc
 
+    from ual.interface import Simulation
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
     from ual_daemon.server.access.policy import Access
+    from ual_daemon.server.simulation_service import SimulatedTime
 
 _log = logging.getLogger(__name__)
 
@@ -109,6 +111,7 @@ class Daemon:
                 self._callers,
                 is_auto_arming=self._is_auto_arming,
                 observers=self._observers(uav.vehicle),
+                time_of=self._supervision.time_of,
             )
             for uav in self._uavs
         ]
@@ -180,6 +183,7 @@ class _Served:
         *,
         is_auto_arming: bool,
         observers: Sequence[Observer],
+        time_of: Callable[[Simulation], SimulatedTime],
     ) -> None:
         self._vehicle, self._namespace, self._listen, self._interface = uav
         self._credentials = callers.credentials
@@ -188,7 +192,13 @@ class _Served:
         self._arming: asyncio.Task[None] | None = None
         self._addresses: Sequence[Address] = ()
         self.server = Server(
-            self._vehicle, transport, loop_calls, observers, callers.access, self._interface.extensions.services
+            self._vehicle,
+            transport,
+            loop_calls,
+            observers,
+            callers.access,
+            self._interface.extensions.services,
+            time_of,
         )
 
     def listen(self) -> None:

@@ -1,7 +1,7 @@
 """The program ``ual-daemon``: reads its configuration, and runs one daemon until a signal comes.
 
-Exit status: 0 after a clean end, 1 if it cannot start (port or namespace in use), 2 for wrong usage or configuration, 3
-if it had to leave a UAV in motion.
+Exit status: 0 after a clean end, 1 if it cannot start (port or namespace in use), 2 for wrong usage or configuration.
+It is 3 if it had to leave a UAV in motion.
 Heavy modules are imported late, so that the port is open soon.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import logging
 import os
+import re
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -55,14 +56,21 @@ _SWITCH_S = 0.0005
 thread that waits for messages would wait as long at each step, several times for each message."""
 
 
-class Workers(click.ParamType[int | str]):
-    """A number of processes, or ``auto``."""
+class Count(click.ParamType[int | str]):
+    """A number in decimal digits, or one of the words. `int` would also read ``8_0``, and digits of other scripts."""
 
-    name = "workers"
+    name = "count"
+
+    def __init__(self, *words: str) -> None:
+        self._words = words
 
     @override
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> int | str:
-        return int(value) if value.removeprefix("-").isdecimal() else value
+        if value in self._words:
+            return value
+        if not re.fullmatch("-?[0-9]+", value):
+            self.fail(f"{value!r} is not {' or '.join(('a whole number', *self._words))}.", param, ctx)
+        return int(value)
 
 
 def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -> None:
@@ -80,10 +88,10 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 )
 @click.option("--backend", metavar="NAME", help="The autopilot's driver: light (a simulation), mavlink, ...  [light]")
 @click.option("--ns", metavar="NAME", help="The UAV's namespace.  [uav_1]")
-@click.option("--fleet", type=int, metavar="N", help="Fly N simulated UAVs, counted on from --ns.")
+@click.option("--fleet", type=Count(), metavar="N", help="Fly N simulated UAVs, counted on from --ns.")
 @click.option(
     "--workers",
-    type=Workers(),
+    type=Count("auto"),
     metavar="N|auto",
     help="Spread the fleet over N processes, or (auto) one for each processor.",
 )

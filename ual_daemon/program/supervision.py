@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from typing_extensions import override
 
 from ual_daemon import logs
 from ual_daemon.program import signals
+
+if TYPE_CHECKING:
+    from ual.interface import Simulation
+    from ual_daemon.server.simulation_service import SimulatedTime
 
 _log = logging.getLogger(__name__)
 
@@ -25,6 +29,9 @@ class Supervision(Protocol):
 
     def serves(self, names: Sequence[str]) -> None:
         """Takes note that all UAVs of this process are served."""
+
+    def time_of(self, simulation: Simulation) -> SimulatedTime:
+        """Returns the time of a simulated UAV of this process, as callers change it."""
 
     def ended(self) -> None:
         """Takes note of a clean end."""
@@ -45,6 +52,10 @@ class Unsupervised(Supervision):
     def serves(self, names: Sequence[str]) -> None:
         if len(names) > 1:
             log_serving(names, workers_count=1)
+
+    @override
+    def time_of(self, simulation: Simulation) -> SimulatedTime:
+        return simulation
 
     @override
     def ended(self) -> None:

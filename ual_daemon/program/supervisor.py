@@ -1,6 +1,6 @@
 """Spreads a fleet over several processes (``--workers``), which the user sees as one daemon.
 
-Each worker flies a part of the fleet as a daemon of its own would. The supervisor flies nothing: it starts the workers,
+Each worker flies a part of the fleet as a daemon of its own would. The supervisor flies nothing. It starts the workers,
 lets none serve before all have opened their addresses, passes on signals, writes their logs and their audit, and ends
 with one status.
 """
@@ -16,10 +16,11 @@ import signal
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ual_daemon import logs
-from ual_daemon.program import log_output, signals
+from ual_daemon.program import fleet_time, log_output, signals
+from ual_daemon.program.pipes import Pipe
 from ual_daemon.program.supervision import log_serving, span
 from ual_daemon.program.worker import BOUND, END, END_OF_LINE, FAILED, GO, SERVING, Channels, Worker
 
@@ -33,9 +34,6 @@ _END_LIMIT_S = 75.0
 """Longer than the workers need, which end within 70 s."""
 _CANNOT_START = 1
 _LEFT_IN_MOTION = 3
-_CHUNK_BYTES = 1 << 16
-_MOST_CHUNKS = 16
-"""So much is read from one worker before the others have their turn. A pipe holds less."""
 
 
 class CannotStartError(Exception):
@@ -44,29 +42,6 @@ class CannotStartError(Exception):
     def __init__(self, message: str, status: int) -> None:
         super().__init__(message)
         self.status = status
-
-
-class Pipe:
-    """What a worker writes, for the supervisor to read, in pieces."""
-
-    def __init__(self, end: bytes) -> None:
-        """`end` ends each piece."""
-        self._end = end
-        self._rest = b""
-        self.reads, self.writes = os.pipe()
-        os.set_blocking(self.reads, False)
-
-    def pieces(self) -> tuple[list[bytes], bool]:
-        """Returns the whole pieces that have come since the last call, and whether there may be more later."""
-        chunk = None
-        with suppress(BlockingIOError):
-            for _ in range(_MOST_CHUNKS):
-                chunk = os.read(self.reads, _CHUNK_BYTES)
-                self._rest += chunk
-                if not chunk:
-                    break
-        *whole, self._rest = self._rest.split(self._end)
-        return whole, chunk != b""
 
 
 class _Process:
@@ -96,18 +71,22 @@ class _Process:
         for each in (self._order, self.words.reads, self.log.reads, self.audit.reads):
             os.close(each)
 
-    def tell(self, word: str) -> None:
-        """Sends a word to the worker, unless it is gone."""
-        if self.status is None:
-            with suppress(BrokenPipeError):
-                os.write(self._order, f"{word}\n".encode())
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended."""
+        return self.status is None
 
-    def hear(self, words: Sequence[bytes]) -> None:
-        """Takes note of what the worker tells."""
-        for word in words:
-            self.phase, *rest = json.loads(word)
-            if self.phase == FAILED:
-                self.failure = CannotStartError(*rest)
+    def tell(self, *words: object) -> None:
+        """Sends words to the worker, unless it is gone."""
+        if self.is_running:
+            with suppress(BrokenPipeError):
+                os.write(self._order, json.dumps(words).encode() + b"\n")
+
+    def on_phase(self, phase: str, *rest: Any) -> None:  # noqa: ANN401 (as its worker sent them)
+        """Takes note of how far the worker is."""
+        self.phase = phase
+        if phase == FAILED:
+            self.failure = CannotStartError(*rest)
 
     def kill(self) -> None:
         """Ends it at once."""
@@ -137,6 +116,7 @@ class Supervisor:
         self._parts = parts
         self._audit_file = audit
         self._processes: list[_Process] = []
+        self._time = fleet_time.Relay(self._processes)
         self._is_serving = self._is_ending = False
         self._audit: AuditWriter | None = None
         self._handler: log_output.BackgroundHandler
@@ -203,7 +183,11 @@ class Supervisor:
 
     def _taking(self, process: _Process) -> list[tuple[Pipe, Callable[[Sequence[bytes]], None]]]:
         """Returns the pipes of a worker, each with who takes what comes through it."""
-        return [(process.log, self._pass_on), (process.audit, self._add_to_audit), (process.words, process.hear)]
+        return [
+            (process.log, self._pass_on),
+            (process.audit, self._add_to_audit),
+            (process.words, partial(self._on_words, process)),
+        ]
 
     def _read(self, process: _Process) -> None:
         """Takes what a worker has written."""
@@ -217,6 +201,16 @@ class Supervisor:
     def _pass_on(self, lines: Sequence[bytes]) -> None:
         for line in lines:
             self._handler.pass_on(line.decode(errors="replace"))
+
+    def _on_words(self, process: _Process, lines: Sequence[bytes]) -> None:
+        for line in lines:
+            word, *rest = json.loads(line)
+            if word == fleet_time.ASK:
+                self._time.on_ask(process, *rest)
+            elif word == fleet_time.MADE:
+                self._time.on_made(process, *rest)
+            else:
+                process.on_phase(word, *rest)
 
     def _add_to_audit(self, lines: Sequence[bytes]) -> None:
         for line in lines:
@@ -249,6 +243,7 @@ class Supervisor:
 
     def _lose(self, process: _Process) -> None:
         """Says what is not served any more. Before all were served, the others end, too."""
+        self._time.on_end(process)
         if not self._is_ending:
             logs.event(
                 _log,

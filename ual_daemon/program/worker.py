@@ -14,13 +14,19 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from typing_extensions import override
 
 from ual_daemon import logs
 from ual_daemon.program import log_output, signals
+from ual_daemon.program.fleet_time import MAKE, FleetTime
+from ual_daemon.program.pipes import Reader
 from ual_daemon.program.supervision import Supervision
+
+if TYPE_CHECKING:
+    from ual.interface import Simulation
+    from ual_daemon.server.simulation_service import SimulatedTime
 
 _log = logging.getLogger(__name__)
 
@@ -51,9 +57,12 @@ class Worker(Supervision):
         self._level = "info"
         self._format: log_output.Format = "text"
         self._stop: Callable[[], None] = _nothing
+        self._has_closed: Callable[[], bool] = bool
         self._decided = asyncio.Event()
         self._may_serve = False
         self._is_alone = False
+        self._orders = Reader(channels.orders, b"\n")
+        self._time: FleetTime | None = None
         # A terminal sends these to all processes of the command; the supervisor is told, and tells its workers.
         for number in (signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
@@ -71,6 +80,7 @@ class Worker(Supervision):
     @override
     def watch(self, stop: Callable[[], None]) -> None:
         self._stop = stop
+        self._has_closed = asyncio.get_running_loop().is_closed
         signals.on_first(self._end, signals=(signal.SIGTERM,))
         asyncio.get_running_loop().add_reader(self.channels.orders, self._hear)
 
@@ -89,23 +99,42 @@ class Worker(Supervision):
         if self._is_alone:  # else the supervisor logs the end of all
             logs.event(_log, logging.INFO, "ended")
 
+    @override
+    def time_of(self, simulation: Simulation) -> SimulatedTime:
+        if self._time is None:  # all UAVs of one process share their time
+            self._time = FleetTime(simulation, self._tell, self._is_over)
+        return self._time
+
+    def _is_over(self) -> bool:
+        return self._is_alone or self._has_closed()
+
     def _tell(self, *words: object) -> None:
         with suppress(BrokenPipeError):  # the supervisor is gone, which `_hear` finds out
             os.write(self.channels.words, json.dumps(words).encode() + b"\n")
 
     def _hear(self) -> None:
-        heard = os.read(self.channels.orders, 1024).decode().split()
-        if GO in heard:
+        orders, may_be_more = self._orders.pieces()
+        for order in orders:
+            self._on_order(*json.loads(order))
+        if not may_be_more:
+            self._on_alone()
+
+    def _on_order(self, word: str, *rest: Any) -> None:  # noqa: ANN401 (as the supervisor sent them)
+        if word == GO:
             self._may_serve = True
             self._decided.set()
-        if END in heard:
+        elif word == END:
             self._end()
-        if not heard:
-            asyncio.get_running_loop().remove_reader(self.channels.orders)
-            self._is_alone = True
-            log_output.setup(self._level, self._format)
-            logs.event(_log, logging.ERROR, "supervisor_gone", why="the process that started this one was killed")
-            self._end()
+        elif self._time is not None:
+            answer: Callable[..., None] = self._time.on_make if word == MAKE else self._time.on_made
+            answer(*rest)
+
+    def _on_alone(self) -> None:
+        asyncio.get_running_loop().remove_reader(self.channels.orders)
+        self._is_alone = True
+        log_output.setup(self._level, self._format)
+        logs.event(_log, logging.ERROR, "supervisor_gone", why="the process that started this one was killed")
+        self._end()
 
     def _end(self) -> None:
         self._may_serve = False

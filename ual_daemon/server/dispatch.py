@@ -1,6 +1,6 @@
 """How one call is answered, which depends on how the servicer's method is written.
 
-- ``def`` of a request, or a generator into which each request of a stream is sent: it runs on the transport's thread,
+- ``def`` of a request, or a generator into which each request of a stream is sent. It runs on the transport's thread,
   in the order of the calls, and must not block. This is the fast way: no other thread has to wake. If it begins
   something that ends later, it returns a coroutine, which the event loop awaits.
 - ``def`` with a stream of responses: it sends by the `Call`, from any thread. It returns a function that ends that.

@@ -19,7 +19,7 @@ from ual_daemon.server.access.policy import Access
 from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.call_log import Observer, observed
 from ual_daemon.server.calls import Calls
-from ual_daemon.server.simulation_service import SimulationServicer
+from ual_daemon.server.simulation_service import SimulatedTime, SimulationServicer
 from ual_daemon.server.telemetry_stream import LoopCalls, Updates
 from ual_daemon.server.transport.base import Transport
 from ual_daemon.server.uav_service import UalServicer
@@ -92,9 +92,11 @@ class Server:
         observers: Sequence[Observer] = (),
         access: Access | None = None,
         more: Sequence[AddedService] = (),
+        time_of: Callable[[Simulation], SimulatedTime] | None = None,
     ) -> None:
         """`observers` observe each call; see `call_log`. `access` says who calls; None: whoever is on this computer.
-        `more` are the services of extensions.
+        `more` are the services of extensions. `time_of` returns the time that callers change for a simulation, if that
+        is not its own.
         """
         self._simulation: SimulationServicer | None = None
         simulation = _simulation(vehicle)
@@ -114,7 +116,7 @@ class Server:
         registry = cast("grpc.aio.Server", calls)
         ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), registry)
         if simulation is not None:
-            self._simulation = SimulationServicer(simulation)
+            self._simulation = SimulationServicer(simulation, None if time_of is None else time_of(simulation))
             simulation_pb2_grpc.add_SimulationServiceServicer_to_server(self._simulation, registry)
         for service in more:
             calls.add_roles(service.name, service.roles)

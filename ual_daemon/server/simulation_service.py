@@ -7,7 +7,7 @@ import contextvars
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from typing_extensions import override
 
@@ -23,16 +23,28 @@ _SLICE_S = 1.0
 _LONGEST_STEP_S = 3600.0
 
 
+class SimulatedTime(Protocol):
+    """The time of one or more simulations; see `ual.interface.Simulation`. Its members may block."""
+
+    def set_speed_factor(self, speed_factor: float) -> None:
+        """Sets how fast it runs."""
+
+    def step(self, duration_s: float) -> None:
+        """Advances it while it stands still."""
+
+
 class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
     """The interface of one simulation. ``ual/v1/simulation.proto`` describes each method.
 
     The members of a simulation may block (a step, the pilot's switches), so each runs on a worker thread of this
-    service: many calls wait for each other, and for nothing else of the daemon. Steps have a thread of their own,
+    service. Many calls wait for each other, and for nothing else of the daemon. Steps have a thread of their own,
     because the pilot's actions may wait for simulated time.
     """
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, time: SimulatedTime | None = None) -> None:
+        """`time` is changed in its stead, for UAVs that share their time with those of other processes."""
         self._simulation = simulation
+        self._time = simulation if time is None else time
         self._stepper = ThreadPoolExecutor(1, "simulated time")
         self._actors = ThreadPoolExecutor(_ACTIONS_AT_ONCE, "simulated pilot")
 
@@ -100,7 +112,7 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def SetSpeedFactor(self, request: pb.SetSpeedFactorRequest, context: object) -> pb.SetSpeedFactorResponse:
-        await self._act(self._simulation.set_speed_factor, request.speed_factor)
+        await self._act(self._time.set_speed_factor, request.speed_factor)
         return pb.SetSpeedFactorResponse()
 
     @override
@@ -109,9 +121,9 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
         # not allowed is passed on as it is, to be refused.
         left_s = request.duration_s
         while 2.0 * _SLICE_S < left_s <= _LONGEST_STEP_S:
-            await self._step(self._simulation.step, _SLICE_S)
+            await self._step(self._time.step, _SLICE_S)
             left_s -= _SLICE_S
-        await self._step(self._simulation.step, left_s)
+        await self._step(self._time.step, left_s)
         return pb.StepResponse()
 
     @override

@@ -1,7 +1,7 @@
 """Sends the vehicle's telemetry to its readers, and publishes its states on the event loop.
 
 The vehicle's own thread sends to a few readers, as soon as it has made a sample. If there are more, if the process
-flies many UAVs, or if the transport sends from the event loop anyway, that would take this thread too long: then the
+flies many UAVs, or if the transport sends from the event loop anyway, that would take this thread too long. Then the
 event loop sends, and updates that come faster than it runs are merged. A slow reader gets the newest sample and the
 number of those that it missed; it delays nobody.
 """
@@ -51,7 +51,7 @@ class LoopCalls:
     """Calls back on the event loop that runs when this is made, for other threads and in their order.
 
     With `gather_s` callbacks wait that long, and run together. A thread that wakes the loop releases Python's lock, and
-    may have to wait long to get it back: a process that flies many UAVs can afford that once in a step, but not for
+    may have to wait long to get it back. A process that flies many UAVs can afford that once in a step, but not for
     each UAV.
     """
 

@@ -1,10 +1,10 @@
 """Keeps a UAV that flies a velocity at the place to which this velocity leads.
 
 An autopilot that is given only a velocity controls its estimate of the velocity, which may be wrong by 0.7 m/s for
-seconds (decision 21): with "0 m/s" it wanders by metres in a minute. So the commanded velocity leads to a place. The
+seconds (decision 21). With "0 m/s" it wanders by metres in a minute. So the commanded velocity leads to a place. The
 distance of the UAV from this place becomes a small velocity, which is added to what is sent.
 
-The place begins where the reference before was, with its motion, and then moves as the vehicle can: it answers to the
+The place begins where the reference before was, with its motion, and then moves as the vehicle can. It answers to the
 commanded velocity with the vehicle's own delay, time constant and acceleration. So it is held in all directions from
 the first moment, also while the UAV accelerates, brakes or turns (decision 39).
 

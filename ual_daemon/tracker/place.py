@@ -22,8 +22,8 @@ _FLOWN_M_S = 0.1
 _CARRIED_M_S = 1.0
 """A UAV whose velocity is so far from the expected one, other than by being slower, is carried away."""
 _BEHIND_S, _LEAST_BEHIND_M = 1.0, 0.5
-"""A UAV that is so far behind (in seconds of its speed, or the distance if that is more; `MOST_LAG_M` at most), and
-makes less than half of its speed, is stopped by something."""
+"""A UAV that is so far behind and makes less than half of its speed is stopped by something. This is in seconds of its
+speed, or the distance if that is more, `MOST_LAG_M` at most."""
 _STEP_S = 0.03
 _TINY = 1e-9
 

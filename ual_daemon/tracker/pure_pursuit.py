@@ -1,10 +1,10 @@
 """Pure pursuit: the tracker for autopilots that take bare positions or bare velocities, and by ``tracker: pursuit``.
 
-The setpoint is a point of the path a little ahead of the UAV (Coulter, "Implementation of the Pure
-Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01; in the air: Real et al., "Unmanned aerial vehicle abstraction layer",
-2020). The UAV comes back to the line from wherever it was pushed off, and the autopilot needs no feed-forward. But the
-UAV is slower, and cuts corners by up to the look-ahead. At a corner of the geofence that points inwards it looks ahead
-only as far as the straight way there is inside.
+The setpoint is a point of the path a little ahead of the UAV. See Coulter, "Implementation of the Pure Pursuit Path
+Tracking Algorithm", CMU-RI-TR-92-01; in the air: Real et al., "Unmanned aerial vehicle abstraction layer", 2020. The
+UAV comes back to the line from wherever it was pushed off, and the autopilot needs no feed-forward. But the UAV is
+slower, and cuts corners by up to the look-ahead. At a corner of the geofence that points inwards it looks ahead only as
+far as the straight way there is inside.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LOOK_AHEAD_S = 1.0
 LEAST_LOOK_AHEAD_M = 0.5
 """... but at least this far."""
 LEAST_AT_FENCE_M = 0.3
-"""Where the straight way ahead is not inside, the point ahead is this far at least once the UAV is nearly there: it
+"""Where the straight way ahead is not inside, the point ahead is this far at least once the UAV is nearly there. It
 must not stall at a corner of the fence because its estimate wanders."""
 _NEAR_M = 0.15
 _SEARCH_STEP_S = 0.05

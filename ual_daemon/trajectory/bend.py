@@ -216,8 +216,8 @@ class _Aim:
 
     def _at(self, share: float, direction: Vector3, miss: float) -> tuple[Change, Vector3, float, float] | None:
         """Returns the change to a share of the largest speed, straight at the goal (or up to the angle `miss` beside
-        it), by fixed-point iteration; with its direction, speed and the distance left. Returns None if it finds none,
-        or if the motion could not stop at the goal.
+        it), by fixed-point iteration. With it come its direction, speed and the distance left. Returns None if
+        it finds none, or if the motion could not stop at the goal.
         """
         last_miss = math.inf
         for count in range(_MOST_AIMS):

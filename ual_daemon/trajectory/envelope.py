@@ -1,7 +1,7 @@
 """The limits of a motion as sets of velocities, accelerations and jerks.
 
 A velocity is allowed if its horizontal part is within the horizontal limit and its vertical part is within the limit of
-climb or descent; the same holds for an acceleration. Each set is convex and contains 0. So all velocities
+climb or descent. The same holds for an acceleration. Each set is convex and contains 0. So all velocities
 (accelerations, jerks) between two allowed ones are allowed. The plans of this package need no other property.
 
 The jerk limit is such that the acceleration can rise from 0 to its limit within `RAMP_S`: horizontally

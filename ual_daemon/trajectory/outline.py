@@ -11,8 +11,8 @@ from ual_daemon.trajectory.simplify import kept
 
 MOST_POINTS = 2_000
 _PERIOD_S = 0.2
-"""On a bend. A chord of this time is off the way by an eighth of its square times the acceleration: 0.05 m at 10 m/s^2,
-and as much as `_WITHIN_M` again when points on a straight line are left out."""
+"""On a bend. A chord of this time is off the way by an eighth of its square times the acceleration. That is 0.05 m at
+10 m/s^2, and as much as `_WITHIN_M` again when points on a straight line are left out."""
 _WITHIN_M = 0.05
 _SAME_PLACE_M = 1e-6
 

@@ -33,8 +33,8 @@ _SAME_TURN_RAD = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """A position to pass, in the local frame, the heading there (None: keep the one before), the speed limit on the leg
-    that ends there (None: only the UAV's), and how long to hold there (0: not at all).
+    """A position to pass, in the local frame, and the heading there (None: keep the one before). With them come the
+    speed limit on the leg that ends there (None: only the UAV's), and how long to hold there (0: not at all).
     """
 
     position: Vector3

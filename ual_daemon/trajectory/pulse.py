@@ -3,8 +3,8 @@
 The acceleration rises in a ramp, may hold, and falls in an equal ramp, always along the difference of the velocities.
 So all velocities meanwhile are between the two. The change is symmetrical in time, so the displacement is that of the
 mean velocity. A corner is also such a change: it leaves one leg and joins the next one at equal distances from the
-point where they meet (the parabolic blends of textbooks, smoothed by ramps of the acceleration as in Biagiotti and
-Melchiorri).
+point where they meet. (See the parabolic blends of textbooks, smoothed by ramps of the acceleration as in Biagiotti
+and Melchiorri.)
 """
 
 from __future__ import annotations

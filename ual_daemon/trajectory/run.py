@@ -40,7 +40,7 @@ class _Corner:
         return speed_m_s * self.duration_s(speed_m_s) / 2
 
     def close_m(self, corner_radius_m: float) -> float:
-        """Returns the distance from the corner at which it may leave the leg to stay close to both legs: it passes the
+        """Returns the distance from the corner at which it may leave the leg to stay close to both legs. It passes the
         corner at a quarter of this distance times the change of direction, at most.
         """
         return 4 * CLOSE_SHARE * corner_radius_m / self.change if self.change > _STRAIGHT_ON else math.inf

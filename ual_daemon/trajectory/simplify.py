@@ -18,8 +18,8 @@ def kept(
 ) -> list[int]:
     """Returns the numbers of the points to keep, including the first and the last one.
 
-    All other points are within `within_m` of the straight line between two kept points, in order along that line, and
-    (if there are headings) within `within_rad` of the linear turn between them. A point at which the speed limit
+    All other points are within `within_m` of the straight line between two kept points, in order along that line. If
+    there are headings, they are within `within_rad` of the linear turn between them. A point at which the speed limit
     changes is kept.
     """
     count = len(points)

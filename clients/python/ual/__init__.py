@@ -131,7 +131,7 @@ __all__ = [
     "aio",
 ]
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 
 if not TYPE_CHECKING:  # a type checker would take any name for one of ours

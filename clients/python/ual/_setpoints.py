@@ -39,8 +39,8 @@ CLOSE_S = 2.0
 
 
 class Kind(NamedTuple):
-    """What is streamed: its name in the plural, the call of a single one, the method of the stream, and what is not
-    known of those that the daemon did not take.
+    """What is streamed: its name in the plural, the call of a single one, and the method of the stream. The last field
+    says what is not known of those that the daemon did not take.
     """
 
     name: str

@@ -898,8 +898,8 @@ class Uav(TaskCommands[Task]):
 
         Args:
             pose: Where the UAV is, with its whole orientation. `PoseStamped.stamp_s` is when it was measured, in UTC;
-                0: just now. In ``map``, or a frame below it that is not below ``<ns>/odom``, it is where the UAV is in
-                the autopilot's local frame as that was before any `set_home`, even before the autopilot has a position.
+                0: just now. In ``map``, or a frame below it that is not below ``<ns>/odom``, it is a place in the
+                autopilot's local frame as that was before any `set_home`. The autopilot may have no position yet.
                 In ``<ns>/odom``, or below it, while nothing ties that to Earth: as it was at the first such pose.
             position_std_dev_m: The standard deviation in each axis, in metres. None where it is not known.
             orientation_std_dev_rad: The standard deviation about each axis, in radians. None where it is not known.

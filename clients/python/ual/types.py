@@ -230,7 +230,7 @@ class Health:
     `is_ready_to_arm` is whether its own checks would let it be armed (None: it does not say), and `failing_checks` are
     those that fail, for people. `link_quality` is the part of its messages that arrived of late, 0 to 1 (None: not
     measured). `failsafe` is the one that is active, in the words of the metadata `by` of errors (``battery failsafe``,
-    ``rc failsafe``, ``fence``, ...; empty: none), and `held_by` who or what holds the control in the present mode, in
+    ``rc failsafe``, ``fence``, ...; empty: none). `held_by` is who or what holds the control in the present mode, in
     the same words (empty: UAL, or not known).
     """
 
@@ -256,8 +256,8 @@ class Odometry:
 class TaskInfo:
     """How a task stood at one moment.
 
-    `progress` is 0 to 1 and `distance_left_m` metres, None where that cannot be told; `waypoint_index` is the waypoint
-    a path flies to; `error` says why it was aborted or failed; `is_paused` says that it runs, but holds on its way.
+    `progress` is 0 to 1 and `distance_left_m` metres, None where that cannot be told. `waypoint_index` is the waypoint
+    a path flies to. `error` says why it was aborted or failed. `is_paused` says that it runs, but holds on its way.
     """
 
     id: str
@@ -309,9 +309,9 @@ class _LateFields:
 class Telemetry(_LateFields):
     """One sample of everything known; what is not known is None.
 
-    `frame_id` is the frame of `pose`, `velocity` and `reference_pose`; `stamp_s` is the time of the pose, UTC since
-    1970; `frame_lost` says why it is not known where ``<ns>/odom`` is (`ual.errors.FrameLostError`), and is empty while
-    it is known; `missed_count` is how many samples this subscriber lost since its last one.
+    `frame_id` is the frame of `pose`, `velocity` and `reference_pose`. `stamp_s` is the time of the pose, UTC since
+    1970. `frame_lost` says why it is not known where ``<ns>/odom`` is (`ual.errors.FrameLostError`), and is empty while
+    it is known. `missed_count` is how many samples this subscriber lost since its last one.
     """
 
     state: State
@@ -387,8 +387,8 @@ class Geofence:
 class Route:
     """The way that is flown, in `frame_id`, ``map``.
 
-    `points` lead from where the task begins to where it ends, within 0.1 m of the way where that needs no more than
-    2,000 points; else they are that many on it. Of a goal that moves (`is_goal_moving`) they lead from where the UAV is
+    `points` lead from where the task begins to where it ends, within 0.1 m of the way. Where that needs more than
+    2,000 points, they are that many on it. Of a goal that moves (`is_goal_moving`) they lead from where the UAV is
     told to be now to where the goal is now. `task_id` is empty where a reference leads there.
     """
 

@@ -13,6 +13,7 @@ from ual_tools import (
     certificates,
     check,
     completion,
+    environment,
     extpose,
     flight,
     frames,
@@ -52,6 +53,7 @@ def cli() -> None:
     Without --ns and --address this is the only UAV of this computer. The options below may also stand behind the
     command. Exit status: 0 done, 1 refused or failed (the reason is on stderr), 2 wrong usage, 130 interrupted.
     """
+    environment.refuse_unknown(os.environ)
 
 
 for command in (

@@ -33,6 +33,17 @@ class Number(click.FloatRange):
         return converted
 
 
+class Whole(click.IntRange):
+    """A whole number within a range, in decimal digits. `int` also reads ``80_80``, and digits of other scripts."""
+
+    @override
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        if not re.fullmatch("[-+]?[0-9]+", str(value)):
+            self.fail(f"{value!r} is not a whole number.", param, ctx)
+        converted: int = super().convert(value, param, ctx)
+        return converted
+
+
 def number(value: str | float) -> float:
     """Parses a number without a unit. The daemon says which ones it takes."""
     text = str(value)

@@ -7,11 +7,11 @@ import re
 import shlex
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 from tests.conftest import LIMIT_S, daemon_environment
 from tests.ual_daemon.server.access.ways_in import beyond_loopback
+from tests.waiting import until
 
 PAGE = Path(__file__).parents[3] / "docs" / "access.md"
 MOST_LINES = 15
@@ -50,10 +50,7 @@ def test_the_commands_of_the_page_set_up_a_team(tmp_path: Path) -> None:
             address = re.search(rf"{re.escape(host)}:\d+", listening)
             assert address is not None
             (tmp_path / "authority.pem").write_bytes((tmp_path / "certificates" / "authority.pem").read_bytes())
-            deadline_s = time.monotonic() + LIMIT_S
-            said = ""
-            while "LANDED_DISARMED" not in said and time.monotonic() < deadline_s:
-                said = bash(laptop.replace(f"{host}:50051", address[0]), tmp_path)
-            assert "LANDED_DISARMED" in said
+            ask = laptop.replace(f"{host}:50051", address[0])
+            until(lambda: "LANDED_DISARMED" in bash(ask, tmp_path))
         finally:
             process.kill()

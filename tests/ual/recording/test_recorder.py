@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.ual.recording.waiting import LIMIT_S, wait_until
+from tests.waiting import LIMIT_S, until
 from ual.errors import NotSupportedError
 from ual.recording import recorder as recorder_module
 from ual.recording import requirements
@@ -93,10 +93,10 @@ def test_a_full_disk_ends_the_recording_with_one_line_and_the_file_is_readable(
     recorder.start()
     put(recorder, 0)
     empty_bytes = files[0].size_bytes
-    wait_until(lambda: files[0].size_bytes > empty_bytes)
+    until(lambda: files[0].size_bytes > empty_bytes)
     files[0].is_full = True
     put(recorder, 1)
-    wait_until(lambda: recorder.has_ended)
+    until(lambda: recorder.has_ended)
     for number in range(2, 100):
         put(recorder, number)
     recorder.close()

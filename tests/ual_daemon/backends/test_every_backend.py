@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,6 +21,7 @@ from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
 from tests.ual_daemon.backends.mavlink.traces import load
 from tests.ual_daemon.backends.replay.recordings import raw_recording
+from tests.waiting import until
 from ual.types import State
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
@@ -75,10 +75,7 @@ class Watched:
         self.may_go_on.wait(LIMIT_S)
 
     def until(self, condition: Callable[[], object]) -> None:
-        deadline_s = time.monotonic() + LIMIT_S
-        while not condition():
-            assert time.monotonic() < deadline_s, self.updates[-1:]
-            time.sleep(0.002)
+        until(condition, seen=lambda: self.updates[-1:])
 
     def is_heard(self) -> bool:
         found = self.updates[-1:]

@@ -11,6 +11,7 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from ual import discovery
+from ual.interface import Simulation
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.light.world import World
@@ -48,6 +49,9 @@ class Watcher(Supervision):
 
     def serves(self, names: Sequence[str]) -> None:
         self._tell(f"serves {' '.join(names)}")
+
+    def time_of(self, simulation: Simulation) -> Simulation:
+        return simulation
 
     def ended(self) -> None:
         self.told.append("ended")

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import pytest
+from click.testing import CliRunner
 
 from ual_daemon.program import environment
 from ual_daemon.program.configuration import ConfigurationError
+from ual_daemon.program.main import main
 
 OPTIONS = ("backend", "ns", "fleet_url", "config", "set")
 
@@ -34,3 +36,13 @@ def test_another_is_refused_with_what_was_meant(name: str, said: str) -> None:
     with pytest.raises(ConfigurationError) as refused:
         environment.refuse_unknown(["UAL_NS", name], OPTIONS)
     assert str(refused.value) == said
+
+
+@pytest.mark.parametrize("words", [("--fleet", "8_0"), ("--fleet", "８"), ("--fleet", "many"), ("--workers", "1_0")])
+def test_a_count_is_written_in_decimal_digits(words: tuple[str, str]) -> None:
+    for result in (
+        CliRunner().invoke(main, words),
+        CliRunner().invoke(main, [], env={f"UAL_{words[0].removeprefix('--').upper()}": words[1]}),
+    ):
+        assert result.exit_code == 2
+        assert "is not a whole number" in result.output

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,12 +17,15 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon, daemon_environment
+from tests.ports import free_port_of_uav
+from tests.waiting import until
 from ual import discovery
 from ual.access import audit as chain
+from ual.errors import InvalidArgumentError, WrongStateError
 from ual.types import State
 from ual_daemon.program import fleet
 from ual_daemon.program.configuration import DaemonSettings
-from ual_daemon.program.supervisor import Pipe
+from ual_daemon.program.pipes import Pipe
 from ual_daemon.settings import ConfigError
 
 FLEET = ("--fleet", "5", "--workers", "2", "--auto-arm", "--set", "light.speed_factor=10")
@@ -81,10 +84,7 @@ def workers_of(daemon: DaemonProcess) -> dict[int, list[str]]:
 
 def wait_for_end(pids: list[int]) -> None:
     """Until the processes are gone, or have ended and wait for who takes notice."""
-    deadline_s = time.monotonic() + LIMIT_S
-    while any(is_running(pid) for pid in pids):
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
+    until(lambda: not any(map(is_running, pids)), "the end of the processes", seen=lambda: [*filter(is_running, pids)])
 
 
 def is_running(pid: int) -> bool:
@@ -92,6 +92,41 @@ def is_running(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+def test_the_time_of_all_processes_is_one(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon(*FLEET)
+    workers_of(daemon)
+    with ual.Team(NAMES) as team:
+
+        def times_s() -> set[float]:
+            """The times of the first and the last UAV, which are of different processes."""
+            return {round(team[ns].telemetry().stamp_s - start_s[ns], 3) for ns in (NAMES[0], NAMES[-1])}
+
+        team[NAMES[0]].simulation.set_speed_factor(0.0)
+        start_s = {ns: team[ns].telemetry().stamp_s for ns in NAMES}
+        team[NAMES[-1]].simulation.step(0.5)
+        team[NAMES[0]].simulation.step(1.5)
+        assert times_s() == {2.0}
+        for bad in (-1.0, math.nan, 101.0):
+            with pytest.raises(InvalidArgumentError, match="speed_factor"):
+                team[NAMES[0]].simulation.set_speed_factor(bad)
+        team[NAMES[-1]].simulation.set_speed_factor(math.inf)
+        with pytest.raises(WrongStateError, match="runs by itself"):
+            team[NAMES[0]].simulation.step(0.5)
+        until(lambda: min(times_s()) > 4.0, seen=times_s)
+
+
+def test_the_time_of_those_left_goes_on(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon(*FLEET)
+    [gone] = [pid for pid, names in workers_of(daemon).items() if NAMES[0] in names]
+    with ual.Uav(NAMES[-1]) as uav:
+        os.kill(gone, signal.SIGKILL)
+        daemon.wait_for("worker_ended")
+        uav.simulation.set_speed_factor(0.0)
+        begin_s = uav.telemetry().stamp_s
+        uav.simulation.step(0.5)
+        assert uav.telemetry().stamp_s == pytest.approx(begin_s + 0.5, abs=0.01)
 
 
 def test_several_processes_fly_one_fleet(start_daemon: StartDaemon) -> None:
@@ -128,9 +163,7 @@ def taken(port: int) -> Iterator[None]:
 
 @pytest.mark.parametrize("workers", [(), ("--workers", "2")])
 def test_a_port_that_is_taken_lets_none_be_served(workers: tuple[str, ...], runtime_dir: Path) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = max(probe.getsockname()[1], 50060)
+    port = free_port_of_uav()
     ns = f"uav_{port - 50050 - 3}"
     with taken(port):
         daemon = DaemonProcess(("--fleet", "6", *workers), ns, daemon_environment(runtime_dir))

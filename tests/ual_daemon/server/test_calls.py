@@ -3,7 +3,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from concurrent.futures import Future
 from contextlib import asynccontextmanager, suppress
 from functools import partial
@@ -14,6 +14,7 @@ import pytest
 
 from tests.ual_daemon.server.raw import answer_to
 from tests.ual_daemon.server.serving import serving, told
+from tests.waiting import until_async
 from ual.errors import InvalidArgumentError, ResourceExhaustedError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import TwistStamped
 from ual.types import ExternalPose, State, TaskKind, Telemetry
@@ -133,11 +134,6 @@ async def error_of(call: Any) -> UalError:
     return rpc_errors.from_rpc_error(caught.value)
 
 
-async def until(condition: Callable[[], bool]) -> None:
-    while not condition():  # noqa: ASYNC110  nothing notifies of it
-        await asyncio.sleep(0.01)
-
-
 def speed(x: float) -> pb.TwistStamped:
     return pb.TwistStamped(twist=pb.Twist(linear=pb.Vector3(x=x), angular=pb.Vector3()))
 
@@ -165,11 +161,11 @@ def test_streams_and_waiting_calls_of_one_method_are_bounded_and_others_get_thro
             assert "100 calls of /ual.v1.UalService/StreamTelemetry are under way for uav_1" in error.message
             await it.stub.GetTelemetry(pb.GetTelemetryRequest())
             arming = [asyncio.ensure_future(it.stub.Arm(pb.ArmRequest())) for _ in range(MOST_OF_ONE_METHOD)]
-            await until(lambda: it.calls.running_count == 2 * MOST_OF_ONE_METHOD)
+            await until_async(lambda: it.calls.running_count == 2 * MOST_OF_ONE_METHOD)
             assert isinstance(await error_of(it.stub.Arm(pb.ArmRequest())), ResourceExhaustedError)
             await it.stub.SetVelocity(pb.SetVelocityRequest(velocity=speed(0.5)))
             streams.pop().cancel()
-            await until(lambda: it.calls.running_count < 2 * MOST_OF_ONE_METHOD)
+            await until_async(lambda: it.calls.running_count < 2 * MOST_OF_ONE_METHOD)
             await it.stub.StreamTelemetry(pb.StreamTelemetryRequest()).read()
             it.vehicle.arming.set_result(None)
             await asyncio.gather(*arming)
@@ -209,8 +205,7 @@ def test_a_caller_who_goes_away_is_no_defect_and_his_call_ends(
             assert it.calls.running_count == 3
             for call in (watching, arming, telemetry):
                 call.cancel()
-            while it.calls.running_count:  # noqa: ASYNC110  it ends in another thread
-                await asyncio.sleep(0.01)
+            await until_async(lambda: not it.calls.running_count)
             assert not it.vehicle.arming.done()  # what others may wait for goes on
 
     with caplog.at_level(logging.INFO, "ual_daemon"):
@@ -258,9 +253,9 @@ def test_calls_without_their_request_are_bounded_and_others_get_in(transport: Ch
         async with served(transport) as it:
             open_call: Any = it.channel.stream_unary("/ual.v1.UalService/SetHome")
             first = open_call()
-            await until(lambda: it.calls.without_request_count == 1)
+            await until_async(lambda: it.calls.without_request_count == 1)
             others = [open_call() for _ in range(MOST_WITHOUT_REQUEST - 1)]
-            await until(lambda: it.calls.without_request_count == MOST_WITHOUT_REQUEST)
+            await until_async(lambda: it.calls.without_request_count == MOST_WITHOUT_REQUEST)
             await it.stub.SetHome(pb.SetHomeRequest())  # in the place of the first
             error = await error_of(first)
             assert isinstance(error, ResourceExhaustedError)
@@ -269,7 +264,7 @@ def test_calls_without_their_request_are_bounded_and_others_get_in(transport: Ch
             assert len(it.vehicle.callers) == 1
             for each in others:
                 each.cancel()
-            await until(lambda: it.calls.without_request_count == 0)
+            await until_async(lambda: it.calls.without_request_count == 0)
 
     asyncio.run(run())
 

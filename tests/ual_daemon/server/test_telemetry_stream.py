@@ -7,6 +7,7 @@ from typing import cast
 
 import pytest
 
+from tests.waiting import until_async
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.server.packing import TelemetryPacker
@@ -171,8 +172,7 @@ def test_for_many_readers_or_uavs_what_never_reached_the_loop_counts_as_missed(
             receiver.take()
         vehicle.update(count=5)  # the loop does not run meanwhile
         assert all(receiver.found == [(0, 0)] for receiver in receivers)
-        while len(receivers[-1].found) == 1:  # noqa: ASYNC110  a turn of the loop or two
-            await asyncio.sleep(0.001)
+        await until_async(lambda: len(receivers[-1].found) != 1)  # a turn of the loop or two
         assert all(receiver.found[1:] == [(5, 4)] for receiver in receivers)
         updates.close()
 

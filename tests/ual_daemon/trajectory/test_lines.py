@@ -37,7 +37,7 @@ def time_optimal_s(length_m: float, speed: float, acceleration: float, jerk: flo
     """The shortest time from rest to rest along a line, from the equations of motion.
 
     Jerk +j, 0, -j makes a change of speed by v in v / a + a / j if the limit a is reached (v >= a^2 / j), else in
-    2 sqrt(v / j); its way is that of the mean speed.
+    2 sqrt(v / j). Its way is that of the mean speed.
     """
     to_full_s = speed / acceleration + acceleration / jerk
     if speed < acceleration**2 / jerk:

@@ -18,6 +18,7 @@ import pytest
 from websockets.sync.client import ClientConnection, connect
 
 from tests.conftest import LIMIT_S
+from tests.waiting import until
 
 _FLAGS = (
     "--headless=new",
@@ -82,11 +83,7 @@ class Page:
         return text if all(word in text for word in words) else ""
 
     def wait_until(self, get: Callable[[], Any], what: str) -> Any:
-        deadline_s = time.monotonic() + LIMIT_S
-        while not (found := get()):
-            assert time.monotonic() < deadline_s, f"not seen: {what}\n{self.text()}\n{self.problems}"
-            time.sleep(0.05)
-        return found
+        return until(get, what, seen=lambda: f"{self.text()}\n{self.problems}")
 
     def click(self, x: float, y: float) -> None:
         for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
@@ -172,21 +169,21 @@ def browser(profile: Path) -> Iterator[Page]:
 
 
 def _page_address(profile: Path, process: subprocess.Popen[bytes]) -> str:
-    file, deadline_s = profile / "DevToolsActivePort", time.monotonic() + LIMIT_S
-    while not (file.exists() and file.read_text().count("\n")):
+    file = profile / "DevToolsActivePort"
+
+    def is_written() -> bool:
         assert process.poll() is None, "the browser has ended"
-        assert time.monotonic() < deadline_s, "the browser does not start"
-        time.sleep(0.05)
+        return file.exists() and "\n" in file.read_text()
+
+    until(is_written, "the browser's start")
     port = int(file.read_text().split()[0])
-    return _first_page(port)
+    return until(lambda: _first_page(port), "its first page")
 
 
 def _first_page(port: int) -> str:
+    """The address of its first page; empty while there is none."""
     import urllib.request
 
-    while True:
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list", timeout=LIMIT_S) as answer:
-            pages = [each for each in json.load(answer) if each["type"] == "page"]
-        if pages:
-            return str(pages[0]["webSocketDebuggerUrl"])
-        time.sleep(0.05)
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list", timeout=LIMIT_S) as answer:
+        pages = [each for each in json.load(answer) if each["type"] == "page"]
+    return str(pages[0]["webSocketDebuggerUrl"]) if pages else ""

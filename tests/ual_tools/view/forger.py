@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ssl
 import struct
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from typing import Any
@@ -15,6 +14,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from tests.conftest import LIMIT_S
+from tests.waiting import until
 
 _HEAD = 16
 _ALIGNED = 8
@@ -48,23 +48,25 @@ class Forger:
 
     def read_until(self, label: str) -> str:
         """Reads until an element of this label is there, and returns its id."""
-        deadline_s = time.monotonic() + LIMIT_S
-        while not (found := [key for key, each in self.elements.items() if each.get("label") == label]):
-            self.read(deadline_s - time.monotonic())
-        return found[0]
+        return until(lambda: self._find(label), label, seen=self._labels, between=self._read)
 
     def read_until_text(self, text: str) -> None:
         """Reads until an element has a text with these words."""
-        deadline_s = time.monotonic() + LIMIT_S
-        while not any(text in str(value) for each in self.elements.values() for value in each.values()):
-            self.read(deadline_s - time.monotonic())
+        until(lambda: text in str(self.elements), text, seen=lambda: self.elements, between=self._read)
 
     def read_until_lines(self, name: str) -> list[tuple[float, ...]]:
         """Reads until lines of this name are drawn, and returns their points."""
-        deadline_s = time.monotonic() + LIMIT_S
-        while not self.nodes.get(name, {}).get("visible"):
-            self.read(deadline_s - time.monotonic())
+        until(lambda: self.nodes.get(name, {}).get("visible"), name, seen=lambda: [*self.nodes], between=self._read)
         return list(struct.iter_unpack("<3f", self.nodes[name]["points"]))
+
+    def _find(self, label: str) -> str:
+        return next((key for key, each in self.elements.items() if each.get("label") == label), "")
+
+    def _labels(self) -> list[object]:
+        return [each.get("label") for each in self.elements.values()]
+
+    def _read(self) -> None:
+        self.read(LIMIT_S)
 
     def read(self, timeout_s: float) -> None:
         """Reads one bundle of messages."""

@@ -13,7 +13,6 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from tests.conftest import DaemonProcess, StartDaemon
-from tests.ual.recording.waiting import wait_until
 from tests.ual_tools.view.conftest import StartView
 from ual import LeaseHeldError, State, Team, Uav
 from ual.simulation import LinkLost
@@ -21,6 +20,7 @@ from ual.simulation import LinkLost
 pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
 
 from tests.ual_tools.view.forger import Forger, forger
+from tests.waiting import until
 
 CLICK: dict[str, Any] = {
     "type": "ScenePointerMessage",
@@ -132,11 +132,11 @@ def test_a_page_takes_and_releases_the_lease_after_it_was_confirmed(
         confirm = page.read_until(f"Confirm: {daemon.ns}: take the lease")
         assert other.lease_info() is None
         page.send(type="GuiUpdateMessage", uuid=confirm, updates={"value": True})
-        wait_until(lambda: other.lease_info() is not None)
+        until(lambda: other.lease_info() is not None)
         with pytest.raises(LeaseHeldError):
             other.take_off(2.0)
         page.send(type="GuiUpdateMessage", uuid=release, updates={"value": True})
-        wait_until(lambda: other.lease_info() is None)
+        until(lambda: other.lease_info() is None)
         page.send(type="GuiUpdateMessage", uuid=release, updates={"value": True})
         page.read_until_text("these pages do not hold the lease")
 

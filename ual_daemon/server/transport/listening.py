@@ -22,7 +22,7 @@ class Deferral:
     system cannot.
 
     The servers of a process share one. Its open files are looked at once for all ports that were added since the last
-    time: a fleet that looked at them for each port would need minutes to start.
+    time. A fleet that looked at them for each port would need minutes to start.
     """
 
     def __init__(self) -> None:

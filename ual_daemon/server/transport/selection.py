@@ -30,7 +30,7 @@ class _Plain(logging.Filter):
         if str(record.msg).startswith("Invalid encoding"):
             _reduce(record, logging.WARNING, "a caller sends metadata that are no UTF-8")
         elif record.exc_info and type(record.exc_info[1]).__name__ == "ExecuteBatchError":
-            # An operation of a call fails only where the call has ended: `grpc.aio` logs that as an error if the
+            # An operation of a call fails only where the call has ended. `grpc.aio` logs that as an error if the
             # operation is the status that it sends by itself when its handler returns.
             _reduce(record, logging.DEBUG, "a caller was gone before its answer")
             return _log.isEnabledFor(logging.DEBUG)

@@ -45,7 +45,7 @@ def keeps_below_a_speed(flight: Flight) -> None:
 def _fastest_m_s(samples: Sequence[Telemetry]) -> float:
     """Returns the highest mean speed over a second, by the positions.
 
-    An estimate of the velocity may be wrong for some seconds, and by more than the limit that is checked: PX4's was off
+    An estimate of the velocity may be wrong for some seconds, and by more than the limit that is checked. PX4's was off
     by 0.4 to 0.8 m/s in its simulator (docs/backends/mavros.md).
     """
     fastest_m_s, begins = 0.0, iter(samples)

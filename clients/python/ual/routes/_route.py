@@ -43,8 +43,10 @@ def naming(name: str) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Waypoints, either all with frames or all geographic; `leg_speeds_m_s` is empty or has one for each waypoint (0:
-    none given), and so has `holds_s` (how long to hold there, 0: no stop).
+    """Waypoints, either all with frames or all geographic.
+
+    `leg_speeds_m_s` is empty or has one for each waypoint (0: none given). So has `holds_s`: how long to hold there (0:
+    no stop).
 
     `left_out` lists, as text for people, what else is in the file and is not flown.
     """

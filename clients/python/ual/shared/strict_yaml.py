@@ -80,23 +80,25 @@ class _Loader(yaml.SafeLoader):
 
     @override
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        form = _NUMBERS.get(node.tag)
+        if form and isinstance(node, yaml.ScalarNode) and not form.fullmatch(node.value):
+            raise _unfit(node)  # the base class would read ``!!int 8_0`` and ``!!int 1:20``, as YAML 1.1 has them
         try:
             return super().construct_object(node, deep)
         except (ValueError, LookupError, AttributeError):
-            # The base class raises these for a value that does not fit its explicit tag: ``!!int x``.
-            kind = node.tag.rpartition(":")[2]
-            raise YamlError(f"{node.value!r:.40} is not a valid {kind}", _line(node)) from None
+            # The base class raises these for a value that does not fit its explicit tag: ``!!timestamp x``.
+            raise _unfit(node) from None
 
+
+_INT = r"[-+]?(?:0|[1-9][0-9]*)|0o[0-7]+|0x[0-9a-fA-F]+"
+_FLOAT = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
+_NUMBERS = {f"tag:yaml.org,2002:{name}": re.compile(form) for name, form in (("int", _INT), ("float", _FLOAT))}
 
 for _tag, _pattern, _first in (
     ("null", r"~|null|Null|NULL|", ("~", "n", "N", "")),
     ("bool", r"true|True|TRUE|false|False|FALSE", tuple("tTfF")),
-    ("int", r"[-+]?(?:0|[1-9][0-9]*)|0o[0-7]+|0x[0-9a-fA-F]+", tuple("-+0123456789")),
-    (
-        "float",
-        r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
-        tuple("-+.0123456789"),
-    ),
+    ("int", _INT, tuple("-+0123456789")),
+    ("float", _FLOAT, tuple("-+.0123456789")),
     ("merge", r"<<", ("<",)),
 ):
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), list(_first))
@@ -131,6 +133,11 @@ def _within(node: yaml.Node, path: str) -> Iterator[tuple[str, yaml.Node]]:
                 raise YamlError(f"{name}: given twice, first in line {lines[key.value]}", _line(key))
             lines[key.value] = _line(key)
             yield name, inner
+
+
+def _unfit(node: yaml.Node) -> YamlError:
+    kind = node.tag.rpartition(":")[2]
+    return YamlError(f"{node.value!r:.40} is not a valid {kind}", _line(node))
 
 
 def _refused(error: yaml.MarkedYAMLError) -> YamlError:

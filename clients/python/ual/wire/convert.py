@@ -1,8 +1,8 @@
 """Between `ual.v1` protobuf messages and the value types: the only module that knows both.
 
-``x_to_proto`` makes a message, ``x_from_proto`` a value. Where a caller may leave out a part that must be there, the
-reader takes `field`, the name of the message in its request, and raises `InvalidArgumentError` that names the missing
-part (``waypoint.pose.position: not set``). Values themselves (NaN, magnitudes) are judged by the daemon's validation,
+``x_to_proto`` makes a message, ``x_from_proto`` a value. A reader of a message of which a caller may leave out a
+part takes `field`, the name of the message in its request. It raises `InvalidArgumentError` that names the missing part
+(``waypoint.pose.position: not set``). Values themselves (NaN, magnitudes) are judged by the daemon's validation,
 not here. Poses, twists and telemetry flow often: their functions set fields one by one, the fastest way in protobuf.
 """
 

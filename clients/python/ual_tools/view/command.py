@@ -11,6 +11,7 @@ from ual.shared import extras
 from ual_tools.app import Multi, command
 from ual_tools.help import Section
 from ual_tools.session import Session, pass_session
+from ual_tools.values import Whole
 from ual_tools.view.access import access
 from ual_tools.view.map_source import MOST_ZOOM, ZOOM, ground
 from ual_tools.view.shown import MODEL_NAMES
@@ -50,12 +51,12 @@ class Model(click.ParamType[tuple[str, str]]):
     help=f"{', '.join(MODEL_NAMES)}: of all UAVs, or of one. When not given, it follows from the backend.",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Where the page is served.")
-@click.option("--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: any that is free.")
+@click.option("--port", type=Whole(0, 65535), default=_PORT, show_default=True, help="0: any that is free.")
 @click.option("--tls-certificate", "certificate", type=_FILE, help="Serve by TLS, other computers, too (PEM).")
 @click.option("--tls-key", "key", type=_FILE, help="The key of the certificate (PEM).")
 @click.option("--token-file", type=_FILE, help="The token that a browser needs with --control or TLS; else a new one.")
 @click.option("--map-tiles", metavar="URL", help="A map below: your own server or cache, with {z}, {x} and {y}.")
-@click.option("--map-zoom", type=click.IntRange(0, MOST_ZOOM), default=ZOOM, show_default=True, help="Of the tiles.")
+@click.option("--map-zoom", type=Whole(0, MOST_ZOOM), default=ZOOM, show_default=True, help="Of the tiles.")
 @click.option("--map-picture", type=_FILE, help="A picture below the scene instead, with --map-corners.")
 @click.option(
     "--map-corners",

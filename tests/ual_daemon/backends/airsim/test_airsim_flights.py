@@ -13,7 +13,8 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.simulators.airsim import Vehicle
-from tests.simulators.airsim_server import AirsimServer, wait_until
+from tests.simulators.airsim_server import AirsimServer
+from tests.waiting import until, until_state
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, TaskAbortedError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import State
@@ -47,12 +48,8 @@ def server(vehicle: Vehicle) -> Iterator[AirsimServer]:
 @pytest.fixture
 def uav(server: AirsimServer) -> Iterator[UAL]:
     with connected(server.url) as uav:
-        wait_until(uav.is_ready, "it is not ready")
+        until(uav.is_ready, "its readiness")
         yield uav
-
-
-def wait_for(uav: UAL, *states: State) -> None:
-    wait_until(lambda: uav.state() in states, f"{uav.ns} is {uav.state()}")
 
 
 def calls(server: AirsimServer, method: str) -> int:
@@ -66,7 +63,7 @@ def test_it_takes_off_to_any_height_and_is_disarmed_after_its_landing(
     uav.take_off(4.0)
     assert -vehicle.body.position[2] == pytest.approx(4.0, abs=0.3)
     uav.land()
-    wait_for(uav, State.LANDED_DISARMED)
+    until_state(uav, State.LANDED_DISARMED)
     assert vehicle.body.is_on_ground
     assert not vehicle.is_armed
     assert not {name for name, _ in server.calls} & {"takeoff", "land", "moveToZ"}
@@ -78,11 +75,11 @@ def test_a_position_that_cannot_be_true_is_no_pose_and_is_told_once(
 ) -> None:
     place = vehicle.body.position
     vehicle.place((north_m, 0.0, 0.0), 0.0)
-    wait_for(uav, State.UNINITIALIZED)
+    until_state(uav, State.UNINITIALIZED)
     assert uav.telemetry().pose is None
     assert "no position" in uav.telemetry().state_reason
     vehicle.place(place, 0.0)
-    wait_for(uav, State.LANDED_ARMED)
+    until_state(uav, State.LANDED_ARMED)
     assert [record.getMessage()[:19] for record in caplog.records if "dropped" in record.getMessage()] == [
         "dropped: position o"
     ]
@@ -97,7 +94,7 @@ def test_api_control_is_not_enabled_again_in_the_air(uav: UAL, server: AirsimSer
 def test_it_is_never_disarmed_in_the_air(uav: UAL, server: AirsimServer, vehicle: Vehicle) -> None:
     uav.take_off(3.0)
     with connected(server.url, "uav_2") as other:
-        wait_for(other, State.FLYING_AUTO)
+        until_state(other, State.FLYING_AUTO)
         with pytest.raises(RejectedByAutopilotError, match="on the ground"):
             other.simulation.pilot_disarm()
     backend = AirsimBackend(BackendOptions("uav_3", server.url))
@@ -109,7 +106,7 @@ def test_a_vehicle_that_is_armed_again_flies_again(uav: UAL) -> None:
     for _ in range(2):
         uav.take_off(2.0)
         uav.land()
-        wait_for(uav, State.LANDED_DISARMED)
+        until_state(uav, State.LANDED_DISARMED)
         uav.simulation.pilot_arm()
 
 
@@ -117,12 +114,12 @@ def test_a_daemon_that_ends_in_flight_leaves_it_hovering_and_the_next_one_knows_
     server: AirsimServer, vehicle: Vehicle
 ) -> None:
     with connected(server.url) as uav:
-        wait_until(uav.is_ready, "it is not ready")
+        until(uav.is_ready, "its readiness")
         uav.take_off(3.0)
     server.run(3.0)
     assert -vehicle.body.position[2] == pytest.approx(3.0, abs=0.5)
     with connected(server.url) as uav:
-        wait_for(uav, State.FLYING_AUTO)
+        until_state(uav, State.FLYING_AUTO)
         uav.go_to_waypoint(Pose.at(1.0, 0.0, 2.0))
         uav.land()
 
@@ -132,7 +129,7 @@ def test_the_end_of_the_flight_is_a_clean_handover_to_a_vehicle_that_hovers(uav:
     task = uav.go_to_waypoint(Pose.at(30.0, 0.0, 3.0), blocking=False)
     uav.vehicle.prepare_shutdown().result(LIMIT_S)
     assert task.done()
-    wait_for(uav, State.FLYING_MANUAL)
+    until_state(uav, State.FLYING_MANUAL)
     assert uav.telemetry().flight_mode == "HOVER"
     sent = calls(server, "moveByVelocity")
     server.run(2.0)
@@ -155,7 +152,7 @@ def test_a_pilot_who_takes_over_at_the_touch_down_keeps_the_control(
     monkeypatch.setattr(Procedures, "disarm_landed", after_the_take_over)
     uav.take_off(2.0)
     uav.land(blocking=False)
-    wait_until(taken.is_set, "it has not landed")
+    until(taken.is_set, "its landing")
     server.run(2.0)
     assert not vehicle.has_api_control
     assert calls(server, "enableApiControl") == calls(server, "armDisarm") == 0
@@ -163,24 +160,24 @@ def test_a_pilot_who_takes_over_at_the_touch_down_keeps_the_control(
 
 def test_what_was_said_of_the_vehicles_ends_with_the_simulator(vehicle: Vehicle) -> None:
     with AirsimServer([vehicle, Vehicle("Drone2")]) as server, connected(server.url) as uav:
-        wait_until(lambda: "set airsim.vehicle_name" in uav.telemetry().state_reason, "it does not ask for a name")
+        until(lambda: "set airsim.vehicle_name" in uav.telemetry().state_reason, "the question for a name")
         server.close()
-        wait_until(lambda: "nothing heard" in uav.telemetry().state_reason, "it speaks of vehicles still")
+        until(lambda: "nothing heard" in uav.telemetry().state_reason, "the end of what it said of vehicles")
 
 
 def test_a_simulator_that_ended_is_found_again(vehicle: Vehicle) -> None:
     with ExitStack() as stack:
         server = stack.enter_context(AirsimServer([vehicle]))
         uav = stack.enter_context(connected(server.url))
-        wait_until(uav.is_ready, "it is not ready")
+        until(uav.is_ready, "its readiness")
         uav.take_off(3.0)
         task = uav.go_to_waypoint(Pose.at(30.0, 0.0, 3.0), blocking=False)
         server.close()
-        wait_for(uav, State.UNINITIALIZED)
+        until_state(uav, State.UNINITIALIZED)
         with pytest.raises(LinkLostError):
             task.wait()
         stack.enter_context(AirsimServer([Vehicle("Drone1")], server.port))
-        wait_for(uav, State.LANDED_ARMED)
+        until_state(uav, State.LANDED_ARMED)
         uav.take_off(2.0)
 
 
@@ -194,10 +191,10 @@ def test_a_lost_connection_is_made_again_and_the_flight_goes_on(uav: UAL, server
 def test_a_silent_simulator_is_a_lost_link_and_late_answers_heal_it(uav: UAL, server: AirsimServer) -> None:
     uav.take_off(3.0)
     server.is_silent = True
-    wait_for(uav, State.UNINITIALIZED)
+    until_state(uav, State.UNINITIALIZED)
     assert "nothing heard" in uav.telemetry().state_reason
     server.is_silent = False
-    wait_for(uav, State.FLYING_AUTO)
+    until_state(uav, State.FLYING_AUTO)
     uav.go_to_waypoint(Pose.at(1.0, 0.0, 3.0))
 
 
@@ -205,7 +202,7 @@ def test_a_paused_simulator_stops_the_clock_and_nothing_piles_up(uav: UAL, serve
     uav.take_off(3.0)
     task = uav.go_to_waypoint(Pose.at(3.0, 0.0, 3.0), blocking=False)
     uav.simulation.set_speed_factor(0.0)
-    wait_until(lambda: server.is_paused, "it is not paused")
+    until(lambda: server.is_paused, "the pause")
     began_s = uav.telemetry().stamp_s
     deadline_s = time.monotonic() + 0.5
     while time.monotonic() < deadline_s:  # it is asked again and again, and answers
@@ -213,7 +210,7 @@ def test_a_paused_simulator_stops_the_clock_and_nothing_piles_up(uav: UAL, serve
         assert uav.telemetry().stamp_s - began_s < 0.1
     assert server.pending_count <= 2
     uav.simulation.step(0.5)
-    wait_until(lambda: uav.telemetry().stamp_s - began_s > 0.4, "no time has passed")
+    until(lambda: uav.telemetry().stamp_s - began_s > 0.4, "the time to pass")
     uav.simulation.set_speed_factor(5.0)
     task.wait()
 
@@ -222,7 +219,7 @@ def test_velocities_that_are_never_answered_do_not_end_the_flight(uav: UAL, serv
     uav.take_off(3.0)
     task = uav.go_to_waypoint(Pose.at(6.0, 0.0, 3.0), blocking=False)
     server.forgets_count = 2
-    wait_until(lambda: server.forgets_count == 0, "no velocity has come")
+    until(lambda: server.forgets_count == 0, "the velocity")
     task.wait()
 
 
@@ -235,12 +232,12 @@ def test_a_step_needs_time_that_stands_still(uav: UAL) -> None:
 
 def test_a_collision_ends_the_task_and_says_with_what() -> None:
     with AirsimServer([Vehicle("Drone1", wall_north_m=3.0)]) as server, connected(server.url) as uav:
-        wait_until(uav.is_ready, "it is not ready")
+        until(uav.is_ready, "its readiness")
         uav.take_off(3.0)
         with pytest.raises(TaskAbortedError, match="collision"):
             uav.go_to_waypoint(Pose.at(0.0, 10.0, 3.0))
         assert uav.telemetry().status_text == "collision with Wall"
-        wait_for(uav, State.FLYING_MANUAL)
+        until_state(uav, State.FLYING_MANUAL)
         with pytest.raises(WrongStateError, match="collision"):
             uav.recover_from_manual()
         uav.recover_from_manual(force=True)
@@ -250,13 +247,13 @@ def test_a_collision_ends_the_task_and_says_with_what() -> None:
 
 def test_after_a_collision_it_can_be_landed() -> None:
     with AirsimServer([Vehicle("Drone1", wall_north_m=3.0)]) as server, connected(server.url) as uav:
-        wait_until(uav.is_ready, "it is not ready")
+        until(uav.is_ready, "its readiness")
         uav.take_off(3.0)
         with pytest.raises(TaskAbortedError, match="collision"):
             uav.go_to_waypoint(Pose.at(0.0, 10.0, 3.0))
-        wait_for(uav, State.FLYING_MANUAL)
+        until_state(uav, State.FLYING_MANUAL)
         uav.land()
-        wait_for(uav, State.LANDED_DISARMED)
+        until_state(uav, State.LANDED_DISARMED)
 
 
 @pytest.mark.parametrize(
@@ -268,7 +265,7 @@ def test_a_vehicle_that_is_not_clear_is_named(name: str, why: str) -> None:
         AirsimServer([Vehicle("Drone1"), Vehicle("Drone2")]) as server,
         connected(server.url, vehicle_name=name) as uav,
     ):
-        wait_until(lambda: why in uav.telemetry().state_reason, "it is not said")
+        until(lambda: why in uav.telemetry().state_reason, "the reason")
         assert uav.state() is State.UNINITIALIZED
 
 
@@ -281,7 +278,7 @@ def test_two_vehicles_of_one_simulator_fly_at_once() -> None:
             for each in vehicles
         )
         for uav in (first, second):
-            wait_until(uav.is_ready, "it is not ready")
+            until(uav.is_ready, "its readiness")
         tasks = [uav.take_off(height_m, blocking=False) for uav, height_m in ((first, 2.0), (second, 4.0))]
         for task in tasks:
             task.wait()
@@ -295,7 +292,7 @@ def test_a_vehicle_with_a_remote_control_leaves_the_pilot_to_that(uav: UAL, vehi
         uav.simulation.pilot_take_over()
     vehicle.rc = {"is_valid": True, "pitch": 0.0, "roll": 0.0, "yaw": 0.0, "throttle": 0.61}
     seen_s = uav.telemetry().stamp_s
-    wait_until(lambda: uav.telemetry().stamp_s > seen_s + 0.1, "no state came")
+    until(lambda: uav.telemetry().stamp_s > seen_s + 0.1, "a state")
     with pytest.raises(RejectedByAutopilotError, match="take over with that"):
         uav.simulation.pilot_take_over()
     assert uav.state() is State.FLYING_AUTO
@@ -313,14 +310,14 @@ def test_wind_and_a_new_place(uav: UAL, vehicle: Vehicle) -> None:
     uav.take_off(3.0)
     uav.simulation.place_on_ground(Vector3(5.0, 6.0, 0.0), 0.0)
     assert vehicle.body.position == (6.0, 5.0, 0.0)
-    wait_for(uav, State.LANDED_DISARMED)
+    until_state(uav, State.LANDED_DISARMED)
     assert uav.telemetry().pose is not None
 
 
 def test_it_is_armed_by_its_simulated_pilot(uav: UAL, server: AirsimServer) -> None:
     uav.simulation.pilot_disarm()
-    wait_for(uav, State.LANDED_DISARMED)
+    until_state(uav, State.LANDED_DISARMED)
     backend = AirsimBackend(BackendOptions("uav_2", server.url))
     assert not backend.safety_pilot().may_arm()  # it is not connected
     uav.simulation.pilot_arm()
-    wait_for(uav, State.LANDED_ARMED)
+    until_state(uav, State.LANDED_ARMED)

@@ -1,20 +1,17 @@
-"""The conformance checks over the simulated Crazyflie, through the class and over gRPC to a daemon."""
+"""The conformance checks over the simulated Crazyflie, in the process."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
-from pathlib import Path
 
 import pytest
 
-from tests.patient_checks import grouped, run_check_or_skip, served, wait_until_ready
+from tests.patient_checks import run_check_or_skip, wait_until_ready
 from tests.simulators.crazyflie import Crazyflie
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.ports import MemoryPort
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
-from ual.interface import Uav
 from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -32,22 +29,12 @@ NOT_HERE = {
 """What is skipped, and nothing else: it has no safety pilot, and does not know where it is on Earth."""
 
 
-def over_class(stack: ExitStack, _: Path) -> Uav:
-    return stack.enter_context(UAL(LockstepCrazyflie(BackendOptions("uav_1")), allow_arming=True))
-
-
-def over_grpc(stack: ExitStack, directory: Path) -> Uav:
-    return served(stack, directory, "lockstep_crazyflie", "--allow-arming")
-
-
 ON_GROUND = [check for check in conformance.CHECKS if State.FLYING_AUTO not in check.starts]
-WAYS = [grouped(make, make.__name__, f"crazyflie_{make.__name__}") for make in (over_class, over_grpc)]
 
 
-@pytest.fixture(scope="module", params=WAYS)
-def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
-    with ExitStack() as stack:
-        uav = request.param(stack, tmp_path_factory.mktemp("ual"))
+@pytest.fixture(scope="module")
+def flight() -> Iterator[Flight]:
+    with UAL(LockstepCrazyflie(BackendOptions("uav_1")), allow_arming=True) as uav:
         wait_until_ready(uav)
         yield Flight(uav, TOLERANCES)
 
@@ -71,6 +58,7 @@ def test_one_that_arms_itself_skips_only_what_needs_it_disarmed(
     )
 
 
+@pytest.mark.xdist_group("crazyflie")
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
 def test_conformance(flight: Flight, check: Check) -> None:
     run_check_or_skip(flight, check, NOT_HERE)

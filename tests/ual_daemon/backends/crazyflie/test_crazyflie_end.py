@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 from tests.simulators.crazyflie import Supervisor
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
+from tests.waiting import until
 from ual.geometry import Pose
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
-
-LIMIT_S = 60.0
 
 
 def test_it_hovers_on_when_ual_ends_on_the_way(tmp_path: Path) -> None:
     backend = LockstepCrazyflie(BackendOptions("uav_1", None, {"cache_directory": str(tmp_path)}))
     crazyflie = backend.crazyflie
     with UAL(backend, allow_arming=True) as uav:
-        deadline_s = time.monotonic() + LIMIT_S
-        while not uav.is_ready():
-            assert time.monotonic() < deadline_s, uav.telemetry()
-            time.sleep(0.01)
+        until(uav.is_ready, seen=uav.telemetry)
         uav.arm()
         uav.take_off(1.0)
         uav.go_to_waypoint(Pose.at(8.0, 0.0, 1.0), blocking=False)
-        while crazyflie.place[0] < 0.5:
-            assert time.monotonic() < deadline_s, uav.telemetry()
-            time.sleep(0.01)
+        until(lambda: crazyflie.place[0] >= 0.5, seen=uav.telemetry)
     assert backend.snapshot().mode is not None
     crazyflie.run(30.0)
     assert crazyflie.supervisor is Supervisor.FLYING

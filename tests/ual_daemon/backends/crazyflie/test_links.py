@@ -8,7 +8,6 @@ import queue
 import socket
 import sys
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +15,7 @@ import pytest
 from cflib.crtp.crtpstack import CRTPPacket
 from cflib.drivers import crazyradio
 
+from tests.waiting import until
 from ual.geometry import Vector3
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
@@ -31,13 +31,6 @@ from ual_daemon.settings import ConfigError
 RADIO = "radio://0/80/2M/E7E7E7E7E7"
 PACKET = Packet(5, 1, b"\x05")
 LIMIT_S = 20.0
-
-
-def until(holds: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + LIMIT_S
-    while not holds():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.005)
 
 
 def received(link: links.Link) -> list[Packet]:

@@ -9,11 +9,10 @@ import pytest
 from tests.simulators.dji import STEP_S
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdkVehicle
 from tests.simulators.rosbridge import RefusedError
-from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, thread_paused, until, wait
+from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, thread_paused, wait
+from tests.waiting import LIMIT_S, until
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError
 from ual.types import State
-
-LIMIT_S = 60.0
 
 
 def test_it_is_not_flown_aside_by_a_position_that_has_stopped() -> None:

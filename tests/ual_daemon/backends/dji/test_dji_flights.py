@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import random
 import threading
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 
@@ -17,6 +16,7 @@ from tests.simulators.dji import AUTO_LANDING, P_GPS, STEP_S, Aircraft, OsdkSdkN
 from tests.simulators.dji_node import OneThreadBridge
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from tests.simulators.rosbridge import Message, RefusedError, Service
+from tests.waiting import until
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import GpsFix, Limits, State
@@ -36,13 +36,6 @@ def ready(kind: type[LockstepDji] = LockstepPsdk, speed: float = 20.0) -> Iterat
     with UAL(backend, allow_arming=True) as uav:
         until(uav.is_ready)
         yield uav, backend
-
-
-def until(condition: Callable[[], object]) -> None:
-    deadline_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.002)
 
 
 def fly(uav: UAL, height_m: float = 3.0) -> None:

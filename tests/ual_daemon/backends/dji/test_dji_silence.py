@@ -11,7 +11,8 @@ import pytest
 from tests.simulators.dji import RC, Psdk
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from tests.simulators.rosbridge import Message, Service
-from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, until, wait
+from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, wait
+from tests.waiting import until
 from ual.errors import LinkLostError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Limits, State

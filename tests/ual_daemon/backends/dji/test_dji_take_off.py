@@ -8,7 +8,8 @@ import pytest
 
 from tests.simulators.dji import ENGINE_START, P_GPS, Psdk
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
-from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, take_over_in_take_off, until, wait
+from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, take_over_in_take_off, wait
+from tests.waiting import until
 from ual.types import State
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.settings import DjiSettings

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from enum import Enum, auto
 from typing import ClassVar
 
-from tests.conftest import LIMIT_S
+from tests.waiting import until
 from ual.errors import UalError
 from ual.types import Limits, State
 from ual_daemon import UAL
@@ -149,10 +148,7 @@ class Craft(ABC):
 
     def until(self, condition: Action) -> None:
         """Waits for a condition."""
-        deadline_s = time.monotonic() + LIMIT_S
-        while not condition():
-            assert time.monotonic() < deadline_s, (self.uav.telemetry(), self.commands()[-5:])
-            time.sleep(_POLL_S)
+        until(condition, seen=lambda: (self.uav.telemetry(), self.commands()[-5:]))
 
     def until_state(self, *states: State) -> None:
         self.until(lambda: self.uav.state() in states)

@@ -1,14 +1,12 @@
-"""The conformance checks over the simulated autopilots, through the class and over gRPC to a daemon."""
+"""The conformance checks over the simulated autopilots, in the process. The wire is that of the light UAV's checks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from pathlib import Path
+from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import grouped, run_check_or_skip, served, wait_until_ready
+from tests.patient_checks import grouped, run_check_or_skip, wait_until_ready
 from tests.simulators.lockstep import LockstepArduPilot, LockstepPx4
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
@@ -33,22 +31,7 @@ NOT_HERE = {
 pilot flies: the pilot cannot give control back."""
 
 
-def over_class(stack: ExitStack, kind: str, _: Path) -> Uav:
-    settings = VehicleSettings(limits=LimitSettings(horizontal_speed_m_s=LIMIT_M_S))
-    return stack.enter_context(UAL(BACKENDS[kind](BackendOptions("uav_1")), settings=settings))
-
-
-def over_grpc(stack: ExitStack, kind: str, directory: Path) -> Uav:
-    return served(stack, directory, f"lockstep_{kind}", "--set", f"limits.horizontal_speed_m_s={LIMIT_M_S}")
-
-
-Make = Callable[[ExitStack, str, Path], Uav]
-
-
-@pytest.fixture(scope="module", params=[grouped(make, make.__name__) for make in (over_class, over_grpc)])
-def make(request: pytest.FixtureRequest) -> Make:
-    made: Make = request.param
-    return made
+SETTINGS = VehicleSettings(limits=LimitSettings(horizontal_speed_m_s=LIMIT_M_S))
 
 
 @pytest.fixture(scope="module", params=[grouped(kind, kind) for kind in BACKENDS])
@@ -63,9 +46,8 @@ def is_known(uav: Uav) -> bool:
 
 
 @pytest.fixture(scope="module")
-def flight(kind: str, make: Make, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
-    with ExitStack() as stack:
-        uav = make(stack, kind, tmp_path_factory.mktemp("ual"))
+def flight(kind: str) -> Iterator[Flight]:
+    with UAL(BACKENDS[kind](BackendOptions("uav_1")), settings=SETTINGS) as uav:
         wait_until_ready(uav, is_known)
         yield Flight(uav, TOLERANCES)
 

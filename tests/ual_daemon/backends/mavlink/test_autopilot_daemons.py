@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import signal
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +15,7 @@ import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.simulators import ArduPilot, Autopilot, BadLink, Faults, Px4, TcpPort, UdpPort, flying
 from tests.simulators.px4 import LOITER
+from tests.waiting import until, until_state
 from ual.geometry import Pose
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -58,23 +58,12 @@ def vehicle(request: pytest.FixtureRequest) -> Iterator[Vehicle]:
         yield vehicle
 
 
-def wait_for(condition: Callable[[], bool], what: str) -> None:
-    deadline_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < deadline_s, f"{what} did not come"
-        time.sleep(0.01)
-
-
-def wait_for_state(uav: ual.Uav, *states: State) -> None:
-    wait_for(lambda: uav.state() in states, " or ".join(state.name for state in states))
-
-
 def take_off(uav: ual.Uav, vehicle: Vehicle) -> None:
-    wait_for_state(uav, State.LANDED_DISARMED)
-    wait_for(lambda: uav.info().autopilot_version != "", "its version")
-    wait_for(lambda: uav.telemetry().position_geo is not None, "its place on Earth")
+    until_state(uav, State.LANDED_DISARMED)
+    until(lambda: uav.info().autopilot_version != "", "its version")
+    until(lambda: uav.telemetry().position_geo is not None, "its place on Earth")
     assert vehicle.autopilot.pilot_arm()
-    wait_for_state(uav, State.LANDED_ARMED)
+    until_state(uav, State.LANDED_ARMED)
     uav.take_off(2.0)
 
 
@@ -90,11 +79,11 @@ def test_a_daemon_that_is_killed_in_flight_and_started_anew_takes_control_back(
     with ual.Uav(address=daemon.address) as uav:
         take_off(uav, vehicle)
         uav.go_to_waypoint(ahead(uav, 50.0), blocking=False)
-        wait_for(lambda: uav.velocity().twist.linear.norm() > 1.0, "its speed")
+        until(lambda: uav.velocity().twist.linear.norm() > 1.0, "its speed")
         daemon.signal(signal.SIGKILL)
         daemon.wait()
     if isinstance(vehicle.autopilot, Px4):  # it returns, and the safety pilot stops that
-        wait_for(lambda: vehicle.autopilot.heartbeat().custom_mode >> 24 == 5, "PX4's return")
+        until(lambda: vehicle.autopilot.heartbeat().custom_mode >> 24 == 5, "PX4's return")
         with vehicle.autopilot.lock:
             assert vehicle.autopilot.request_mode(LOITER)
     started_s = vehicle.autopilot.elapsed_s
@@ -108,7 +97,7 @@ def test_a_daemon_that_is_killed_in_flight_and_started_anew_takes_control_back(
             uav.recover_from_manual()
         assert uav.state() is State.FLYING_AUTO
         uav.land()
-        wait_for_state(uav, State.LANDED_DISARMED)
+        until_state(uav, State.LANDED_DISARMED)
 
 
 def test_a_daemon_that_was_not_commanded_ends_cleanly_in_another_flight(start_daemon: StartDaemon) -> None:
@@ -120,7 +109,7 @@ def test_a_daemon_that_was_not_commanded_ends_cleanly_in_another_flight(start_da
             daemon.signal(signal.SIGKILL)
             daemon.wait()
         autopilot = vehicle.autopilot
-        wait_for(lambda: autopilot.elapsed_s - autopilot.setpoints_s[-1] > 1.0, "the last setpoint that was on its way")
+        until(lambda: autopilot.elapsed_s - autopilot.setpoints_s[-1] > 1.0, "the last setpoint that was on its way")
         began_s, count = vehicle.autopilot.elapsed_s, len(vehicle.autopilot.setpoints_s)
         daemon = start_daemon("--url", vehicle.url, backend="mavlink")
         daemon.wait_for("state", new="FLYING_AUTO")
@@ -138,13 +127,13 @@ def test_health_follows_the_link(vehicle: Vehicle, start_daemon: StartDaemon) ->
     def is_health(status: int) -> bool:
         return bool(stub.Check(health_pb2.HealthCheckRequest(), timeout=LIMIT_S).status == status)
 
-    wait_for(lambda: is_health(SERVING), "SERVING")
+    until(lambda: is_health(SERVING), "SERVING")
     silent = daemon.wait_for("state", old="UNINITIALIZED")
     vehicle.link.down = Faults(is_silent=True)
     daemon.wait_for("state", after=silent, new="UNINITIALIZED")
-    wait_for(lambda: is_health(NOT_SERVING), "NOT_SERVING")
+    until(lambda: is_health(NOT_SERVING), "NOT_SERVING")
     vehicle.link.down = Faults()
-    wait_for(lambda: is_health(SERVING), "SERVING again")
+    until(lambda: is_health(SERVING), "SERVING again")
 
 
 def test_a_half_open_connection_is_given_up_and_made_anew(start_daemon: StartDaemon) -> None:
@@ -184,9 +173,9 @@ def test_three_daemons_fly_three_vehicles_for_one_client(start_daemon: StartDaem
             for number, daemon in enumerate(daemons, 1)
         ]
         for uav, vehicle in zip(uavs, vehicles, strict=True):
-            wait_for_state(uav, State.LANDED_DISARMED)
+            until_state(uav, State.LANDED_DISARMED)
             assert vehicle.autopilot.pilot_arm()
-            wait_for_state(uav, State.LANDED_ARMED)
+            until_state(uav, State.LANDED_ARMED)
         for task in [uav.take_off(2.0, blocking=False) for uav in uavs]:
             task.wait()
         goals = [ahead(uav, 2.0 * number) for number, uav in enumerate(uavs, 1)]
@@ -206,9 +195,9 @@ def test_home_survives_a_daemon_that_is_killed_while_the_uav_is_carried(
         vehicle.autopilot.settle_s = 3.0
     daemon = start_daemon("--url", vehicle.url, backend="mavlink")
     with ual.Uav(address=daemon.address) as uav:
-        wait_for_state(uav, State.LANDED_DISARMED)
-        wait_for(lambda: uav.info().autopilot_version != "", "its version")
-        wait_for(lambda: uav.telemetry().gps is not None, "its satellites")
+        until_state(uav, State.LANDED_DISARMED)
+        until(lambda: uav.info().autopilot_version != "", "its version")
+        until(lambda: uav.telemetry().gps is not None, "its satellites")
         uav.set_home()
     daemon.wait_for("command", command="set_home")
     daemon.signal(signal.SIGKILL)
@@ -217,6 +206,6 @@ def test_home_survives_a_daemon_that_is_killed_while_the_uav_is_carried(
     daemon = start_daemon("--url", vehicle.url, backend="mavlink")
     daemon.wait_for("home_restored")
     with ual.Uav(address=daemon.address) as uav:
-        wait_for(lambda: uav.telemetry().pose is not None, "its pose")
+        until(lambda: uav.telemetry().pose is not None, "its pose")
         assert tuple(uav.pose().pose.position)[:2] == pytest.approx((20.0, 0.0), abs=0.05)
         assert uav.telemetry().frame_lost == ""

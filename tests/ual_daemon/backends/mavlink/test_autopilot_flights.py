@@ -5,7 +5,6 @@ Times are the vehicle's, so that they hold on a busy computer too.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Autopilot, BadLink, Faults, MemoryPort, Px4
 from tests.simulators.lockstep import LockstepBackend
 from tests.simulators.px4 import LOITER, OFFBOARD, RTL
+from tests.waiting import until
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError, WrongStateError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State, Telemetry
@@ -62,10 +62,7 @@ class Flight:
         return self.autopilot.elapsed_s
 
     def wait_for(self, condition: Callable[[], bool], what: str) -> None:
-        deadline_s = time.monotonic() + LIMIT_S
-        while not condition():
-            assert time.monotonic() < deadline_s, f"{what} did not come; {self.uav.telemetry()}"
-            time.sleep(0.002)
+        until(condition, what, seen=self.uav.telemetry)
 
     def wait_for_state(self, *states: State) -> None:
         self.wait_for(lambda: self.uav.state() in states, " or ".join(state.name for state in states))

@@ -7,10 +7,10 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pytest
 
@@ -18,6 +18,7 @@ from tests.conftest import open_terminal
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat, packer, position
 from tests.ual_daemon.backends.mavlink.traces import load, replay
+from tests.waiting import until
 from ual.errors import LinkLostError, NotSupportedError
 from ual.geometry import Vector3
 from ual.types import Limits, State
@@ -29,18 +30,9 @@ from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 from ual_daemon.backends.values import Freshness, PositionSetpoint, Snapshot, VelocitySetpoint
 from ual_daemon.flight.state import estimate
 
-T = TypeVar("T")
 Pair = tuple[MavlinkBackend, "Autopilot"]
 PATIENCE_S = 20.0
 SETPOINT = VelocitySetpoint(Vector3(1.0, 0.0, 0.0))
-
-
-def wait_for(condition: Callable[[], T], what: str) -> T:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < deadline_s, f"{what} did not come"
-        time.sleep(0.005)
-    return found
 
 
 class Autopilot:
@@ -106,7 +98,7 @@ def pair() -> Iterator[Pair]:
             autopilot.say(heartbeat())
             return backend.info().autopilot == "PX4"
 
-        wait_for(meets, "the autopilot")
+        until(meets, "the autopilot")
         yield backend, autopilot
 
 
@@ -127,9 +119,9 @@ def test_a_recorded_take_off_replayed_over_udp_shows_its_states() -> None:
         State.FLYING_MANUAL,
     ]
     with opened(f"udpin://127.0.0.1:{port}", on_update) as backend:
-        wait_for(lambda: states, "the first update")
+        until(lambda: states, "the first update")
         replay(load("px4_auto_takeoff_loiter_rtl"), port, speed_factor=6.0, until_s=14.0)
-        wait_for(lambda: states[-1] is expected[-1], "the last state")
+        until(lambda: states[-1] is expected[-1], "the last state")
         assert states == expected
         pose = backend.snapshot().pose
         assert pose is not None
@@ -140,12 +132,12 @@ def test_updates_come_at_each_pose_and_without_any() -> None:
     seen: list[Snapshot] = []
     port = free_port()
     with contextlib.closing(Autopilot(port)) as autopilot, opened(f"udpin://127.0.0.1:{port}", seen.append):
-        wait_for(lambda: len(seen) > 5, "updates of silence")
+        until(lambda: len(seen) > 5, "updates of silence")
         assert seen[-1].heard_s is None
         autopilot.say(heartbeat(), attitude(), position(0.0))
-        wait_for(lambda: any(norths(seen)), "the first pose")
+        until(lambda: any(norths(seen)), "the first pose")
         autopilot.say(attitude(), position(0.02, north=5.0))
-        wait_for(lambda: 5.0 in norths(seen), "the next")
+        until(lambda: 5.0 in norths(seen), "the next")
         assert [north for north, _ in itertools.groupby(norths(seen))] == [1.0, 5.0]
 
 
@@ -162,7 +154,7 @@ def test_an_update_that_fails_does_not_end_the_updates(caplog: pytest.LogCapture
         raise ValueError("a defect above")
 
     with caplog.at_level(logging.CRITICAL), opened(f"udpin://127.0.0.1:{free_port()}", fail):
-        wait_for(lambda: count > 3, "more updates")
+        until(lambda: count > 3, "more updates")
 
 
 def test_a_setpoint_has_left_when_send_returns(pair: Pair) -> None:
@@ -238,7 +230,7 @@ def test_flying_an_unknown_autopilot_is_not_supported() -> None:
             autopilot.say(heartbeat(autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
             return backend.snapshot().armed is not None
 
-        wait_for(meets, "the autopilot")
+        until(meets, "the autopilot")
         assert isinstance(backend.arm().exception(PATIENCE_S), NotSupportedError)
         with pytest.raises(NotSupportedError):
             backend.send(SETPOINT)
@@ -248,7 +240,7 @@ def test_udpout_calls_the_autopilot() -> None:
     with contextlib.closing(Autopilot()) as autopilot, opened(f"udpout://127.0.0.1:{autopilot.port}") as backend:
         autopilot.hear("HEARTBEAT", type=mavlink.MAV_TYPE_ONBOARD_CONTROLLER)
         autopilot.say(heartbeat())
-        wait_for(lambda: backend.snapshot().armed, "the autopilot's answer")
+        until(lambda: backend.snapshot().armed, "the autopilot's answer")
 
 
 def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -258,18 +250,18 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -
         other = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         other.bind(("127.0.0.1", port))
         backend = stack.enter_context(opened(f"udpin://127.0.0.1:{port}"))
-        text = wait_for(lambda: backend.snapshot().link_trouble, "the trouble")
+        text = until(lambda: backend.snapshot().link_trouble, "the trouble")
         assert text == (
             f"cannot listen at UDP 127.0.0.1:{port}: Address already in use; "
             "trying again (does another program use this port?)"
         )
         other.close()
         waiting = f"nothing comes to udpin://127.0.0.1:{port}"
-        wait_for(lambda: backend.snapshot().link_trouble == waiting, "the port")
+        until(lambda: backend.snapshot().link_trouble == waiting, "the port")
         autopilot = stack.enter_context(contextlib.closing(Autopilot(port)))
         autopilot.say(heartbeat())
-        wait_for(lambda: backend.snapshot().armed is not None, "the autopilot")
-        wait_for(lambda: not backend.snapshot().link_trouble, "the end of the trouble")
+        until(lambda: backend.snapshot().armed is not None, "the autopilot")
+        until(lambda: not backend.snapshot().link_trouble, "the end of the trouble")
 
 
 def test_a_serial_line_that_is_pulled_out_is_in_the_reason_of_the_state(tmp_path: Path) -> None:
@@ -287,10 +279,10 @@ def test_a_serial_line_that_is_pulled_out_is_in_the_reason_of_the_state(tmp_path
             os.write(device, pack(heartbeat()))
             return backend.snapshot().armed is not None
 
-        wait_for(meets, "the autopilot")
+        until(meets, "the autopilot")
         os.close(device)
         line.unlink()
-        wait_for(
+        until(
             lambda: why().endswith(f"cannot open {line}: there is no such device (is it plugged in?); trying again"),
             "why",
         )
@@ -301,7 +293,7 @@ def test_where_nothing_can_be_sent_to_is_told(caplog: pytest.LogCaptureFixture) 
     """The broadcast address of a net, which no URL shows to be one."""
     with opened("udpout://127.255.255.255:14999") as backend:
         words = "cannot send to 127.255.255.255: it is a broadcast address"
-        wait_for(lambda: backend.snapshot().link_trouble == words, "the trouble")
+        until(lambda: backend.snapshot().link_trouble == words, "the trouble")
     assert caplog.messages.count(words) == 1
 
 
@@ -320,7 +312,7 @@ def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_pre
 
     port = free_port()
     with contextlib.closing(Autopilot(port)) as autopilot, opened(f"udpin://127.0.0.1:{port}", on_update):
-        wait_for(lambda: seen, "an update")
+        until(lambda: seen, "an update")
         autopilot.say(heartbeat())
         assert paused.wait(PATIENCE_S)
         old = len(seen)
@@ -328,10 +320,10 @@ def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_pre
             autopilot.say(heartbeat(armed=True))
         time.sleep(0.4)  # the pause itself
         resume.set()
-        wait_for(lambda: len(seen) > old + 3, "updates after the pause")
+        until(lambda: len(seen) > old + 3, "updates after the pause")
         assert [snapshot.armed for snapshot in seen[old:]] == [None] * len(seen[old:])
         autopilot.say(heartbeat())
-        wait_for(lambda: seen[-1].armed is not None and not seen[-1].armed.value, "the present")
+        until(lambda: seen[-1].armed is not None and not seen[-1].armed.value, "the present")
 
 
 def test_a_defect_in_the_receiving_thread_is_logged_and_the_link_opened_anew(
@@ -354,14 +346,14 @@ def test_a_defect_in_the_receiving_thread_is_logged_and_the_link_opened_anew(
             autopilot.say(heartbeat(armed=True))
             return sum("defect" in record.message for record in caplog.records) == 3
 
-        wait_for(meets, "the defects")
+        until(meets, "the defects")
         old = len(seen)
 
         def is_heard() -> bool:
             autopilot.say(heartbeat(armed=True))
             return len(seen) > old and seen[-1].armed is not None
 
-        wait_for(is_heard, "what is said afterwards")
+        until(is_heard, "what is said afterwards")
 
 
 def test_closing_ends_the_updates_the_thread_and_the_socket() -> None:
@@ -370,7 +362,7 @@ def test_closing_ends_the_updates_the_thread_and_the_socket() -> None:
     before = threading.active_count()
     for _ in range(3):
         with opened(f"udpin://127.0.0.1:{port}", seen.append):
-            wait_for(lambda: len(seen) > 2, "updates")
+            until(lambda: len(seen) > 2, "updates")
         assert threading.active_count() == before
         seen.clear()
 
@@ -417,7 +409,7 @@ def test_an_update_with_a_pose_finds_known_what_the_autopilot_can_do() -> None:
                 autopilot.say(heartbeat(), attitude(), position(1.0))
                 return bool(found)
 
-            wait_for(says_where_it_is, "an update with a pose")
+            until(says_where_it_is, "an update with a pose")
         finally:
             backend.close()
     assert found[0] == (True, "PX4")

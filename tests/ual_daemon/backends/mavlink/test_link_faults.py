@@ -5,20 +5,18 @@ import heapq
 import itertools
 import random
 import socket
-import time
 from collections.abc import Callable, Iterator
-from typing import TypeVar
 
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, packer, position
+from tests.waiting import until
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.session.supervision import LinkState
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 
-T = TypeVar("T")
 PATIENCE_S = 20.0
 LOSS, CORRUPTION, DOUBLING, JITTER_S = 0.3, 0.1, 0.1, 0.2
 INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
@@ -146,14 +144,14 @@ class Simulator:
 
     def repeat_until(self, condition: Callable[[], object]) -> None:
         """Waits for a condition: says the heartbeat, and listens."""
-        deadline_s = time.monotonic() + PATIENCE_S
-        while not condition():
-            assert time.monotonic() < deadline_s
-            self.say(heartbeat(armed=self._is_armed))
-            with contextlib.suppress(TimeoutError):
-                data = self._client.recv(4096)
-                assert data, "the backend has closed the connection"
-                self._unheard += map(Codec(1).decode, self._reader.feed(data))
+        until(condition, seen=lambda: self._unheard[-3:], between=self._exchange)
+
+    def _exchange(self) -> None:
+        self.say(heartbeat(armed=self._is_armed))
+        with contextlib.suppress(TimeoutError):
+            data = self._client.recv(4096)
+            assert data, "the backend has closed the connection"
+            self._unheard += map(Codec(1).decode, self._reader.feed(data))
 
 
 @pytest.fixture
@@ -162,14 +160,6 @@ def simulator() -> Iterator[Simulator]:
         simulator = Simulator()
         stack.callback(simulator.kill)
         yield simulator
-
-
-def wait_for(condition: Callable[[], T]) -> T:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < deadline_s
-        time.sleep(0.005)
-    return found
 
 
 def test_over_tcp_a_simulator_is_met_killed_and_met_again(simulator: Simulator) -> None:
@@ -185,7 +175,7 @@ def test_over_tcp_a_simulator_is_met_killed_and_met_again(simulator: Simulator) 
             simulator.hear("TIMESYNC", tc1=0)
             simulator.repeat_until(lambda: not backend.snapshot().link_trouble)
             simulator.kill()
-            wait_for(lambda: backend.snapshot().link_trouble)
+            until(lambda: backend.snapshot().link_trouble)
             simulator.start()
         simulator.accept()
     finally:

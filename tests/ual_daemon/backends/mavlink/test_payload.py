@@ -8,7 +8,8 @@ import pytest
 
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
-from tests.ual_daemon.backends.mavlink.test_backend import PATIENCE_S, Autopilot, Pair, opened, wait_for
+from tests.ual_daemon.backends.mavlink.test_backend import PATIENCE_S, Autopilot, Pair, opened
+from tests.waiting import until
 from ual.errors import InvalidArgumentError, LinkLostError, PermissionDeniedError, RejectedByAutopilotError
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
@@ -56,7 +57,7 @@ def pair() -> Iterator[Pair]:
             autopilot.say(heartbeat())
             return backend.info().autopilot == "PX4"
 
-        wait_for(meets, "the autopilot")
+        until(meets, "the autopilot")
         yield backend, autopilot
 
 
@@ -118,11 +119,11 @@ def test_a_message_reaches_those_who_listen_until_they_end_it(pair: Pair) -> Non
     end = backend.payload().subscribe("GIMBAL_MANAGER_STATUS", heard.append)
     backend.payload().subscribe("GIMBAL_MANAGER_STATUS", others.append)
     autopilot.say(STATUS)
-    wait_for(lambda: others, "the message")
+    until(lambda: others, "the message")
     assert (heard[0].name, heard[0].fields["flags"]) == ("GIMBAL_MANAGER_STATUS", 12)
     end()
     autopilot.say(STATUS)
-    wait_for(lambda: len(others) == 2, "the second message")
+    until(lambda: len(others) == 2, "the second message")
     assert len(heard) == 1
 
 
@@ -139,7 +140,7 @@ def test_a_callback_that_fails_costs_no_other_listener_the_message(
     backend.payload().subscribe("GIMBAL_MANAGER_STATUS", heard.append)
     with caplog.at_level(logging.ERROR):
         autopilot.say(STATUS)
-        wait_for(lambda: heard, "the message")
+        until(lambda: heard, "the message")
     assert "an extension's callback failed with GIMBAL_MANAGER_STATUS" in caplog.text
 
 
@@ -157,7 +158,7 @@ def test_a_message_of_a_payload_can_be_requested_once_and_as_a_stream(pair: Pair
         autopilot.say(ack(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ACCEPTED))
         return (asked.param1, asked.param2) == (status_id, 1e5)
 
-    wait_for(is_asked, "the request of a stream")
+    until(is_asked, "the request of a stream")
 
 
 def test_messages_that_the_daemon_needs_at_its_own_rates_cannot_be_requested(pair: Pair) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
 
@@ -16,6 +15,7 @@ from tests.simulators.mavros import Mavros
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
 from tests.simulators.rosbridge import Message, Service
+from tests.waiting import until
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
@@ -42,10 +42,8 @@ class Flight:
 
     def until(self, condition: Callable[[], bool]) -> float:
         """Waits, and returns how long it took by the autopilot's clock."""
-        begun_s, deadline_s = self.now_s(), time.monotonic() + LIMIT_S
-        while not condition():
-            assert time.monotonic() < deadline_s, self.uav.telemetry()
-            time.sleep(0.002)
+        begun_s = self.now_s()
+        until(condition, seen=self.uav.telemetry)
         return self.now_s() - begun_s
 
     def mark(self) -> tuple[int, float]:

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-
 import pytest
 
-from tests.conftest import LIMIT_S
 from tests.simulators.mavros import Mavros
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
 from tests.simulators.rosbridge import Bridge
 from tests.simulators.rosbridge_server import RosbridgeServer
+from tests.waiting import until
 from ual.types import State
 from ual_daemon import UAL
-
-
-def until(condition: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
 
 
 @pytest.mark.parametrize("has_cbor", [False, True])

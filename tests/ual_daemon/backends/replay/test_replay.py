@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from tests.ual.recording.waiting import LIMIT_S
 from tests.ual_daemon.backends.mavlink.traces import load
 from tests.ual_daemon.backends.replay.recordings import light_flight, raw_recording, recording_of
+from tests.waiting import LIMIT_S
 from ual.errors import NotSupportedError
 from ual.geometry import Pose, Twist
 from ual.types import State, Telemetry

@@ -17,7 +17,7 @@ import pytest
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
 from tests.patient_checks import run_check
-from tests.ual.recording.waiting import wait_until
+from tests.waiting import until
 from ual import conformance
 from ual.access import audit as chain
 from ual.conformance import Flight, Tolerances
@@ -152,7 +152,7 @@ def test_a_killed_daemon_leaves_a_file_that_can_be_read(start_daemon: StartDaemo
     with ual.Uav("uav_1", address=daemon.address) as uav:
         uav.wait_for(State.LANDED_ARMED)
         uav.take_off(3.0)
-    wait_until(lambda: last_state(directory) == "FLYING_AUTO")  # it can be read while it is written
+    until(lambda: last_state(directory) == "FLYING_AUTO")  # it can be read while it is written
     daemon.signal(signal.SIGKILL)
     daemon.wait()
     recording = recording_in(directory)

@@ -21,6 +21,7 @@ from typing_extensions import override
 from tests.conftest import open_terminal
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
+from tests.waiting import until
 from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Chunk, LinkError
@@ -60,11 +61,7 @@ class Run:
         return data
 
     def until(self, condition: Callable[[], T], passed_s: float = 0.0) -> T:
-        deadline_s = time.monotonic() + PATIENCE_S
-        while not (found := condition()):
-            assert time.monotonic() < deadline_s, "it did not come"
-            self.step(passed_s)
-        return found
+        return until(condition, seen=lambda: self.got, between=lambda: self.step(passed_s))
 
     @property
     def connections_count(self) -> int:

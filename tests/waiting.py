@@ -1,0 +1,93 @@
+"""Waits for what another thread or process does: the one way in which tests wait."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import time
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+from ual.types import State, Telemetry
+
+T = TypeVar("T")
+LIMIT_S = 60.0
+"""How long anything may take on a busy machine before a test gives up."""
+_PAUSE_S = 0.005
+
+
+class Watched(Protocol):
+    """A UAV, through the class or the client."""
+
+    def state(self) -> State: ...
+
+    def telemetry(self) -> Telemetry: ...
+
+
+def until(
+    condition: Callable[[], T],
+    what: str = "",
+    *,
+    seen: Callable[[], object] | None = None,
+    between: Callable[[], object] = lambda: time.sleep(_PAUSE_S),
+    limit_s: float = LIMIT_S,
+) -> T:
+    """Waits until a condition is true, and returns its answer.
+
+    A failure says what was waited for (by default the condition as it is written), and what was seen last: what `seen`
+    returns, or the last answer. `between` runs after each look that was in vain, instead of a pause.
+    """
+    wait = _Wait(condition, what, seen, limit_s)
+    while not (answer := condition()):
+        wait.check(answer)
+        between()
+    return answer
+
+
+async def until_async(
+    condition: Callable[[], T],
+    what: str = "",
+    *,
+    seen: Callable[[], object] | None = None,
+    limit_s: float = LIMIT_S,
+) -> T:
+    """Waits as `until`; the event loop runs meanwhile."""
+    wait = _Wait(condition, what, seen, limit_s)
+    while not (answer := condition()):
+        wait.check(answer)
+        await asyncio.sleep(_PAUSE_S)
+    return answer
+
+
+def until_state(uav: Watched, *states: State, limit_s: float = LIMIT_S) -> None:
+    """Waits until a UAV is in one of the states."""
+    names = " or ".join(state.name for state in states)
+    until(lambda: uav.state() in states, names, seen=uav.telemetry, limit_s=limit_s)
+
+
+class _Wait:
+    """What is waited for, and for how long."""
+
+    def __init__(
+        self, condition: Callable[[], object], what: str, seen: Callable[[], object] | None, limit_s: float
+    ) -> None:
+        self._condition = condition
+        self._what = what
+        self._seen = seen
+        self._limit_s = limit_s
+        self._deadline_s = time.monotonic() + limit_s
+
+    def check(self, answer: object) -> None:
+        """Fails once the limit has passed."""
+        assert time.monotonic() < self._deadline_s, self._failure(answer)
+
+    def _failure(self, answer: object) -> str:
+        seen = answer if self._seen is None else self._seen()
+        what = self._what or _source_of(self._condition)
+        return f"waited {self._limit_s:g} s in vain for: {what}; seen last: {seen}"
+
+
+def _source_of(condition: Callable[[], object]) -> str:
+    """The lines of a lambda, or the name of another function."""
+    name = getattr(condition, "__qualname__", repr(condition))
+    return " ".join(inspect.getsource(condition).split()) if name.endswith("<lambda>") else name
