@@ -17,6 +17,7 @@ from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon._version import __version__
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
+from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
 from ual_daemon.backends.light.settings import LightSettings
@@ -70,6 +71,25 @@ class _LightPilot(SafetyPilot):
         self._backend.pilot_arm()
 
 
+class _Stepped:
+    """What the engine's loop asks for. The world has the thread: while it does not run, simulated time stands still."""
+
+    is_urgent = False
+
+    def __init__(self, snapshot: Callable[[], Snapshot]) -> None:
+        self._newest = snapshot
+
+    def discard(self, now_s: float, pause_s: float) -> None:
+        """Nothing has changed in a pause."""
+
+    def tick(self, now_s: float) -> None:
+        """Its commands act at once."""
+
+    def snapshot(self, now_s: float, updated_s: float, scheduling_gap: str) -> Snapshot:
+        """Returns that of the present step."""
+        return self._newest()
+
+
 class LightBackend(Backend):
     """One simulated multirotor. Several of them can share a `World`, which steps them all on one thread."""
 
@@ -91,7 +111,7 @@ class LightBackend(Backend):
         self._faults = Faults(self.world)
         self._late_acks: list[tuple[float, Future[None]]] = []
         self._status_text = ""
-        self._on_update: UpdateCallback | None = None
+        self._loop: Loop | None = None
         self._info = _vehicle_info(settings)
         self._external_pose: ExternalPose | None = None
         self._applied_pose: ExternalPose | None = None
@@ -123,7 +143,7 @@ class LightBackend(Backend):
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
-        self._on_update = on_update
+        self._loop = Loop(_Stepped(lambda: self._snapshot), self.clock, on_update, self.world.watch)
         self.world.listen(self._index, self._after_step, self._is_step_needed)
 
     @override
@@ -329,14 +349,14 @@ class LightBackend(Backend):
                 self._is_faulty = self._faults.any_active  # applies once more after the last fault has ended
                 self._faults.apply(self.world.fleet, self._index, now_s)
                 self._apply_external_pose(now_s)
-            snapshot = self._update_snapshot()
+            self._update_snapshot()
         for due_s, ack in list(self._late_acks):
             if now_s >= due_s:
                 self._late_acks.remove((due_s, ack))
                 if ack.set_running_or_notify_cancel():
                     ack.set_result(None)
-        if self._on_update is not None:
-            self._on_update(snapshot)
+        if self._loop is not None:
+            self._loop.publish(now_s)
 
     def _apply_external_pose(self, now_s: float) -> None:
         """Takes the place of the satellites: the estimate is where the newest pose from outside says, while it is new.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Vector3
+from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.light.physics import NEVER_REPORTED, STEP_S
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.single import Single
@@ -89,6 +90,8 @@ class World:
 
     def __init__(self, speed_factor: float = 1.0) -> None:
         self.lock = threading.Lock()
+        self.watch = LinkWatch("light", math.inf)
+        """Of the links to all vehicles, which are never lost: a fault of one is its own."""
         self.fleet: Vehicles = Single()
         self.epoch_s = time.time()
         self._steps = 0

@@ -523,6 +523,8 @@ class OfAirsim(Craft):
 
     @override
     def pilot_takes_over(self) -> None:
+        """With the throttle in the middle: it hovers."""
+        self.vehicle.rc = {"is_valid": True, "pitch": 0.0, "roll": 0.0, "yaw": 0.0, "throttle": 0.61}
         self.vehicle.enable_api_control(False)
 
     @override

@@ -87,7 +87,7 @@ def test_what_was_disarmed_in_a_silence_is_not_armed_again(craft: Craft) -> None
     assert craft.uav.state() is State.LANDED_DISARMED
 
 
-@over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT, red="airsim")
+@over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT)
 @pytest.mark.parametrize(("silent_s", "seen_s"), [(0.6, 0.5), (1.4, 0.02)])
 def test_nothing_from_before_a_silence_is_believed_after_it(craft: Craft, silent_s: float, seen_s: float) -> None:
     """After a short one, the pilot's mode is seen as soon as without any."""

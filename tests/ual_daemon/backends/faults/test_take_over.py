@@ -34,7 +34,7 @@ def stream(uav: UAL) -> None:
     uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
 
 
-@over(Can.BE_FLOWN_BY_A_PILOT, red="airsim")
+@over(Can.BE_FLOWN_BY_A_PILOT)
 @pytest.mark.parametrize("manoeuvre", [go, follow, hold, stream])
 def test_it_is_seen_and_nothing_is_sent_after(craft: Craft, manoeuvre: Callable[[UAL], None]) -> None:
     craft.fly()
@@ -46,7 +46,7 @@ def test_it_is_seen_and_nothing_is_sent_after(craft: Craft, manoeuvre: Callable[
     assert craft.uav.state() is State.FLYING_MANUAL
 
 
-@over(Can.BE_FLOWN_BY_A_PILOT, red="airsim")
+@over(Can.BE_FLOWN_BY_A_PILOT)
 def test_it_ends_a_task_again_and_again(craft: Craft) -> None:
     craft.fly()
     for after_s in (0.05, 0.31, 0.8):

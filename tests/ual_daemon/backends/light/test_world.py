@@ -383,3 +383,22 @@ def test_the_end_of_one_waits_for_its_own_callback() -> None:
         assert is_called.wait(LIMIT_S)
         one.close()
         assert has_returned.is_set()
+
+
+def test_an_update_that_fails_ends_neither_the_world_nor_the_updates_of_others(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def fail(_: Snapshot) -> None:
+        raise RuntimeError("a defect of the layers above")
+
+    options = [BackendOptions(ns, settings={"speed_factor": 0}) for ns in ("uav_1", "uav_2")]
+    first, second = LightBackend.fleet(options, [Vector3(), Vector3(2.0)])
+    assert isinstance(first, LightBackend)
+    updates: list[Snapshot] = []
+    first.open(fail)
+    second.open(updates.append)
+    first.world.step(0.1)
+    assert len(updates) == 5
+    assert sum("a defect of the layers above" in str(record.exc_info) for record in caplog.records) == 1
+    first.close()
+    second.close()
