@@ -63,7 +63,7 @@ class LockstepDji(DjiBackend):
     @override
     def _make_link(self) -> RosbridgeLink:
         self.clock = _Clock(self.bridge)
-        return RosbridgeLink(self._url, self.clock, self._step, self._connect)
+        return RosbridgeLink(self._url, self.clock, self._step, self._connect, self._woke)
 
     def _connect(self, _: BridgeUrl, __: Callable[[], None]) -> Transport:
         return MemoryTransport(self.bridge, self._advance, self.lock, lambda: self.is_socket_full)

@@ -65,7 +65,7 @@ class LockstepMavros(MavrosBackend):
 
     @override
     def _make_link(self) -> RosbridgeLink:
-        return RosbridgeLink(self.url, self.clock, self._step, self._dial)
+        return RosbridgeLink(self.url, self.clock, self._step, self._dial, self._woke)
 
     def _dial(self, url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
         while self.is_bridge_gone:

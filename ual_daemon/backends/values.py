@@ -274,6 +274,18 @@ class Snapshot(NamedTuple):
             return None
         return projection.to_local(place.latitude_deg, place.longitude_deg, altitude_m)
 
+    @property
+    def settled_mode(self) -> str:
+        """The name of the mode; empty if it may be the one from before the arming, which the arming has changed.
+
+        PX4 tells the arming by an event, and the mode that it was made to enter for it up to a second later.
+        """
+        mode, armed, landed = self.mode, self.armed, self.landed
+        is_on_ground = landed is None or landed.value is LandedState.ON_GROUND
+        if mode is None or (armed is not None and is_on_ground and mode.time_s < armed.time_s):
+            return ""
+        return mode.value.name
+
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""
         return Snapshot._make((time_s, *self[1:]))

@@ -21,7 +21,7 @@ from ual.geometry import Pose, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, Control, LandedState, SetpointLoss, Snapshot, Takes
+from ual_daemon.backends.values import Cause, Control, SetpointLoss, Snapshot, Takes
 from ual_daemon.flight import fitting
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.external_silence import ExternalSilence
@@ -226,7 +226,7 @@ class Flight:
             TaskAbortedError: Another command, such as an abort, began after `since`.
 
         """
-        begun_in = _known_mode(self._backend.snapshot())
+        begun_in = self._backend.snapshot().settled_mode
         with self._lock:
             old = self._manoeuvre
             error = self._why_not_begin(manoeuvre.name, since)
@@ -517,7 +517,7 @@ class Flight:
             # Nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre.
             self._withdraw_older(manoeuvre, snapshot)
             return True
-        self._mode_seen = _known_mode(snapshot) or self._mode_seen
+        self._mode_seen = snapshot.settled_mode or self._mode_seen
         step = _guarded(manoeuvre, lambda: manoeuvre.step(snapshot, raw))
         assert step is not None
         return self._take(manoeuvre, step, snapshot)
@@ -555,7 +555,7 @@ class Flight:
         with self._lock:
             if self._manoeuvre is not manoeuvre or manoeuvre.is_paused:
                 return
-            self._manoeuvre, self._mode_seen = to.manoeuvre, _known_mode(snapshot)
+            self._manoeuvre, self._mode_seen = to.manoeuvre, snapshot.settled_mode
         to.begin()
 
     def _hold_by_autopilot(self, snapshot: Snapshot, during: str) -> None:
@@ -661,18 +661,6 @@ def _is_task(manoeuvre: Manoeuvre | None, task_id: str) -> bool:
 
 def _mode_name(snapshot: Snapshot) -> str:
     return "" if snapshot.mode is None else snapshot.mode.value.name
-
-
-def _known_mode(snapshot: Snapshot) -> str:
-    """Returns the name of the mode; empty if it may be the one from before the arming, which the arming has changed.
-
-    PX4 tells the arming by an event, and the mode that it was made to enter for it up to a second later.
-    """
-    mode, armed, landed = snapshot.mode, snapshot.armed, snapshot.landed
-    is_on_ground = landed is None or landed.value is LandedState.ON_GROUND
-    if mode is not None and armed is not None and is_on_ground and mode.time_s < armed.time_s:
-        return ""
-    return _mode_name(snapshot)
 
 
 def _is_control_given_up(snapshot: Snapshot) -> bool:

@@ -3,8 +3,9 @@
 It has not flown a real aircraft yet. The modules, from the top down (a contract in pyproject.toml checks it):
 
 - ``backend``: the interface that the layers above call
-- ``landing``: landings that were asked for: confirmed, or flown by velocities
-- ``commands``: services that are called one after another
+- ``session``: the exchange with one aircraft: what comes, what is called, what is confirmed
+- ``landing``: landings that were asked for, and are confirmed
+- ``commands``: commands as calls of services, and their answers
 - ``discovery``: which wrapper there is, by its services
 - ``telemetry``: from messages to snapshots
 - ``authority``: who controls the aircraft, where the wrapper does not say it, and whether the end releases it

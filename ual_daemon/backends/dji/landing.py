@@ -27,7 +27,7 @@ class LandingRequest:
         is_late = not self._has_begun and now_s - self._accepted_s > _BEGINS_S
         is_over = self._has_begun and not telemetry.is_descending
         self.has_ended = telemetry.is_on_ground or not is_ours or is_over or is_late
-        height = telemetry.height
+        height = telemetry.height.sample
         if self.has_ended or not telemetry.is_landing or height is None:
             return False
         return now_s - height.time_s <= _HEIGHT_S and height.value <= below_m

@@ -16,8 +16,10 @@ from ual_daemon.backends.dji.obstacles import ObstacleWatch
 from ual_daemon.backends.dji.settings import DjiSettings
 from ual_daemon.backends.dji.wrappers import Topic, Wrapper
 from ual_daemon.backends.engine.plausibility import Plausibility
+from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, quaternion, stamp_s, vector
+from ual_daemon.backends.rosbridge.ordering import Ordering
 from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot
 
 _log = logging.getLogger(__name__)
@@ -46,64 +48,53 @@ class Telemetry:
         self._begun_s = math.inf
         self._braked: Sample[str] | None = None
         self._said: Sample[str] | None = None
-        self.words = ""
-        """What the wrapper logged last as a warning or an error; taken by commands."""
-        self.height: Sample[float] | None = None
+        readings = self._readings = Readings()
+        self.height: Reading[float] = readings.add(Lasts.SEEN)
         """Height above the ground, or above where it took off."""
         self.poses_count = 0
-        self.discards_count, self.blind_s = 0, 0.0
-        """How often what was known was discarded, and how long nothing was heard before the last time."""
         self._settings = settings
-        self._orientation: Quaternion | None = None
-        self._attitude_s = -math.inf
-        self._stamps: dict[str, float] = {}
+        self._ordering = Ordering()
+        self._orientation: Reading[Quaternion] = readings.add(Lasts.SEEN)
         self._rates = Vector3()
-        self._velocity: Sample[Vector3] | None = None
-        self._pose: Sample[Pose] | None = None
+        self._velocity: Reading[Vector3] = readings.add(Lasts.SEEN)
+        self._pose: Reading[Pose] = readings.add(Lasts.SEEN)
         self._geo: GeoPoint | None = None
-        self._status: Sample[int] | None = None
-        self._display: Sample[int] | None = None
-        self._left_landing_s: float | None = None
-        self._device: Sample[int] | None = None
+        self._status: Reading[int] = readings.add(Lasts.SEEN)
+        self._display: Reading[int] = readings.add(Lasts.SEEN)
+        self._left_landing: Reading[None] = readings.add(Lasts.SEEN)
+        """Since when another mode than landing shows."""
+        self._device: Reading[int] = readings.add(Lasts.SEEN)
         self._granted_s = self._ours_s = -math.inf
         """When the authority was given to us, while that does not show, and when it showed last."""
-        self._level: Sample[int] | None = None
+        self._level: Reading[int] = readings.add(Lasts.SEEN)
         self._is_rtk_fixed = False
         self._has_rc = True
         self._battery: Battery | None = None
         self._home: GeoPoint | None = None
         self._is_home_set = self._is_home_rejected = False
         self._motor_error = 0
-        self._altitude: Sample[float] | None = None
+        self._altitude: Reading[float] = readings.add(Lasts.SEEN)
         self._geoid_m: float | None = None
         self._stamp_s = 0.0
-        self._heard_s: float | None = None
 
     # --- One method for each topic ------------------------------------------------------------------------------------
 
     def take(self, name: str, message: Message, now_s: float) -> None:
         """Takes the message of a topic that the wrapper alone publishes (`wrappers.Topic.taken_by`).
 
-        One that a newer one has overtaken is dropped.
-
-        After a silence that counts as a lost link nothing from before it is valid.
+        One that a newer one has overtaken is dropped. What is said of the state counts from when it was said: after a
+        stall of the bridge some comes that was said before.
         """
-        if self._heard_s is not None and now_s - self._heard_s > LINK_S:
-            self.discard_state(now_s - self._heard_s)
-        self._heard_s = now_s
-        stamp, newest = stamp_s(message), self._stamps.get(name, 0.0)
-        if stamp and 0.0 < newest - stamp < _OVERTAKEN_S:
+        stamp = stamp_s(message)
+        if not self._ordering.accepts(name, stamp):
             return
-        self._stamps[name] = stamp
         self._taken_s[name] = now_s
-        getattr(self, name)(message, now_s)
+        getattr(self, name)(message, self._ordering.said_s(stamp, now_s) if name in _OF_STATE else now_s)
 
-    def discard_state(self, blind_s: float) -> None:
-        """Discards all that may have changed in so long a silence or pause; where the frame lies stays known."""
-        self.discards_count, self.blind_s = self.discards_count + 1, blind_s
-        self._status = self._display = self._device = self._level = self._left_landing_s = None
-        self._pose = self._velocity = self._altitude = self._orientation = self.height = None
-        self._attitude_s = self._granted_s = -math.inf
+    def discard_state(self) -> None:
+        """Discards all that may have changed unseen; where the frame lies stays known."""
+        self._readings.discard_state()
+        self._granted_s = -math.inf
         self.authority.forget()
 
     def note_granted(self, asked_s: float, now_s: float) -> None:
@@ -115,7 +106,8 @@ class Telemetry:
         """
         self.authority.grant(is_granted=True)
         if self.wrapper.says_authority and self._ours_s < asked_s:
-            self._device, self._granted_s = Sample(_OURS, now_s), now_s
+            self._device.set(_OURS, now_s)
+            self._granted_s = now_s
 
     def note_released(self) -> None:
         """Notes that we have given up the control authority."""
@@ -126,13 +118,13 @@ class Telemetry:
         """Takes the rotation from forward, left, up to east, north, up."""
         rotation = quaternion(message["quaternion"])
         if self._plausibility.accepts_rotation(rotation):
-            self._attitude_s, self._orientation = now_s, rotation.normalized()
+            self._orientation.set(rotation.normalized(), now_s)
 
     def take_velocity(self, message: Message, now_s: float) -> None:
         """Takes the velocity: east, north, up."""
         velocity = vector(message["vector"])
         if self._plausibility.accepts_velocity(velocity):
-            self._velocity = Sample(velocity, now_s)
+            self._velocity.set(velocity, now_s)
 
     def take_rates(self, message: Message, _: float) -> None:
         """Takes the angular velocity about east, north, up; only that about up is used."""
@@ -155,28 +147,30 @@ class Telemetry:
             return
         ellipsoid_m = None
         if self.wrapper.has_sea_level:
-            if self._altitude is None:
+            sea_level_m = self._altitude.value
+            if sea_level_m is None:
                 return
-            ellipsoid_m, altitude_m = altitude_m, self._altitude.value
+            ellipsoid_m, altitude_m = altitude_m, sea_level_m
             self._geoid_m = ellipsoid_m - altitude_m
         position = self.frame.position(latitude_deg, longitude_deg, altitude_m, now_s, is_good=self._is_good(now_s))
-        if position is None or self._orientation is None:
+        orientation = self._orientation.sample
+        if position is None or orientation is None:
             return
         self.poses_count += 1
-        self._pose = Sample(Pose(position, self._orientation), self._oldest_s(now_s))
+        self._pose.set(Pose(position, orientation.value), self._oldest_s(orientation.time_s, now_s))
         self._geo = GeoPoint(latitude_deg, longitude_deg, altitude_amsl_m=altitude_m, altitude_ellipsoid_m=ellipsoid_m)
         self._stamp_s = stamp_s(message)
 
-    def _oldest_s(self, now_s: float) -> float:
+    def _oldest_s(self, attitude_s: float, now_s: float) -> float:
         """Returns when the oldest part of a pose came, of which the position comes now."""
-        altitude_s = now_s if self._altitude is None else self._altitude.time_s
-        return min(now_s, self._attitude_s, altitude_s)
+        altitude = self._altitude.sample
+        return min(now_s, attitude_s, now_s if altitude is None else altitude.time_s)
 
     def take_altitude(self, message: Message, now_s: float) -> None:
         """Takes the fused altitude above mean sea level."""
         altitude_m = number(message["data"])
         if self._plausibility.accepts_altitude(altitude_m):
-            self._altitude = Sample(altitude_m, now_s)
+            self._altitude.set(altitude_m, now_s)
 
     def take_rtk_info(self, message: Message, _: float) -> None:
         """Takes the quality of RTK."""
@@ -189,12 +183,12 @@ class Telemetry:
 
     def take_gps_level(self, message: Message, now_s: float) -> None:
         """Takes how good the position is, 0 to 5."""
-        self._level = Sample(int(number(message["data"])), now_s)
+        self._level.set(int(number(message["data"])), now_s)
 
     def take_flight_status(self, message: Message, now_s: float) -> None:
         """Takes whether it stands, runs its motors on the ground, or flies."""
         status = int(number(message.get("flight_status", message.get("data"))))
-        self._status = Sample(status, now_s)
+        self._status.set(status, now_s)
         self.authority.note_status(status, now_s)
 
     def take_display_mode(self, message: Message, now_s: float) -> None:
@@ -202,21 +196,20 @@ class Telemetry:
         mode = int(number(message.get("display_mode", message.get("data"))))
         if self._is_still_landing(mode, now_s):
             return
-        self._display = Sample(mode, now_s)
+        self._display.set(mode, now_s)
         if not self.wrapper.says_authority:
-            height_m = None if self.height is None else self.height.value
-            follows = self.authority.observe(mode, height_m, now_s)
-            self._device = Sample(_OURS if follows else _REMOTE, now_s)
+            follows = self.authority.observe(mode, self.height.value, now_s)
+            self._device.set(_OURS if follows else _REMOTE, now_s)
 
     def _is_still_landing(self, mode: int, now_s: float) -> bool:
         """Whether another mode than landing may be an old one, or that of the ground, which another topic tells."""
-        was_landing = self._display is not None and self._display.value in modes.LANDING
-        if mode in modes.LANDING or not was_landing or self.is_on_ground:
-            self._left_landing_s = None
+        if mode in modes.LANDING or self._shown not in modes.LANDING or self.is_on_ground:
+            self._left_landing.discard()
             return False
-        if self._left_landing_s is None:
-            self._left_landing_s = now_s
-        return now_s - self._left_landing_s < _SKEW_S
+        left = self._left_landing.sample
+        if left is None:
+            self._left_landing.set(None, now_s)
+        return left is None or now_s - left.time_s < _SKEW_S
 
     def take_control_mode(self, message: Message, now_s: float) -> None:
         """Takes who controls the aircraft."""
@@ -226,7 +219,7 @@ class Telemetry:
             self._granted_s, self._ours_s = -math.inf, now_s
         elif now_s - self._granted_s < _GRANT_SHOWS_S:
             return
-        self._device = Sample(_OURS if is_ours else other, now_s)
+        self._device.set(_OURS if is_ours else other, now_s)
 
     def take_rc_connection(self, message: Message, _: float) -> None:
         """Takes whether the remote controller is connected."""
@@ -243,7 +236,7 @@ class Telemetry:
 
     def take_height(self, message: Message, now_s: float) -> None:
         """Takes the height above the ground, or above where it took off."""
-        self.height = Sample(number(message["data"]), now_s)
+        self.height.set(number(message["data"]), now_s)
 
     def take_home(self, message: Message, _: float) -> None:
         """Takes where it would return to, in radians: the wrapper passes DJI's own numbers on."""
@@ -278,12 +271,11 @@ class Telemetry:
         names = [name for name in ("front", "left", "back", "right") if message[f"{name}_health"]]
         self.obstacles.distances_m = {name: number(message[name]) for name in names}
 
-    def take_log(self, message: Message, now_s: float) -> None:
-        """Takes what any node logs: the wrapper writes there what DJI's SDK answered."""
+    def words_of(self, message: Message) -> str:
+        """Returns what the wrapper has logged as a warning or an error; empty if it is neither, or another node's."""
         least = _WARNING_ROS2 if "stamp" in message else _WARNING_ROS1
-        if self.wrapper.logger in str(message.get("name")) and int(number(message["level"])) >= least:
-            self.words = str(message["msg"])
-            self.say(self.words, now_s)
+        is_ours = self.wrapper.logger in str(message.get("name"))
+        return str(message["msg"]) if is_ours and int(number(message["level"])) >= least else ""
 
     def say(self, words: str, now_s: float) -> None:
         """Tells people something for a while: in the status text."""
@@ -294,22 +286,17 @@ class Telemetry:
     @property
     def has_authority(self) -> bool:
         """Whether the aircraft follows us."""
-        return _is_ours(self._device)
-
-    def silent_s(self, now_s: float) -> float:
-        """Returns for how long nothing was heard, in seconds; infinity if nothing ever was."""
-        heard_s = self._heard_s
-        return math.inf if heard_s is None else now_s - heard_s
+        return self._device.value == _OURS
 
     @property
     def is_authority_known(self) -> bool:
         """Whether it is known whom the aircraft follows."""
-        return self._device is not None
+        return self._device.sample is not None
 
     @property
     def mode_s(self) -> float:
         """When the older one of display mode and authority was said."""
-        mode = _mode(self._display, self._device)
+        mode = _mode(self._display.sample, self._device.sample)
         return -math.inf if mode is None else mode.time_s
 
     @property
@@ -330,14 +317,12 @@ class Telemetry:
     @property
     def _shown(self) -> int | None:
         """The display mode."""
-        display = self._display
-        return None if display is None else display.value
+        return self._display.value
 
     @property
     def flight_status(self) -> int | None:
         """Whether it stands, runs its motors on the ground, or flies."""
-        status = self._status
-        return None if status is None else status.value
+        return self._status.value
 
     @property
     def is_on_ground(self) -> bool:
@@ -353,10 +338,10 @@ class Telemetry:
     def note_setpoint(self, wanted: Vector3, now_s: float) -> str:
         """Notes what was sent. Returns what brakes it, for people; empty if nothing seems to."""
         self.authority.note_setpoint(now_s)
-        pose, velocity = self._pose, self._velocity
+        pose, velocity = self._pose.value, self._velocity.value
         if pose is None or velocity is None:
             return ""
-        braked = self.obstacles.observe(wanted, velocity.value, pose.value.yaw_rad, now_s)
+        braked = self.obstacles.observe(wanted, velocity, pose.yaw_rad, now_s)
         self._braked = Sample(braked, now_s)
         return braked
 
@@ -377,18 +362,17 @@ class Telemetry:
 
     def snapshot(self, now_s: float, missing: str = "") -> Snapshot:
         """Returns what is known. `missing` says for people which topics do not come."""
-        status, velocity, device = self._status, self._velocity, self._device
-        mode = _mode(self._display, device)
+        status, velocity, device = self._status.sample, self._velocity.sample, self._device.sample
+        mode = _mode(self._display.sample, device)
         return Snapshot(
             time_s=now_s,
-            heard_s=self._heard_s,
             stamp_s=self._stamp_s,
             measured_s=self._stamp_s,
             armed=None if status is None else Sample(status.value != modes.STOPPED, status.time_s),
             landed=None if status is None else Sample(self._landed(status.value), status.time_s),
             mode=mode,
             estimator=self._estimator(missing, now_s),
-            pose=self._pose,
+            pose=self._pose.sample,
             velocity=None if velocity is None else Sample(Twist(velocity.value, self._rates), velocity.time_s),
             position_geo=self._geo,
             projection=self.frame.projection,
@@ -404,11 +388,11 @@ class Telemetry:
         )
 
     def _is_good(self, now_s: float) -> bool:
-        level = self._level
+        level = self._level.sample
         return level is not None and level.value >= self._settings.least_gps_level and now_s - level.time_s < _LEVEL_S
 
     def _estimator(self, missing: str, now_s: float) -> Sample[Estimator] | None:
-        level, why = self._level, self._why_bad(missing, now_s)
+        level, why = self._level.sample, self._why_bad(missing, now_s)
         if level is None and not missing:
             return None
         return Sample(Estimator(not why, why), now_s if missing or level is None else level.time_s)
@@ -417,20 +401,20 @@ class Telemetry:
         """Returns why the position is not good, for people; empty if it is."""
         if missing:
             return missing
-        velocity, level = self._velocity, self._level
+        velocity = self._velocity.sample
         if velocity is None or now_s - velocity.time_s > _VELOCITY_S:
             return f"no velocity comes ({self.wrapper.topic_of('take_velocity')})"
-        quality = None if level is None else level.value
+        quality = self._level.value
         least = self._settings.least_gps_level
         return "" if self._is_good(now_s) else f"the quality of the position is {quality} of 5, and {least} is needed"
 
     def _gps(self) -> GpsInfo | None:
-        level = self._level
+        level = self._level.value
         if level is None:
             return None
         if self._is_rtk_fixed:
             return GpsInfo(GpsFix.RTK_FIXED)
-        return GpsInfo(GpsFix.FIX_3D if level.value >= self._settings.least_gps_level else GpsFix.NONE)
+        return GpsInfo(GpsFix.FIX_3D if level >= self._settings.least_gps_level else GpsFix.NONE)
 
     def _landed(self, status: int) -> LandedState:
         display = self._shown
@@ -471,12 +455,7 @@ _GRANT_SHOWS_S = 0.3
 """What is published of the authority within this time may be from before we were given it, until it shows as ours."""
 _SKEW_S = 0.1
 """Messages of one moment come within this time."""
-_OVERTAKEN_S = 1.0
-"""A stamp that is older than the newest by more than this shows that the clock was set back."""
-
-
-def _is_ours(device: Sample[int] | None) -> bool:
-    return device is not None and device.value == _OURS
+_OF_STATE = frozenset(("take_flight_status", "take_display_mode", "take_control_mode"))
 
 
 def _mode(display: Sample[int] | None, device: Sample[int] | None) -> Sample[Mode] | None:

@@ -68,7 +68,7 @@ class Asked(NamedTuple):
     @classmethod
     def at(cls, time_s: float, snapshot: Snapshot) -> Asked:
         """Returns what was known by a snapshot."""
-        return cls(time_s, "" if snapshot.mode is None else snapshot.mode.value.name, snapshot.boots_count)
+        return cls(time_s, snapshot.settled_mode, snapshot.boots_count)
 
 
 @dataclass(slots=True, eq=False)
@@ -299,7 +299,8 @@ class CommandRunner(Generic[R]):
     def _judge_modes(self, now_s: float) -> None:
         """Ends the commands since which others have chosen a mode: sent now, they would take control from those."""
         judged = [each for each in (*self._waiting, *self._in_flight.values()) if _is_judged_by_mode(each)]
-        mode = self._snapshot(now_s).mode if judged else None
+        snapshot = self._snapshot(now_s) if judged else None
+        mode = None if snapshot is None or not snapshot.settled_mode else snapshot.mode
         if mode is None:
             return
         for pending in self._those_left(judged):

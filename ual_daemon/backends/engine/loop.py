@@ -134,6 +134,8 @@ class Loop:
         """Publishes what is new (a pose) at once, and otherwise every `TICK_S`; then does what is due."""
         if has_news or now_s - self._published_s >= TICK_S:
             self.publish(now_s)
+            if self._clock.now_s() - now_s > SILENT_S:
+                return  # those above kept this thread: what came meanwhile is read before anything is done
         self._is_urgent = self._is_urgent or has_news or self._driven.is_urgent
         is_due = now_s - self._ticked_s >= (FAST_TICK_S if self._is_urgent else TICK_S)
         # After a new pose the rest waits for the next round: the thread that was just notified needs the GIL now.

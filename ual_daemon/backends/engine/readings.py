@@ -67,7 +67,8 @@ class Reading(Generic[T]):
     @property
     def value(self) -> T | None:
         """The newest value, whatever its age; None while it is not known."""
-        return None if self.sample is None else self.sample.value
+        sample = self.sample  # once: another thread may have it discarded meanwhile
+        return None if sample is None else sample.value
 
     def fresh(self, now_s: float) -> T | None:
         """Returns the value; None if it is older than its limit, or not known."""

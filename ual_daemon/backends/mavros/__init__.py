@@ -4,11 +4,11 @@ The modules, from the top down (a contract in pyproject.toml checks it):
 
 - ``backend``: the interface that the layers above call
 - ``session``: the exchange with one autopilot through MAVROS over time; belongs to the link's thread
-- ``commands``: commands as calls of MAVROS' services, until they show their effect
+- ``commands``: commands as calls of MAVROS' services, and their answers
 - ``discovery``: what MAVROS is connected to, and the session with it
 - ``parameters``, ``streams``, ``vehicle``: what is asked of MAVROS: parameters, rates, what it is connected to
 - ``telemetry``: what MAVROS publishes, as a snapshot
-- ``geoid``, ``ordering``: how MAVROS' altitudes and stamps are read
+- ``geoid``: how MAVROS' altitudes are read
 - ``messages``, ``topics``: names, types and fields
 - ``settings``
 

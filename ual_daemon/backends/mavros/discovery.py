@@ -9,16 +9,17 @@ from concurrent.futures import Future
 from functools import partial
 
 from ual_daemon import logs
+from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.commands import Answer
-from ual_daemon.backends.mavros.session import Session
+from ual_daemon.backends.mavros.session import FRESHNESS, Session
 from ual_daemon.backends.mavros.settings import MavrosSettings
 from ual_daemon.backends.mavros.topics import TOPICS
 from ual_daemon.backends.mavros.vehicle import VehicleDescription, read_vehicle
 from ual_daemon.backends.rosbridge import Graph, Message, RosbridgeLink
 from ual_daemon.backends.rosbridge.calls import ServiceError
-from ual_daemon.backends.values import VehicleInfo
+from ual_daemon.backends.values import Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -32,7 +33,10 @@ OnMessage = Callable[[Session, str, Message, float], None]
 
 
 class Discovery:
-    """`on_message` gets the messages of the session's autopilot; `why_not` says for people why none is flown."""
+    """`on_message` gets the messages of the session's autopilot; `why_not` says human-readably why none is flown.
+
+    It is what the backend's loop drives.
+    """
 
     def __init__(
         self,
@@ -43,6 +47,7 @@ class Discovery:
         utc_s: Callable[[], float],
     ) -> None:
         self.session: Session | None = None
+        self.watch = LinkWatch(str(link.url), FRESHNESS.link_s)
         self.info = VehicleInfo()
         """What is known while there is no session."""
         self._link = link
@@ -57,7 +62,6 @@ class Discovery:
         self._graph: Graph | None = None
         self._subscribed: set[str] = set()
         self._connections_count = 0
-        self._boots_count = 0
 
     @property
     def why_not(self) -> str:
@@ -73,13 +77,30 @@ class Discovery:
         faults = [each for each in self._link.faults() if each.endswith(tuple(required))]
         return faults[0] if faults else ""
 
+    @property
+    def is_urgent(self) -> bool:
+        """Whether the effect of a command is awaited."""
+        return self.session is not None and self.session.runner.is_any_under_way
+
+    def discard(self, now_s: float, pause_s: float) -> None:
+        """Discards what may have changed in a pause of this computer."""
+        if self.session is not None:
+            self.session.restart(now_s)
+
+    def snapshot(self, now_s: float, updated_s: float, scheduling_gap: str) -> Snapshot:
+        """Returns the newest data, and why none can be flown."""
+        snapshot = Snapshot(now_s) if self.session is None else self.session.snapshot(now_s)
+        snapshot = snapshot._replace(updated_s=updated_s, scheduling_gap=scheduling_gap)
+        why = self.why_not
+        return snapshot._replace(status_text=why, link_trouble=why) if why else snapshot
+
     def tick(self, now_s: float) -> None:
         """Does what is due; to be called often."""
         link, session = self._link, self.session
         if link.connections_count != self._connections_count:
             self._connections_count, self._question, self._ask_s = link.connections_count, None, -math.inf
             if session is not None:
-                session.restart()
+                session.restart(now_s)
         if not link.is_up or link.graph is None:
             return
         if session is not None:
@@ -149,10 +170,8 @@ class Discovery:
         if session is not None and session.description[:3] == found[:3]:
             session.description = found if found.has_version else session.description
             return
-        self._boots_count += 1
-        boots_count = self._boots_count * 1000
         session = self.session = Session(
-            found, autopilot, self._settings, self._sent, self.call, boots_count, self._utc_s, self._holds_up_calls
+            found, autopilot, self._settings, self._sent, self.call, self.watch, self._utc_s, self._holds_up_calls
         )
         logs.event(_log, logging.INFO, "autopilot_connected", autopilot=autopilot.name, system_id=found.system_id)
         for name in self._subscribed:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import Future
 from dataclasses import replace
 
 from ual.types import Capability
 from ual_daemon import logs
+from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
+from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares import px4_events
 from ual_daemon.backends.firmwares.autopilot import (
     Autopilot,
@@ -25,7 +27,7 @@ from ual_daemon.backends.firmwares.numbers import IGNORES_POSITION
 from ual_daemon.backends.firmwares.sender_watch import SenderWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import messages, topics
-from ual_daemon.backends.mavros.commands import Answer, CallService, Commands, Step, knows_mode
+from ual_daemon.backends.mavros.commands import CALL_S, TEXT_S, Answer, Call, read_answer
 from ual_daemon.backends.mavros.parameters import ParameterReader
 from ual_daemon.backends.mavros.settings import MavrosSettings
 from ual_daemon.backends.mavros.streams import StreamRequests, streams_of
@@ -48,7 +50,11 @@ HOME_S, ORIGIN_S = 0.5, 2.0
 _REQUEST_MESSAGE = 512
 _HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID = 0, 49, 148, 242
 _EVENT_BYTES = 40
-_CALL_S = 6.0
+
+CallService = Callable[[str, Message, Callable[[Answer], None], float], "Future[Message]"]
+"""Calls a service: its name, its arguments, who takes the answer, and the time limit in seconds. Cancelling the future
+withdraws the call, if it has not left yet.
+"""
 
 
 class Session:
@@ -61,20 +67,30 @@ class Session:
         settings: MavrosSettings,
         sent: SetpointMonitor,
         call: CallService,
-        boots_count: int,
+        watch: LinkWatch,
         utc_s: Callable[[], float],
         holds_up_calls: Callable[[], bool] = lambda: False,
     ) -> None:
         """`holds_up_calls` returns whether a call that is made now may be executed late."""
         self.description = description
         self.autopilot = autopilot
-        self.telemetry = Telemetry(autopilot, boots_count, utc_s)
+        self.telemetry = telemetry = Telemetry(autopilot, watch, utc_s)
+        self._watch = watch
+        watch.on_lost = telemetry.readings.discard_state
         self.freshness = FRESHNESS
         self._call = call
         learns = settings.learns_feed_forward and autopilot.takes_feed_forward
         self._feed_forward = FeedForward(settings.drag_1_s) if learns else None
         self._holds_up_calls = holds_up_calls
-        self._commands = Commands(autopilot.name, call, sent.duration_s, self._holds_up_commands, self._want_heartbeat)
+        self.runner: CommandRunner[Call] = CommandRunner(
+            autopilot.name,
+            self._transmit,
+            telemetry.snapshot,
+            watch,
+            sent.duration_s,
+            RunnerSettings(TEXT_S, bridge="MAVROS"),
+            self._why_late,
+        )
         self._causes = CauseWatch(
             autopilot,
             sent,
@@ -83,16 +99,19 @@ class Session:
         )
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
         self._health = HealthReport()
-        telemetry = self.telemetry
         self._parameters = ParameterReader(
             autopilot, telemetry.parameters, telemetry.plausibility, telemetry.fence.update
         )
         self._streams = StreamRequests(streams_of(autopilot, settings.pose_rate_hz), telemetry.counts)
+        self._command_calls: list[Future[Message]] = []
+        """The calls of commands since none was under way."""
         self._calling = ""
-        self._next_request_s = dict.fromkeys((_HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID), -math.inf)
-        self._boots_count = boots_count
+        self._requested_s = dict.fromkeys((_HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID), -math.inf)
+        self._boots_count = telemetry.boots_count
         self._reported_missing: tuple[str, ...] = ()
         self._began_s = math.inf
+        self._now_s = -math.inf
+        """The time of the newest message or tick."""
 
     @property
     def label(self) -> str:
@@ -105,16 +124,16 @@ class Session:
         return self.telemetry.mode_name == self.autopilot.setpoint_mode
 
     def on_message(self, topic: str, message: Message, now_s: float) -> None:
-        """Takes a message of MAVROS. After a silence that counts as a lost link nothing from before it is valid."""
-        telemetry = self.telemetry
-        if telemetry.heard_s is not None and now_s - telemetry.heard_s > self.freshness.link_s:
-            telemetry.discard_state()
-        if not telemetry.update(topic, message, now_s):
+        """Takes a message of MAVROS."""
+        self._now_s = now_s
+        if not self.telemetry.update(topic, message, now_s):
             return
         if topic == topics.VELOCITY:
             self._learn(message)
         elif topic == topics.STATE:
             self._causes.on_system_status(int(message["system_status"]), now_s)
+            self.runner.on_state(now_s)
+            self._withdraw_calls()
         elif topic == topics.SYS_STATUS:
             self._causes.on_sensors(int(message["sensors_enabled"]), int(message["sensors_health"]), now_s)
         elif topic == topics.RC_IN:
@@ -127,15 +146,6 @@ class Session:
             position, velocity, mask = target(message)
             self._senders.on_target(position, velocity, now_s, has_position=not mask & IGNORES_POSITION)
 
-    def submit(self, steps: tuple[Step, ...], now_s: float, is_withdrawn: Callable[[], bool]) -> Future[None]:
-        """Begins a command; see `Commands.submit`."""
-        snapshot = self.telemetry.snapshot(now_s)
-        if steps[0].is_mode:
-            self._causes.on_own_command(str(steps[0].arguments["custom_mode"]), now_s)
-            if not knows_mode(snapshot):
-                self._want_heartbeat()
-        return self._commands.submit(steps, snapshot, is_withdrawn)
-
     def message_of(self, setpoint: Setpoint, now_s: float) -> Message:
         """Returns the message of a setpoint, with what was learned of the vehicle. From any thread."""
         autopilot = self.autopilot
@@ -145,23 +155,26 @@ class Session:
             setpoint = autopilot.position_setpoint(setpoint, self.telemetry.parameters)
         return messages.position_target(setpoint, with_acceleration=autopilot.takes_acceleration)
 
-    def restart(self) -> None:
+    def restart(self, now_s: float) -> None:
         """Discards what may have changed in a time in which nothing came, and asks for everything anew."""
-        self.telemetry.discard_state()
-        self._commands.drop()
+        self.telemetry.readings.discard_state()
+        self.runner.drop(now_s)
         self._streams.restart()
         self._calling = ""
 
     def tick(self, now_s: float, ros: Ros) -> None:
         """Does what is due; to be called often."""
+        self._now_s = now_s
         self._began_s = min(self._began_s, now_s)
-        self._commands.tick(self.telemetry.snapshot(now_s))
+        self._watch.tick(now_s)
+        self.runner.tick(now_s)
+        self._withdraw_calls()
         self._update_freshness()
-        self._check_boot()
+        self._check_boot(now_s)
         # One call at a time: in ROS 2 MAVROS serves them one after another, and each waits for the autopilot's answer.
         if self._calling or not self.telemetry.is_connected:
             return
-        if not self._request(_HEARTBEAT_ID, now_s, self._heartbeat_s()) and not self._commands.is_under_way:
+        if not self._request(_HEARTBEAT_ID, now_s, self._heartbeat_s()) and not self.runner.is_any_under_way:
             self._ask(now_s, ros)
 
     def snapshot(self, now_s: float) -> Snapshot:
@@ -213,14 +226,15 @@ class Session:
     # --- What comes ---------------------------------------------------------------------------------------------------
 
     def _learn(self, message: Message) -> None:
-        telemetry, velocity = self.telemetry, self.telemetry.velocity
-        if self._feed_forward is None or telemetry.pose is None or velocity is None:
+        telemetry = self.telemetry
+        pose, velocity = telemetry.pose.value, telemetry.velocity.value
+        if self._feed_forward is None or pose is None or velocity is None:
             return
         if stamp_s(message) == telemetry.measured_s:  # the two topics are of one message of the autopilot
-            self._feed_forward.learn(telemetry.measured_s, telemetry.pose.value, velocity.value.linear)
+            self._feed_forward.learn(telemetry.measured_s, pose, velocity.linear)
 
     def _on_text(self, text: str, now_s: float) -> None:
-        self._commands.on_text(text)
+        self.runner.on_text(text)
         self._causes.on_sign(self.autopilot.cause_of_text(text), now_s)
         self._health.on_text(text, now_s)
 
@@ -230,28 +244,49 @@ class Session:
         identity = int(message["px4_id"]) | px4_events.AUTOPILOT
         severity = int(number(message["severity"]))
         event = px4_events.read(identity, 0.0, severity, arguments, self.telemetry.mode_name)
-        self._next_request_s[_HEARTBEAT_ID] = now_s
+        self._requested_s[_HEARTBEAT_ID] = -math.inf
         self._causes.on_sign(event.cause, now_s)
         self._health.on_event(event)
         if event.armed is not None:
-            self.telemetry.set_armed(event.armed, now_s)
+            self.telemetry.set_armed(event.armed, now_s, now_s)
+            self.runner.on_state(now_s)
         if event.text:
-            self._commands.on_text(event.text)
+            self.runner.on_text(event.text)
 
     # --- What is asked for --------------------------------------------------------------------------------------------
 
-    def _holds_up_commands(self) -> bool:
-        """Whether a command may wait: with ROS 2 MAVROS executes it after ``set_message_interval``."""
-        return self._calling == topics.SET_INTERVAL or self._holds_up_calls()
+    def _why_late(self) -> str:
+        """Returns why a command may wait: with ROS 2 MAVROS executes it after ``set_message_interval``."""
+        is_late = self._calling == topics.SET_INTERVAL or self._holds_up_calls()
+        return "the bridge or MAVROS would execute it late" if is_late else ""
 
-    def _want_heartbeat(self) -> None:
-        """Asks for a heartbeat as soon as possible."""
-        self._next_request_s[_HEARTBEAT_ID] = -math.inf
+    def _transmit(self, call: Call, _: int, key: Hashable) -> Callable[[], object]:
+        """Calls the service of a command. Returns what takes the call back while it has not left."""
+        if call.mode:
+            self._causes.on_own_command(call.mode, self._now_s)
+
+        def take(answer: Answer) -> None:
+            reply = read_answer(call, answer)
+            self._requested_s[_HEARTBEAT_ID] = -math.inf  # its effect may show at once
+            self.runner.on_answer(key, reply.verdict, self._now_s, reply.words, reply.by)
+
+        answer = self._call(call.service, call.arguments, take, CALL_S)
+        self._command_calls.append(answer)
+        return answer.cancel
+
+    def _withdraw_calls(self) -> None:
+        """Withdraws the calls of commands that have ended, as far as they have not left: one whose mode was entered
+        already may still wait in the socket.
+        """
+        if self._command_calls and not self.runner.is_any_under_way:
+            for answer in self._command_calls:
+                answer.cancel()
+            self._command_calls.clear()
 
     def _heartbeat_s(self) -> float:
         if not self.autopilot.takes_feed_forward:
             return math.inf  # ArduPilot streams them
-        if self._commands.is_under_way:
+        if self.runner.is_any_under_way:
             return FAST_HEARTBEAT_S
         return HEARTBEAT_S if self.telemetry.is_armed else SLOW_HEARTBEAT_S
 
@@ -285,11 +320,11 @@ class Session:
 
     def _request(self, message_id: int, now_s: float, period_s: float) -> bool:
         """Asks the autopilot for a message, if that is due."""
-        if now_s - self._next_request_s[message_id] < 0.0 or period_s == math.inf:
+        if now_s - self._requested_s[message_id] < period_s or period_s == math.inf:
             return False
-        self._next_request_s[message_id] = now_s + period_s
+        self._requested_s[message_id] = now_s
         arguments = {"command": _REQUEST_MESSAGE, "param1": float(message_id)}
-        self._call_alone(topics.COMMAND, arguments, lambda _: None, _CALL_S)
+        self._call_alone(topics.COMMAND, arguments, lambda _: None, CALL_S)
         return True
 
     def _call_alone(self, service: str, arguments: Message, take: Callable[[Message], None], limit_s: float) -> None:
@@ -305,10 +340,11 @@ class Session:
         link_s = min(FRESHNESS.link_s, self.autopilot.setpoints_lost_s(self.telemetry.parameters))
         if link_s != self.freshness.link_s:
             self.freshness = replace(FRESHNESS, link_s=link_s)
+            self._watch.lost_s = link_s
 
-    def _check_boot(self) -> None:
+    def _check_boot(self, now_s: float) -> None:
         boots_count = self.telemetry.boots_count
         if boots_count != self._boots_count:
             self._boots_count = boots_count
-            self._commands.drop()
+            self.runner.drop(now_s)
             self._streams.restart()

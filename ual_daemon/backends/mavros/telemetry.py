@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections import Counter
 from collections.abc import Callable
@@ -10,23 +9,21 @@ from typing import Any
 
 from ual.geometry import Pose, Twist
 from ual.types import Battery, GeoPoint, GpsInfo
-from ual_daemon import logs
-from ual_daemon.backends.engine.boot_time import BootTime
+from ual_daemon.backends.engine.clock_offset import ClockOffset
+from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.plausibility import Plausibility
+from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
 from ual_daemon.backends.firmwares.autopilot import Autopilot
-from ual_daemon.backends.firmwares.clock_offset import ClockOffset
 from ual_daemon.backends.firmwares.fence_reader import FenceReader
 from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
 from ual_daemon.backends.firmwares.numbers import Sensor
 from ual_daemon.backends.mavros import messages, topics
 from ual_daemon.backends.mavros.geoid import Geoid
-from ual_daemon.backends.mavros.ordering import Ordering
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, stamp_s, vector
+from ual_daemon.backends.rosbridge.ordering import Ordering
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
-
-_log = logging.getLogger(__name__)
 
 GEO_LIMIT_S = 1.5
 """A position on Earth that is older is not reported."""
@@ -48,10 +45,15 @@ _GOOD = Estimator(True)
 
 
 class Telemetry:
-    """The newest data of one autopilot. `utc_s` returns UTC, to which the stamps of the ROS computer are converted."""
+    """The newest data of one autopilot. `utc_s` returns UTC, to which the stamps of the ROS computer are converted.
 
-    def __init__(self, autopilot: Autopilot, boots_count: int, utc_s: Callable[[], float]) -> None:
+    What a silence may hide is discarded with the first message after it; the vehicle's properties stay known.
+    """
+
+    def __init__(self, autopilot: Autopilot, watch: LinkWatch, utc_s: Callable[[], float]) -> None:
         self.autopilot = autopilot
+        self._watch = watch
+        self.boots_count = watch.begin_boot()
         self.plausibility = Plausibility()
         self.parameters: dict[str, float] = {}
         self.fence = FenceReader(autopilot, self.parameters)
@@ -67,25 +69,23 @@ class Telemetry:
         self.is_connected = False
         """Whether MAVROS hears the autopilot, by its own words: it takes 10 s to notice that it does not."""
         self._utc_s = utc_s
-        self.boots_count = boots_count
-        self._boot_time = BootTime()
         self._ordering = Ordering()
         self._clock_offset = ClockOffset()
         self._geoid = Geoid()
-        self._heard_s: float | None = None
         self._stamp_s = self._measured_s = 0.0
-        self._armed: Sample[bool] | None = None
-        self._mode: Sample[Mode] | None = None
-        self._landed: Sample[LandedState] = Sample(LandedState.UNKNOWN, NEVER_S)
-        self._estimator: Sample[Estimator] | None = None
-        self._pose: Sample[Pose] | None = None
-        self._velocity: Sample[Twist] | None = None
+        readings = self.readings = Readings()
+        self.armed: Reading[bool] = readings.add(Lasts.SEEN)
+        self.mode: Reading[Mode] = readings.add(Lasts.SEEN)
+        self.landed: Reading[LandedState] = readings.add(Lasts.SEEN, unknown=Sample(LandedState.UNKNOWN, NEVER_S))
+        self._estimator: Reading[Estimator] = readings.add(Lasts.SEEN)
+        self.pose: Reading[Pose] = readings.add(Lasts.SEEN)
+        self.velocity: Reading[Twist] = readings.add(Lasts.SEEN)
+        self._geo: Reading[Message] = readings.add(Lasts.SEEN, limit_s=GEO_LIMIT_S)
+        self._above_home_m: Reading[float] = readings.add(Lasts.BOOT)
+        self._home: Reading[Message] = readings.add(Lasts.BOOT)
+        self._origin: Reading[Message] = readings.add(Lasts.BOOT)
+        self._placed: Reading[object] = readings.add(Lasts.BOOT)
         self._attitude_s: float | None = None
-        self._geo: tuple[float, Message] | None = None
-        self._above_home_m: float | None = None
-        self._home: Message | None = None
-        self._origin: Message | None = None
-        self._placed: object = None
         self._gps_raw: Message | None = None
         self._fix: Message | None = None
         self._gps: GpsInfo | None = None
@@ -120,41 +120,21 @@ class Telemetry:
             return False
         is_prompt = topics.TOPICS[topic].throttle_ms < _LATE_MS
         if is_prompt and (topic != topics.STATE or message["connected"]):
-            self._heard_s = now_s
+            self._watch.on_heard(now_s)
         self.counts[topic] += 1
         handler = self._handlers.get(topic)
         if handler is not None:
             handler(message, now_s)
         return True
 
-    def discard_state(self) -> None:
-        """Discards all that may have changed since it was published; the vehicle's properties stay known."""
-        self._armed = self._mode = self._estimator = self._pose = self._velocity = self._geo = None
-        self._landed = Sample(LandedState.UNKNOWN, NEVER_S)
-
-    def set_armed(self, is_armed: bool, now_s: float) -> None:
-        """Takes that it is armed or disarmed. Autopilots move home to where they are armed."""
-        was_armed = self._armed is not None and self._armed.value
-        if is_armed and not was_armed:
-            self._home, self.home_s = None, now_s
+    def set_armed(self, is_armed: bool, said_s: float, now_s: float) -> None:
+        """Takes that it was armed or disarmed at a time. Autopilots move home to where they are armed."""
+        if is_armed and not self.is_armed:
+            self._home.discard()
+            self.home_s = now_s
         elif not is_armed:
             self.home_s = math.inf
-        self._armed = Sample(is_armed, now_s)
-
-    @property
-    def heard_s(self) -> float | None:
-        """When something came last that the autopilot has sent."""
-        return self._heard_s
-
-    @property
-    def pose(self) -> Sample[Pose] | None:
-        """The newest pose."""
-        return self._pose
-
-    @property
-    def velocity(self) -> Sample[Twist] | None:
-        """The newest velocity."""
-        return self._velocity
+        self.armed.set(is_armed, said_s)
 
     @property
     def measured_s(self) -> float:
@@ -164,41 +144,41 @@ class Telemetry:
     @property
     def mode_name(self) -> str:
         """The name of its mode; empty while it is not known."""
-        return "" if self._mode is None else self._mode.value.name
+        return "" if self.mode.value is None else self.mode.value.name
 
     @property
     def is_armed(self) -> bool:
         """Whether it is armed, as far as it is known."""
-        return self._armed is not None and self._armed.value
+        return bool(self.armed.value)
 
     @property
     def knows_arming(self) -> bool:
         """Whether it is known if it is armed."""
-        return self._armed is not None
+        return self.armed.sample is not None
 
     @property
     def is_flying(self) -> bool:
         """Whether it is armed, and not known to stand on the ground."""
-        return self.is_armed and self._landed.value is not LandedState.ON_GROUND
+        return self.is_armed and self.landed.value is not LandedState.ON_GROUND
 
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns all values as of now."""
-        home_amsl_m = None if self._home is None else self._geoid.amsl_m(number(self._home["geo"]["altitude"]))
+        home = self._home.value
         return Snapshot(
             time_s=now_s,
-            heard_s=self._heard_s,
+            heard_s=self._watch.heard_s,
             stamp_s=self._stamp_s,
             measured_s=self._measured_s,
-            armed=self._armed,
-            landed=self._landed,
-            mode=self._mode,
+            armed=self.armed.sample,
+            landed=self.landed.sample,
+            mode=self.mode.sample,
             estimator=self._judged_estimator(now_s),
-            pose=self._pose,
-            velocity=self._velocity,
+            pose=self.pose.sample,
+            velocity=self.velocity.sample,
             position_geo=self._position_geo(now_s),
             projection=self.origin.projection,
-            home_altitude_amsl_m=home_amsl_m,
-            home_geo=None if self._home is None else _place(self._home["geo"]),
+            home_altitude_amsl_m=None if home is None else self._geoid.amsl_m(number(home["geo"]["altitude"])),
+            home_geo=None if home is None else _place(home["geo"]),
             geoid_separation_m=self._geoid.separation_m,
             battery=self._battery,
             gps=self._gps,
@@ -213,15 +193,16 @@ class Telemetry:
     def _on_state(self, message: Message, now_s: float) -> None:
         self.is_connected = bool(message["connected"])
         if not self.is_connected:
-            self._armed = self._mode = None
+            self.armed.discard()
+            self.mode.discard()
             return
-        self.set_armed(bool(message["armed"]), now_s)
         # Not when it came: after a stall of the bridge one comes that was said before.
         said_s = self._ordering.said_s(stamp_s(message), now_s)
-        self._mode = Sample(messages.mode(str(message["mode"]), self.autopilot), said_s)
+        self.set_armed(bool(message["armed"]), said_s, now_s)
+        self.mode.set(messages.mode(str(message["mode"]), self.autopilot), said_s)
 
     def _on_extended_state(self, message: Message, now_s: float) -> None:
-        self._landed = Sample(messages.landed_state(message), now_s)
+        self.landed.set(messages.landed_state(message), now_s)
         self.vtol_state = int(message["vtol_state"])
 
     def _on_sys_status(self, message: Message, now_s: float) -> None:
@@ -231,13 +212,14 @@ class Telemetry:
         self.fence.set_enabled(bool(enabled & Sensor.GEOFENCE))
         if not self.counts[topics.ESTIMATOR_STATUS]:  # ArduPilot does not send it: its poses come while they are good
             is_ill = present & Sensor.AHRS and not health & Sensor.AHRS
-            self._estimator = Sample(_NO_AHRS if is_ill else _GOOD, now_s)
+            self._estimator.set(_NO_AHRS if is_ill else _GOOD, now_s)
 
     def _on_estimator_status(self, message: Message, now_s: float) -> None:
         estimator = self.autopilot.estimator(messages.estimator_flags(message))
-        if estimator.is_regained_after(self._estimator):
-            self._pose = self._velocity = None
-        self._estimator = Sample(estimator, now_s)
+        if estimator.is_regained_after(self._estimator.sample):
+            self.pose.discard()
+            self.velocity.discard()
+        self._estimator.set(estimator, now_s)
 
     def _on_status_text(self, message: Message, _now_s: float) -> None:
         self.status_text = str(message["text"])
@@ -250,15 +232,16 @@ class Telemetry:
         measured_s = stamp_s(message)
         self._measured_s = measured_s
         self._stamp_s = self._clock_offset.to_utc(measured_s, now_s, self._utc_s()) if measured_s else 0.0
-        self._pose = Sample(Pose(found.position, found.orientation.normalized()), self._sent_s(measured_s, now_s))
+        self.pose.set(Pose(found.position, found.orientation.normalized()), self._sent_s(measured_s, now_s))
 
     def _on_velocity(self, message: Message, now_s: float) -> None:
-        if self._pose is None:
+        pose = self.pose.value
+        if pose is None:
             return
-        found = messages.twist(message, self._pose.value)
+        found = messages.twist(message, pose)
         if self.plausibility.accepts_velocity(found.linear) and self.plausibility.accepts_rates(found.angular):
-            self._velocity = Sample(found, self._sent_s(stamp_s(message), now_s))
-            self.origin.on_position(_milliseconds(message), self._pose.value.position, found.linear)
+            self.velocity.set(found, self._sent_s(stamp_s(message), now_s))
+            self.origin.on_position(_milliseconds(message), pose.position, found.linear)
 
     def _sent_s(self, measured_s: float, now_s: float) -> float:
         return self._ordering.sent_s(measured_s, now_s)
@@ -268,68 +251,71 @@ class Telemetry:
 
     def _on_global(self, message: Message, now_s: float) -> None:
         if message["latitude"] == message["longitude"] == 0.0:
-            self._geo = None
+            self._geo.discard()
             return
         point = _place(message)
         if not self.plausibility.accepts_geo_point(point):
             return
-        self._geo = (now_s, message)
+        self._geo.set(message, now_s)
         self.origin.on_geo(_milliseconds(message), point)
 
     def _on_above_home(self, message: Message, now_s: float) -> None:
-        self._above_home_m = above_m = number(message["data"])
-        geo, home = self._geo, self._home
-        if geo is None or home is None or now_s - geo[0] > _SAME_MOMENT_S:
+        above_m = number(message["data"])
+        self._above_home_m.set(above_m, now_s)
+        geo, home = self._geo.sample, self._home.value
+        if geo is None or home is None or now_s - geo.time_s > _SAME_MOMENT_S:
             return
-        self.home_watch.is_contradicted(number(home["geo"]["altitude"]), number(geo[1]["altitude"]), above_m)
+        self.home_watch.is_contradicted(number(home["geo"]["altitude"]), number(geo.value["altitude"]), above_m)
 
-    def _on_origin(self, message: Message, _now_s: float) -> None:
-        self._origin = message
-        self._place_origin()
+    def _on_origin(self, message: Message, now_s: float) -> None:
+        self._origin.set(message, now_s)
+        self._place_origin(now_s)
 
-    def _place_origin(self) -> None:
+    def _place_origin(self, now_s: float) -> None:
         """Tells the origin, once the altitude of mean sea level there is known; and once only, as that differs with the
         place where it is measured.
         """
-        if self._origin is None:
+        origin = self._origin.value
+        if origin is None:
             return
-        place = self._origin["position"]
+        place = origin["position"]
         amsl_m = self._geoid.amsl_m(number(place["altitude"]))
         point = _place(place)
-        if amsl_m is None or place == self._placed or not self.plausibility.accepts_geo_point(point):
+        if amsl_m is None or place == self._placed.value or not self.plausibility.accepts_geo_point(point):
             return
-        self._placed = place
+        self._placed.set(place, now_s)
         self.origin.on_origin(self.autopilot.projection(point.latitude_deg, point.longitude_deg, amsl_m))
 
-    def _on_fix(self, message: Message, _now_s: float) -> None:
+    def _on_fix(self, message: Message, now_s: float) -> None:
         self._fix = message
-        self._pair_fixes()
+        self._pair_fixes(now_s)
         self._gps = messages.gps_info(message, self._gps_raw, self._satellites_count)
 
     def _on_satellites(self, message: Message, _now_s: float) -> None:
         self._satellites_count = int(message["data"])
 
-    def _on_gps_raw(self, message: Message, _now_s: float) -> None:
+    def _on_gps_raw(self, message: Message, now_s: float) -> None:
         self._gps_raw = message
-        self._pair_fixes()
+        self._pair_fixes(now_s)
 
-    def _pair_fixes(self) -> None:
+    def _pair_fixes(self, now_s: float) -> None:
         """Compares the altitudes of one message of the autopilot, which comes on two topics in any order."""
         fix, raw = self._fix, self._gps_raw
         if fix is None or raw is None or not _is_same_fix(raw, fix):
             return
         self._geoid.on_exact(number(fix["altitude"]), number(raw["alt"]) / 1000.0)
-        self._place_origin()
+        self._place_origin(now_s)
 
     def _on_vfr_hud(self, message: Message, now_s: float) -> None:
-        geo = self._geo
-        if geo is not None and now_s - geo[0] <= GEO_LIMIT_S and self._geoid.separation_m is None:
-            self._geoid.on_estimate(number(geo[1]["altitude"]), number(message["altitude"]))
-            self._place_origin()
+        geo = self._geo.fresh(now_s)
+        if geo is not None and self._geoid.separation_m is None:
+            self._geoid.on_estimate(number(geo["altitude"]), number(message["altitude"]))
+            self._place_origin(now_s)
 
-    def _on_home(self, message: Message, _now_s: float) -> None:
+    def _on_home(self, message: Message, now_s: float) -> None:
         if self.plausibility.accepts_geo_point(_place(message["geo"])):
-            self._home, self.home_s = message, math.inf
+            self._home.set(message, now_s)
+            self.home_s = math.inf
 
     def _on_battery(self, message: Message, _now_s: float) -> None:
         found = messages.battery(message)
@@ -337,25 +323,23 @@ class Telemetry:
 
     def _on_timesync(self, message: Message, now_s: float) -> None:
         """Takes the autopilot's time since boot, by which a reboot shows."""
-        if self._boot_time.update(number(message["remote_timestamp_ns"]) * 1e-9, now_s):
-            logs.event(_log, logging.WARNING, "autopilot_rebooted", reboots_count=self.boots_count)
+        if self._watch.on_boot_time(number(message["remote_timestamp_ns"]) * 1e-9, now_s):
             self._discard_boot()
 
     def _discard_boot(self) -> None:
-        self.boots_count += 1
-        self.discard_state()
+        self.boots_count = self._watch.begin_boot()
+        self.readings.discard_boot()
         self.parameters.clear()
         self.origin = LocalOrigin()
-        self._origin = self._home = self._above_home_m = self._placed = None
 
     # --- What follows from it -----------------------------------------------------------------------------------------
 
     def _judged_estimator(self, now_s: float) -> Sample[Estimator] | None:
         """Judges by what was heard last: if nothing comes any more, it is not one topic that is silent."""
-        estimator, velocity = self._estimator, self._velocity
+        estimator, velocity = self._estimator.sample, self.velocity.sample
         if estimator is None or not estimator.value.is_good:
             return estimator
-        heard_s = now_s if self._heard_s is None else self._heard_s
+        heard_s = now_s if self._watch.heard_s is None else self._watch.heard_s
         if velocity is None or heard_s - velocity.time_s > VELOCITY_LIMIT_S:
             return Sample(_NO_VELOCITY, now_s)
         if self._attitude_s is not None and heard_s - self._attitude_s > ATTITUDE_LIMIT_S:
@@ -363,15 +347,15 @@ class Telemetry:
         return estimator
 
     def _position_geo(self, now_s: float) -> GeoPoint | None:
-        geo = self._geo
-        if geo is None or now_s - geo[0] > GEO_LIMIT_S:
+        geo = self._geo.fresh(now_s)
+        if geo is None:
             return None
-        ellipsoid_m = number(geo[1]["altitude"])
+        ellipsoid_m = number(geo["altitude"])
         return GeoPoint(
-            number(geo[1]["latitude"]),
-            number(geo[1]["longitude"]),
+            number(geo["latitude"]),
+            number(geo["longitude"]),
             altitude_amsl_m=self._geoid.amsl_m(ellipsoid_m),
-            altitude_home_m=self._above_home_m,
+            altitude_home_m=self._above_home_m.value,
             altitude_ellipsoid_m=ellipsoid_m,
         )
 

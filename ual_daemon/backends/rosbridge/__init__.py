@@ -11,7 +11,7 @@ The modules, from the top down (a contract in pyproject.toml checks it):
 - ``outbox``: what waits to be sent on a connection
 - ``operations``: rosbridge's protocol, in JSON and CBOR
 - ``websocket``: the connection
-- ``fields``: numbers, arrays and stamps in messages
+- ``fields``, ``ordering``: numbers, arrays and stamps in messages; which of them is the newest, and how late it came
 - ``url``
 """
 

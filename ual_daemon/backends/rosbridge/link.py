@@ -84,11 +84,29 @@ class RosbridgeLink:
     outlives every connection.
     """
 
-    def __init__(self, url: BridgeUrl, clock: Clock, on_step: Callable[[], None], dialler: Dial = dial) -> None:
-        """`on_step` is called on the link's thread after each batch of messages, and at least every 0.1 s."""
+    def __init__(
+        self,
+        url: BridgeUrl,
+        clock: Clock,
+        on_step: Callable[[], None],
+        dialler: Dial = dial,
+        on_woke: Callable[[], float] = lambda: 0.0,
+    ) -> None:
+        """Args:
+        url: The bridge's.
+        clock: The backend's.
+        on_step: Called on the link's thread after each batch of messages, and at least every 0.1 s.
+        dialler: Connects.
+        on_woke: Called before each batch is taken. Returns for how long the thread had paused: the messages of topics
+            that it then finds are old, and are dropped.
+
+        """
         self.url = url
         self._clock = clock
         self._on_step = on_step
+        self._on_woke = on_woke
+        self._is_old = False
+        """Whether the present batch waited in a pause of this computer."""
         self._dial = dialler
         self._subscriptions: dict[str, _Subscription] = {}
         self._unsubscribed: list[str] = []
@@ -222,7 +240,7 @@ class RosbridgeLink:
         while not self._closing.is_set():
             try:
                 self._attempt()
-                self._on_step()
+                self._turn()
             except _ClosedError:
                 return
             except Exception:  # noqa: BLE001 - the callers must see a lost link that comes back: this thread goes on
@@ -251,6 +269,11 @@ class RosbridgeLink:
     def _wait(self) -> None:
         if self._closing.is_set():
             raise _ClosedError
+        self._turn()
+
+    def _turn(self) -> None:
+        """Does what is due where there is nothing to read."""
+        self._on_woke()
         self._on_step()
 
     def _connected(self, connections: Connections) -> None:
@@ -261,7 +284,9 @@ class RosbridgeLink:
         logs.event(_log, logging.INFO, "bridge_connected", url=str(self.url))
 
     def _serve(self, connections: Connections) -> None:
-        for data in connections.receive(TICK_S):
+        received = connections.receive(TICK_S)
+        self._is_old = self._on_woke() > 0.0
+        for data in received:
             self._take(data)
         now_s = self._clock.now_s()
         self._supervise(connections, connections.supervise(now_s))
@@ -381,7 +406,8 @@ class RosbridgeLink:
     def _execute(self, operation: dict[str, object]) -> None:
         kind = operation["op"]
         if kind == "publish":
-            self._deliver(operation)
+            if not self._is_old:
+                self._deliver(operation)
         elif kind == "service_response":
             self._calls.answer(operation)
         elif kind == "fragment":

@@ -13,7 +13,7 @@ from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsd
 from tests.simulators.rosbridge import Message, Service
 from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, wait
 from tests.waiting import until
-from ual.errors import LinkLostError
+from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Limits, State
 
@@ -144,9 +144,9 @@ def test_nothing_is_called_in_a_silence(
         answer = in_silence(backend, 0.6, command)
         with backend.lock:
             backend.aircraft.pilot_takes_over()
-        with pytest.raises(LinkLostError, match="nothing was heard of the aircraft for"):
-            answer.result(LIMIT_S)
         silence(backend, is_silent=False)
+        with pytest.raises(RejectedByAutopilotError, match="was not sent: the mode became RC"):
+            answer.result(LIMIT_S)
         wait(backend, 1.0)
         assert not names
         assert backend.aircraft.device == RC
@@ -156,7 +156,9 @@ def test_nothing_is_called_in_a_silence(
 def test_a_gap_of_a_bad_link_refuses_nothing(kind: type[LockstepDji]) -> None:
     with ready(kind) as (uav, backend):
         fly(uav)
-        in_silence(backend, 0.3, lambda backend: backend.take_control()).result(LIMIT_S)
+        answer = in_silence(backend, 0.3, lambda backend: backend.take_control())
+        silence(backend, is_silent=False)
+        answer.result(LIMIT_S)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -171,12 +173,12 @@ def test_the_authority_is_given_up_in_a_silence_too(kind: type[LockstepDji]) -> 
 def test_what_follows_an_answer_from_before_a_silence_is_not_called(kind: type[LockstepDji]) -> None:
     with ready(kind) as (_, backend):
         names = called(backend)
-        telemetry = backend._telemetry
+        telemetry = backend._session.telemetry
         assert telemetry is not None
         obtain = f"/{telemetry.wrapper.obtain[0].service}"
         backend.bridge.faults.slow_services[obtain] = 0.9
         answer = in_silence(backend, 0.1, lambda backend: backend.arm())
-        with pytest.raises(LinkLostError, match="was not called: nothing was heard"):
+        with pytest.raises(UalTimeoutError, match="was not sent: nothing was heard"):
             answer.result(LIMIT_S)
         wait(backend, 0.2)
         assert len(names) == 2  # obtained, and given up again
@@ -253,7 +255,7 @@ def test_a_confirmation_that_waits_is_withdrawn_when_the_pilot_takes_over() -> N
         uav.land(blocking=False)
         until(lambda: backend.aircraft.height_m < 1.5)
         backend.is_socket_full = True
-        until(lambda: backend._landing_call is not None)
+        until(lambda: backend._session.runner.is_any_under_way)
         with backend.lock:
             backend.aircraft.pilot_takes_over()
         until(lambda: uav.state() is State.FLYING_MANUAL)

@@ -136,7 +136,7 @@ def test_an_answer_that_comes_after_the_authority_was_lost_gives_nothing() -> No
 
 def test_what_a_silence_may_hide_is_lost_at_once() -> None:
     telemetry = given()
-    telemetry.discard_state(1.0)
+    telemetry.discard_state()
     telemetry.take_display_mode({"display_mode": modes.P_GPS}, 1.1)
     telemetry.take_control_mode(REMOTE, 1.1)
     assert control(telemetry, 1.1) is Control.OTHER

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from typing_extensions import override
@@ -13,6 +14,7 @@ from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.settings import DjiSettings
 from ual_daemon.backends.dji.telemetry import Telemetry
 from ual_daemon.backends.dji.wrappers import WRAPPERS, Wrapper
+from ual_daemon.backends.engine.readings import Reading
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.values import Snapshot
 
@@ -112,20 +114,17 @@ def test_a_landing_that_is_ended_in_the_air_is_told_soon() -> None:
     assert not telemetry.is_landing
 
 
-_DISCARDED = frozenset({"_status", "_display", "_device", "_level", "_pose", "_velocity"})
+class _Vanishing(Reading[Any]):
+    """Another thread discards the value as soon as it was read once."""
 
-
-class _Vanishing(Telemetry):
-    """Another thread discards each value as soon as it was read once."""
-
-    vanishes = False
+    __slots__ = ()
 
     @override
     def __getattribute__(self, name: str) -> object:
-        value = super().__getattribute__(name)
-        if name in _DISCARDED and self.vanishes:
-            setattr(self, name, None)
-        return value
+        found = super().__getattribute__(name)
+        if name == "sample":
+            self.discard()
+        return found
 
 
 @pytest.mark.parametrize("wrapper", WRAPPERS, ids=lambda wrapper: wrapper.name)
@@ -145,7 +144,7 @@ class _Vanishing(Telemetry):
     ],
 )
 def test_what_is_discarded_while_another_thread_reads_it(wrapper: Wrapper, read: Callable[[Telemetry], object]) -> None:
-    telemetry = _Vanishing(wrapper, DjiSettings())
+    telemetry = Telemetry(wrapper, DjiSettings())
     telemetry.take_attitude({"quaternion": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}, NOW_S)
     telemetry.take_gps_level({"data": 5}, NOW_S)
     telemetry.take_altitude({"data": 20.0}, NOW_S)
@@ -154,5 +153,9 @@ def test_what_is_discarded_while_another_thread_reads_it(wrapper: Wrapper, read:
     telemetry.take_flight_status({"data": modes.IN_AIR}, NOW_S)
     telemetry.take_display_mode({"data": modes.SDK_CONTROL}, NOW_S)
     telemetry.take_control_mode({"device_mode": 4, "control_auth": 1}, NOW_S)
-    telemetry.vanishes = True
+    for name, reading in list(vars(telemetry).items()):
+        if isinstance(reading, Reading):
+            vanishing = _Vanishing(telemetry._readings, math.inf, None)
+            vanishing.sample = reading.sample
+            setattr(telemetry, name, vanishing)
     read(telemetry)

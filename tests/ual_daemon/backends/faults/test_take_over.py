@@ -87,7 +87,7 @@ def test_a_setpoint_that_waited_on_our_side_does_not_leave_after_it(craft: Craft
     assert craft.setpoints_between(begin_s + 0.1 + craft.seen_s) == []
 
 
-@over(Can.BE_FLOWN_BY_A_PILOT, Can.BE_HELD_UP, red="dji psdk, dji osdk")
+@over(Can.BE_FLOWN_BY_A_PILOT, Can.BE_HELD_UP)
 @pytest.mark.parametrize("name", ["land", "take_control"])
 def test_a_command_that_waited_on_our_side_does_not_leave_after_it(craft: Craft, name: str) -> None:
     craft.fly()

@@ -41,7 +41,7 @@ def test_a_command_that_is_withdrawn_is_not_sent_again(craft: Craft, name: str) 
     assert craft.commands_since(begin_s + 0.65) == []
 
 
-@over(Can.BE_HELD_UP, red="mavros ardupilot")
+@over(Can.BE_HELD_UP)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_command_that_waits_on_our_side_is_withdrawn(craft: Craft, name: str) -> None:
     craft.fly()

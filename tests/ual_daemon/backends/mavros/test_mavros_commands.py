@@ -1,18 +1,19 @@
-"""Commands, with services that answer when the test says so, and a time that the test steps."""
+"""The commands' table, with services that answer when the test says so, and a time that the test steps."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from concurrent.futures import Future
+from collections.abc import Callable, Hashable
 
 import pytest
 
 from ual.errors import RejectedByAutopilotError, UalTimeoutError
+from ual_daemon.backends.engine.command import Command, Verdict
+from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
+from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.mavros import commands, messages
-from ual_daemon.backends.mavros.commands import Answer, Commands, Step
-from ual_daemon.backends.rosbridge import Message
+from ual_daemon.backends.mavros.commands import TEXT_S, Answer, Call, read_answer
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.values import Sample, Snapshot
 
@@ -21,46 +22,55 @@ class Exchange:
     """The safety pilot flies, and control is taken. `calls` are the services that were called."""
 
     def __init__(self) -> None:
-        self.calls: list[tuple[str, Message, Callable[[Answer], None]]] = []
-        self.futures: list[Future[Message]] = []
+        self.calls: list[tuple[Call, Hashable]] = []
+        self.taken_back: list[int] = []
         self.is_held_up = False
-        self.is_withdrawn = False
-        self.wanted_heartbeats = 0
         self.now_s = 100.0
         self.mode, self.heartbeat_s = "POSCTL", 100.0
         self.silent_s = math.inf
         """Since when nothing is heard."""
-        self.commands = Commands("PX4", self._call, lambda _: 10.0, lambda: self.is_held_up, self._want_heartbeat)
-        step = commands.set_mode("OFFBOARD", "take control")
-        self.done = self.commands.submit((step,), self.snapshot(), lambda: self.is_withdrawn)
+        self.watch = LinkWatch("rosbridge", 1.0)
+        self.watch.on_heard(self.now_s)
+        self.runner: CommandRunner[Call] = CommandRunner(
+            "PX4",
+            self._call,
+            lambda _: self.snapshot(),
+            self.watch,
+            lambda _: 10.0,
+            RunnerSettings(TEXT_S, bridge="MAVROS"),
+            lambda: "held up" if self.is_held_up else "",
+        )
+        self.is_held_up = True
+        self.done = self.runner.submit(commands.set_mode("OFFBOARD", "take control"), self.now_s)
+        self.is_held_up = False
 
-    def _call(
-        self, service: str, arguments: Message, take: Callable[[Answer], None], limit_s: float
-    ) -> Future[Message]:
-        self.calls.append((service, arguments, take))
-        self.futures.append(Future())
-        return self.futures[-1]
-
-    def _want_heartbeat(self) -> None:
-        self.wanted_heartbeats += 1
+    def _call(self, call: Call, _: int, key: Hashable) -> Callable[[], object]:
+        self.calls.append((call, key))
+        number = len(self.calls) - 1
+        return lambda: self.taken_back.append(number)
 
     def snapshot(self) -> Snapshot:
         mode = Sample(messages.mode(self.mode, Px4()), self.heartbeat_s)
-        return Snapshot(self.now_s, heard_s=min(self.now_s, self.silent_s), mode=mode)
+        armed = Sample(False, self.heartbeat_s)
+        return Snapshot(self.now_s, heard_s=self.watch.heard_s, mode=mode, armed=armed)
 
     def step(self, duration_s: float, *, heartbeat: str = "") -> None:
         """Lets time pass. A heartbeat comes at its end, if at all; before the first call ten a second come."""
         for _ in range(round(duration_s / 0.02)):
             self.now_s += 0.02
+            if self.now_s < self.silent_s:
+                self.watch.on_heard(self.now_s)
             if not self.calls and self.now_s < self.silent_s and self.now_s - self.heartbeat_s >= 0.1:
                 self.heartbeat_s = self.now_s
-            self.commands.tick(self.snapshot())
+            self.runner.tick(self.now_s)
         if heartbeat:
             self.mode, self.heartbeat_s = heartbeat, self.now_s
-            self.commands.tick(self.snapshot())
+            self.runner.tick(self.now_s)
 
-    def answer(self, **values: object) -> None:
-        self.calls[-1][2](values)
+    def answer(self, error: Answer | None = None, **values: object) -> None:
+        call, key = self.calls[-1]
+        reply = read_answer(call, values if error is None else error)
+        self.runner.on_answer(key, reply.verdict, self.now_s, reply.words, reply.by)
 
 
 def test_a_mode_that_was_not_answered_is_not_asked_for_again() -> None:
@@ -108,14 +118,6 @@ def test_a_mode_is_asked_for_again_where_a_heartbeat_comes_each_second() -> None
         it.step(0.9, heartbeat="POSCTL")
 
 
-def test_a_heartbeat_is_wanted_once_a_mode_was_sent() -> None:
-    it = Exchange()
-    it.step(0.1)
-    assert it.wanted_heartbeats == 0
-    it.answer(mode_sent=True)
-    assert it.wanted_heartbeats == 1
-
-
 def test_a_mode_that_was_shown_is_not_asked_for_again() -> None:
     it = Exchange()
     it.step(0.1)
@@ -131,7 +133,8 @@ def test_a_mode_waits_until_nothing_holds_up_its_call_and_is_not_sent_once_it_is
     it.is_held_up = True
     it.step(1.0)
     assert not it.calls
-    it.is_held_up, it.is_withdrawn = False, True
+    it.is_held_up = False
+    it.done.cancel()
     it.step(1.0)
     assert not it.calls
 
@@ -158,38 +161,44 @@ def test_a_mode_that_waits_is_not_sent_once_somebody_else_has_changed_the_mode()
 def test_the_call_of_a_command_that_has_ended_is_withdrawn(end: str) -> None:
     it = Exchange()
     it.step(0.1)
-    assert not it.futures[0].cancelled()
+    assert not it.taken_back
     if end == "dropped":
-        it.commands.drop()
+        it.runner.drop(it.now_s)
     elif end == "replaced":
-        it.commands.submit((commands.set_mode("AUTO.LAND", "land"),), it.snapshot(), lambda: False)
-    it.is_withdrawn = end == "withdrawn"
+        it.runner.submit(commands.set_mode("AUTO.LAND", "land"), it.now_s)
+    elif end == "withdrawn":
+        it.done.cancel()
     it.step(0.1, heartbeat="ALTCTL" if end == "overruled" else "POSCTL")
     it.step(5.0 if end == "late" else 0.1)
-    assert it.futures[0].cancelled()
+    assert it.taken_back[0] == 0
 
 
 @pytest.mark.parametrize(
-    "step",
+    "command",
     [commands.set_mode("AUTO.LAND", "land"), commands.arm_or_disarm(is_arming=True), commands.climb(3.0)],
-    ids=lambda step: step.what,
+    ids=lambda command: command.what,
 )
-def test_a_command_into_a_silence_is_not_sent_but_fails_in_words(step: Step) -> None:
+def test_a_command_into_a_silence_is_not_sent_but_fails_in_words(command: Command[Call]) -> None:
     it = Exchange()
-    it.silent_s = 99.6
-    done = it.commands.submit((step,), it.snapshot(), lambda: False)
+    it.silent_s = 100.0
+    it.step(0.3)
+    it.done.cancel()
+    calls_count = len(it.calls)
+    done = it.runner.submit(command, it.now_s)
     it.step(4.4)
     assert not done.done()
     it.step(0.2)
-    assert not it.calls
-    with pytest.raises(UalTimeoutError, match=f"command to {step.what} was not sent: MAVROS publishes nothing of"):
+    assert len(it.calls) == calls_count
+    with pytest.raises(UalTimeoutError, match=f"command to {command.what} was not sent: nothing was heard of the auto"):
         done.result(0.0)
 
 
 def test_a_command_into_a_silence_leaves_with_the_first_heartbeat_that_shows_the_same_mode() -> None:
     it = Exchange()
-    it.silent_s = 99.6
+    it.is_held_up, it.silent_s = True, 100.0
     it.step(3.0)
+    it.is_held_up = False
+    it.step(0.5)
     assert not it.calls
     it.silent_s = math.inf
     it.step(0.02, heartbeat="POSCTL")
@@ -209,7 +218,7 @@ def test_a_command_that_was_sent_and_never_answered_may_still_be_executed() -> N
 def test_a_service_that_is_not_there_refuses_by_its_name() -> None:
     it = Exchange()
     it.step(0.1)
-    it.calls[-1][2](ServiceError("/mavros/set_mode", "Service /mavros/set_mode does not exist"))
+    it.answer(ServiceError("/mavros/set_mode", "Service /mavros/set_mode does not exist"))
     it.step(1.0)
     with pytest.raises(RejectedByAutopilotError, match=r"MAVROS refused to take control: /mavros/set_mode.*not exist"):
         it.done.result(0.0)
@@ -219,7 +228,39 @@ def test_a_service_that_is_not_there_refuses_by_its_name() -> None:
 def test_a_service_that_has_not_answered_in_time_refuses_nothing() -> None:
     it = Exchange()
     it.step(0.1)
-    it.calls[-1][2](ServiceTimeoutError("/mavros/set_mode", "the service has not answered"))
-    it.step(1.0, heartbeat="OFFBOARD")
-    assert it.done.done()
-    assert it.done.exception() is None
+    it.answer(ServiceTimeoutError("/mavros/set_mode", "the service has not answered"))
+    with pytest.raises(UalTimeoutError, match="MAVROS has not answered the command to take control, which may still"):
+        it.done.result(0.0)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ({"mode_sent": False}, "PX4 refused to take control: MAVROS does not know the mode, or hears no autopilot"),
+        ({"mode_sent": True}, "PX4 refused to take control: the mode was not entered; it said: no position"),
+    ],
+)
+def test_why_a_mode_was_not_entered_is_told(answer: dict[str, object], words: str) -> None:
+    it = Exchange()
+    it.step(0.1)
+    it.answer(answer)
+    if answer["mode_sent"]:
+        it.runner.on_text("no position")
+    it.step(5.0)
+    with pytest.raises(RejectedByAutopilotError, match=words):
+        it.done.result(0.0)
+
+
+@pytest.mark.parametrize(
+    ("answer", "verdict", "words"),
+    [
+        ({"success": True, "result": 0}, Verdict.ACCEPTED, ""),
+        ({"success": False, "result": 2}, Verdict.REFUSED, "DENIED"),
+        ({"success": False, "result": 99}, Verdict.REFUSED, "result 99"),
+        ({"success": False, "result": 5}, Verdict.PASSED_ON, ""),
+        ({"success": False, "result": 0}, Verdict.PASSED_ON, ""),  # no acknowledgement came
+    ],
+)
+def test_what_the_answers_to_commands_say(answer: dict[str, object], verdict: Verdict, words: str) -> None:
+    reply = read_answer(commands.arm_or_disarm(is_arming=True).request, answer)
+    assert (reply.verdict, reply.words) == (verdict, words)

@@ -8,8 +8,8 @@ from typing import Any
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
+from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.plausibility import Plausibility
-from ual_daemon.backends.firmwares.clock_offset import ClockOffset
 from ual_daemon.backends.firmwares.fence_reader import FenceReader
 from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin

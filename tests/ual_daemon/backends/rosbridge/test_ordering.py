@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from ual_daemon.backends.mavros.ordering import Ordering
+from ual_daemon.backends.rosbridge.ordering import Ordering
 
 
 def accepted(ordering: Ordering, *stamps_s: float) -> list[bool]:

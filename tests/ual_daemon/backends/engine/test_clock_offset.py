@@ -1,7 +1,7 @@
 import random
 from collections.abc import Callable
 
-from ual_daemon.backends.firmwares.clock_offset import ClockOffset
+from ual_daemon.backends.engine.clock_offset import ClockOffset
 
 UTC_S = 1.8e9
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual_daemon.backends.firmwares.clock_offset import ClockOffset
+from ual_daemon.backends.engine.clock_offset import ClockOffset
 
 CLOCK_STEP_S = 10.0
 """A stamp that is older by more than this is of a clock that was set, and not of a late message."""
