@@ -27,7 +27,7 @@ from ual_daemon.flight.modes import known_mode
 from ual_daemon.flight.policy.authority import Authority
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
-from ual_daemon.flight.policy.lease import Lease, carried
+from ual_daemon.flight.policy.lease import NOBODY, Lease
 from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watching, replaced, shutting_down
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
@@ -49,6 +49,20 @@ class LastCommand(NamedTuple):
 
     number: int
     name: str
+
+
+class Order(NamedTuple):
+    """How a command was given.
+
+    Attributes:
+        lease_id: The lease by which it is given.
+        since: The last command when it was received; None if it is not to be compared. A command that took long to plan
+            must not replace one that was received later.
+
+    """
+
+    lease_id: str = NOBODY
+    since: LastCommand | None = None
 
 
 class Way(NamedTuple):
@@ -237,51 +251,44 @@ class Flight:
         """The newest command that began; see `begin`."""
         return self._last_command
 
-    def begin(self, manoeuvre: Manoeuvre, since: LastCommand | None = None) -> None:
+    def begin(self, manoeuvre: Manoeuvre, order: Order) -> None:
         """Begins a manoeuvre, and ends the one before.
-
-        Args:
-            manoeuvre: What to fly.
-            since: The last command when this one was received. A command that took long to plan must not replace one
-                that was received later.
 
         Raises:
             WrongStateError: UAL is shutting down, or the manoeuvre before may not be replaced.
-            TaskAbortedError: Another command, such as an abort, began after `since`.
+            LeaseHeldError: Another program holds the lease.
+            LeaseLostError: The lease of the order has ended.
+            TaskAbortedError: Another command, such as an abort, began after `Order.since`.
 
         """
         manoeuvre.mode_seen = known_mode(self._backend.snapshot())
         try:
-            self._exchange(manoeuvre, partial(self._begins, manoeuvre, since, ""))
+            self._exchange(manoeuvre, partial(self._begins, manoeuvre, order, ""))
         except UalError as error:
             manoeuvre.end(error)
             raise
 
-    def begin_reference(self, reference: Reference, by: str, snapshot: Snapshot, *, only_task_id: str = "") -> None:
-        """Begins a reference, sends its first setpoint, and ends the manoeuvre before.
+    def begin_reference(
+        self, reference: Reference, by: str, snapshot: Snapshot, order: Order, *, only_task_id: str = ""
+    ) -> None:
+        """Begins a reference, sends its first setpoint, and ends the manoeuvre before; see `begin` for the errors.
 
         With `only_task_id` nothing happens unless that task is the running one.
-
-        Raises:
-            WrongStateError: UAL is shutting down, or the manoeuvre before may not be replaced.
-
         """
         first = reference.setpoint(snapshot)  # before the update thread has the reference and steps it
         new = FlyReference(by, reference, self._rules)
-        self._exchange(new, partial(self._begins, new, None, only_task_id), first, snapshot)
+        self._exchange(new, partial(self._begins, new, order, only_task_id), first, snapshot)
 
-    def _begins(
-        self, new: Manoeuvre, since: LastCommand | None, only_task_id: str, old: Manoeuvre | None
-    ) -> Ending | None:
+    def _begins(self, new: Manoeuvre, order: Order, only_task_id: str, old: Manoeuvre | None) -> Ending | None:
         """Decides whether what was commanded begins now: returns how the old one ends, or raises why it may not."""
-        by = new.name
+        by, (lease_id, since) = new.name, order
         if only_task_id and not _is_task(old, only_task_id):
             return None
         if self._shutdown is not None:
             raise shutting_down(by)
         if self.is_watch_only:
             raise only_watching(by)
-        if carried.get() != self.lease.id and (refusal := self.lease.refusal(by)):
+        if lease_id != self.lease.id and (refusal := self.lease.refusal(by, lease_id)):
             raise refusal
         if old is not None and not old.is_replaceable and self.has_safety_pilot:
             raise not_replaceable(old, by)
@@ -316,7 +323,7 @@ class Flight:
             return None
         return SILENT if old is None else Ending(TaskAbortedError(f"{old.name}: {why}", {"by": "lease"}))
 
-    def drop_task(self, task_id: str, by: str) -> None:
+    def drop_task(self, task_id: str, by: str, lease_id: str) -> None:
         """Ends a task without stopping the UAV, which UAL does not control now. Nothing happens if it does not run.
 
         Raises:
@@ -324,12 +331,12 @@ class Flight:
             LeaseHeldError: Another program holds the lease.
 
         """
-        self._exchange(None, partial(self._drops, task_id, by))
+        self._exchange(None, partial(self._drops, task_id, by, lease_id))
 
-    def _drops(self, task_id: str, by: str, old: Manoeuvre | None) -> Ending | None:
+    def _drops(self, task_id: str, by: str, lease_id: str, old: Manoeuvre | None) -> Ending | None:
         if old is None or not _is_task(old, task_id):
             return None
-        if (refusal := self.lease.refusal(by)) is not None:
+        if (refusal := self.lease.refusal(by, lease_id)) is not None:
             raise refusal
         if not old.is_replaceable:
             raise not_replaceable(old, by)
