@@ -104,6 +104,8 @@ class Flight:
             backend, self._flown, self._exchange, self._rules, self.sender, self._stopping, self._watched
         )
         self._shutdown: Shutdown | None = None
+        self.is_closing = False
+        """Whether commands are refused because of a shutdown. An attribute, because each setpoint looks."""
         self._last_command = LastCommand(0, "")
 
     # --- What is known ------------------------------------------------------------------------------------------------
@@ -221,11 +223,6 @@ class Flight:
 
     # --- What is commanded --------------------------------------------------------------------------------------------
 
-    @property
-    def is_closing(self) -> bool:
-        """Whether commands are refused because of a shutdown."""
-        return self._shutdown is not None
-
     def request_home(self) -> None:
         """See `Backend.request_home`."""
         self._backend.request_home()
@@ -284,7 +281,7 @@ class Flight:
         by, (lease_id, since) = new.name, order
         if only_task_id and not _is_task(old, only_task_id):
             return None
-        if self._shutdown is not None:
+        if self.is_closing:
             raise shutting_down(by)
         if self.is_watch_only:
             raise only_watching(by)
@@ -297,7 +294,7 @@ class Flight:
             raise TaskAbortedError(f"{by}: replaced by {other}, while it was planned", {"by": other})
         if new.is_awaited or not self.authority.is_ours:  # a call that each setpoint of a stream would cost
             self.authority.begin()
-        self._note_command(by)
+        self._last_command = LastCommand(self._last_command.number + 1, by)
         return SILENT if old is None or not old.is_awaited else Ending(replaced(old, by))
 
     def _note_command(self, name: str) -> None:
@@ -414,7 +411,7 @@ class Flight:
         """A take-off or landing ends first, and a reference goes on until the autopilot holds."""
         if self._shutdown is not None:
             return None
-        self._shutdown = shutdown
+        self._shutdown, self.is_closing = shutdown, True
         if old is None or not old.is_awaited or not old.is_replaceable:
             return None
         return Ending(TaskAbortedError(f"{old.name}: UAL is shutting down", {"by": "shutdown"}))
@@ -438,7 +435,7 @@ class Flight:
             self._shutdown.finish()
 
     def _ends_with_close(self, shutdown: Shutdown, error: UalError, _: Manoeuvre | None) -> Ending:
-        self._shutdown = self._shutdown or shutdown
+        self._shutdown, self.is_closing = self._shutdown or shutdown, True
         return Ending(error)
 
     # --- Updates ------------------------------------------------------------------------------------------------------

@@ -98,7 +98,7 @@ class Register(Protocol):
         """Raises the error by which a call is refused before its request is read."""
         ...
 
-    def set_context(self, call: Call | None, who: Caller | None, lease_id: str = NOBODY) -> None:
+    def set_context(self, call: Call | None, who: Caller | None) -> None:
         """Says who calls for what this thread or task does from now on."""
         ...
 

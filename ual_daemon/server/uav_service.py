@@ -143,9 +143,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         response = self._begun(await ended(planned), request, lease_id, pb.FollowPathResponse)
         return await response if isinstance(response, Awaitable) else response
 
-    def _prepare(
-        self, request: convert.TaskRequestMessage, lease_id: str, since: LastCommand
-    ) -> Prepared[VehicleTask]:
+    def _prepare(self, request: convert.TaskRequestMessage, lease_id: str, since: LastCommand) -> Prepared[VehicleTask]:
         return self._commands.prepare(convert.task_request_from_proto(request), lease_id, since)
 
     def _task(self, request: convert.TaskRequestMessage, lease_id: str, make: Callable[..., R]) -> _Maybe[R]:
