@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -48,11 +49,10 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
-from ual_daemon.flight.policy.lease import NOBODY, carried
+from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import VehicleSettings
-from ual_daemon.vehicle.commands import Commands
 from ual_daemon.vehicle.external_poses import CONTINUES_S
 from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -132,7 +132,7 @@ class UAL(Uav):
         """When the last pose from outside was given that was not refused."""
         self._lease_id = NOBODY
         self._is_closed = False
-        self._extensions = Extensions(extensions, ExtensionContext(self, {}, vehicle.require_lease, vehicle.payload()))
+        self._extensions = Extensions(extensions, ExtensionContext(self, {}, self._require_lease, vehicle.payload()))
 
     def __repr__(self) -> str:
         return f"<ual_daemon.UAL {self.vehicle.ns}, {'closed' if self._is_closed else 'open'}>"
@@ -175,11 +175,9 @@ class UAL(Uav):
     def extension(self, name: str) -> Any:
         return self._extensions.interface(name)
 
-    @property
-    def _commands(self) -> Commands:
-        """The commands, given with the lease of this object, if it has one."""
-        carried.set(self._lease_id)
-        return self.vehicle.commands
+    def _require_lease(self, command: str, lease_id: str | None = None) -> None:
+        """Checks that an extension may move things: by the lease of a call, or else by that of this object."""
+        self.vehicle.require_lease(command, self._lease_id if lease_id is None else lease_id)
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -235,22 +233,22 @@ class UAL(Uav):
 
     @override
     def set_home(self, set_z: bool = False) -> None:
-        self._commands.set_home(set_z)
+        self.vehicle.commands.set_home(set_z, self._lease_id)
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
     @override
     def arm(self, *, timeout_s: float | None = None) -> None:
-        _run(self._commands.arm, timeout_s, "arm")
+        _run(partial(self.vehicle.commands.arm, self._lease_id), timeout_s, "arm")
 
     @override
     def disarm(self, *, timeout_s: float | None = None) -> None:
-        _run(self._commands.disarm, timeout_s, "disarm")
+        _run(partial(self.vehicle.commands.disarm, self._lease_id), timeout_s, "disarm")
 
     @override
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Task:
-        commands = self._commands
-        prepared = commands.prepare(request)
+        commands, lease_id = self.vehicle.commands, self._lease_id
+        prepared = commands.prepare(request, lease_id)
         limit_s = time_limit(timeout_s)  # before anything moves
         task = prepared.begin()
         if blocking:
@@ -259,19 +257,17 @@ class UAL(Uav):
             except BaseException:
                 # The caller's time limit has passed, or it was interrupted (Ctrl-C): the task must not go on unwatched.
                 # A take-off or landing does; cancelling a task that has ended does nothing.
-                commands.abandon(task)
+                commands.abandon(task, lease_id)
                 raise
-        return _Task(task, lambda: self._commands)
+        return _Task(task, self)
 
     @override
     def set_pose(self, pose: PoseStamped | Pose) -> None:
-        carried.set(self._lease_id)
-        self.vehicle.commands.setpoints.set_pose(stamped_pose(pose))
+        self.vehicle.commands.setpoints.set_pose(stamped_pose(pose), self._lease_id)
 
     @override
     def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        carried.set(self._lease_id)
-        self.vehicle.commands.setpoints.set_velocity(stamped_twist(velocity))
+        self.vehicle.commands.setpoints.set_velocity(stamped_twist(velocity), self._lease_id)
 
     @override
     def set_external_pose(
@@ -288,31 +284,42 @@ class UAL(Uav):
 
     @override
     def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
-        _run(self._commands.recover_from_manual(force=force).begin, timeout_s, "recover_from_manual")
+        prepared = self.vehicle.commands.recover_from_manual(self._lease_id, force=force)
+        _run(prepared.begin, timeout_s, "recover_from_manual")
 
     @override
     def abort(self, freeze: bool = False) -> None:
-        self._commands.abort(freeze)
+        self.vehicle.commands.abort(freeze, lease_id=self._lease_id)
 
     @override
     def pause(self) -> None:
-        self._commands.pause()
+        self._pause()
 
     @override
     def resume(self) -> None:
-        self._commands.resume()
+        self._resume()
+
+    def _pause(self, task_id: str = "") -> None:
+        self.vehicle.commands.pause(task_id, self._lease_id)
+
+    def _resume(self, task_id: str = "") -> None:
+        self.vehicle.commands.resume(task_id, self._lease_id)
+
+    def _cancel(self, task: VehicleTask) -> None:
+        self.vehicle.commands.cancel(task, self._lease_id)
 
     @override
     def task(self, task_id: str) -> Task:
-        return _Task(self.vehicle.task(task_id), lambda: self._commands)
+        return _Task(self.vehicle.task(task_id), self)
 
     @override
     def lease(self, holder: str = "", *, take: bool = False) -> Lease:
         """Makes this object the only one that flies the UAV. It lasts until it is released or taken: this process is
         the daemon's.
         """
-        carried.set(self._lease_id)
-        self._lease_id = self.vehicle.acquire_lease(holder or _THIS_PROCESS, _THIS_PROCESS, take=take, lasts_s=math.inf)
+        self._lease_id = self.vehicle.acquire_lease(
+            holder or _THIS_PROCESS, _THIS_PROCESS, take=take, lasts_s=math.inf, lease_id=self._lease_id
+        )
         return _Lease(self, self._lease_id)
 
     @override
@@ -330,7 +337,7 @@ class UAL(Uav):
         return DryRun(self._plan)
 
     def _plan(self, motion: MotionRequest) -> Plan:
-        return self._commands.plan(motion)
+        return self.vehicle.commands.plan(motion, self._lease_id)
 
     @property
     @override
@@ -341,9 +348,9 @@ class UAL(Uav):
 class _Task(Task):
     """The handle of a task in this process."""
 
-    def __init__(self, task: VehicleTask, commands: Callable[[], Commands]) -> None:
+    def __init__(self, task: VehicleTask, uav: UAL) -> None:
         self._task = task
-        self._commands = commands
+        self._uav = uav
 
     def __repr__(self) -> str:
         return f"<Task {self.id} {self.kind.name} {self.info().status.name}>"
@@ -373,15 +380,15 @@ class _Task(Task):
 
     @override
     def cancel(self) -> None:
-        self._commands().cancel(self._task)
+        self._uav._cancel(self._task)  # noqa: SLF001  of this module
 
     @override
     def pause(self) -> None:
-        self._commands().pause(self.id)
+        self._uav._pause(self.id)  # noqa: SLF001  of this module
 
     @override
     def resume(self) -> None:
-        self._commands().resume(self.id)
+        self._uav._resume(self.id)  # noqa: SLF001  of this module
 
     @override
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:

@@ -37,6 +37,15 @@ with UAL("light", extensions={"arm": {"speed_rad_s": 50.0}}) as uav:
         uav.extension("gimbal")
     except UalError as error:
         print(error.reason, error)
+    other = UAL.over(uav.vehicle, {})
+    with other.lease("survey"):
+        try:
+            arm.move(0.0, 0.0)
+        except LeaseHeldError as error:
+            print(error.reason, error.metadata["holder"])
+    with uav.lease():
+        print(arm.move(0.5, -1.0))
+    other.release()
     there = threading.Event()
     with uav.subscribe(lambda _: there.set() if "uav_1/arm/tool" in {f.frame_id for f in uav.frames()} else None):
         assert there.wait(30.0)
@@ -124,11 +133,13 @@ def daemon(installed: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.Fix
 
 
 def test_in_the_process(installed: Path) -> None:
-    first, moved, refused, not_loaded, threads = run(IN_PROCESS + THREADS_LEFT, installed)
+    first, moved, refused, not_loaded, held, moved_by_lease, threads = run(IN_PROCESS + THREADS_LEFT, installed)
     assert first == "Joints(shoulder_rad=0.0, elbow_rad=0.0, is_moving=False)"
     assert moved == REACHED
     assert refused.startswith("INVALID_ARGUMENT shoulder_rad: 3 is not within 1.5708 rad")
     assert not_loaded == "NOT_SUPPORTED the extension gimbal is not loaded (loaded are: arm)"
+    assert held == "LEASE_HELD survey"
+    assert moved_by_lease == REACHED
     assert threads == "['MainThread']"
 
 

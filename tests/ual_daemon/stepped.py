@@ -12,6 +12,7 @@ from ual.interface import TaskCommands
 from ual.types import State, TaskRequest, Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
+from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.vehicle.prepared import Prepared
@@ -23,11 +24,13 @@ STEP_S = 0.02
 class Prepare(TaskCommands[Prepared[VehicleTask]]):
     """The tasks of a vehicle, planned but not begun."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle, lease_id: str = NOBODY) -> None:
+        """`lease_id` is the lease by which they are commanded."""
         self._vehicle = vehicle
+        self._lease_id = lease_id
 
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Prepared[VehicleTask]:
-        return self._vehicle.commands.prepare(request)
+        return self._vehicle.commands.prepare(request, self._lease_id)
 
 
 class Stepped:
@@ -39,6 +42,10 @@ class Stepped:
         self.sim = vehicle.simulation()
         self.samples: list[Telemetry] = []
         self.unsubscribe = vehicle.subscribe(self.samples.append)
+
+    def by(self, lease_id: str) -> Prepare:
+        """The tasks, commanded by a lease."""
+        return Prepare(self.vehicle, lease_id)
 
     def run(self, duration_s: float) -> None:
         """Lets time pass."""

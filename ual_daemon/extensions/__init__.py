@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from ual_daemon.extensions.base import Extension, ExtensionContext
+from ual_daemon.extensions.base import Extension, ExtensionContext, lease_of
 
-__all__ = ["Extension", "ExtensionContext"]
+__all__ = ["Extension", "ExtensionContext", "lease_of"]

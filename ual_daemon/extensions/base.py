@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar, cast
 
 from ual.access.roles import Role
 from ual.interface import Uav
@@ -15,6 +15,25 @@ from ual_daemon.settings import Settings, convert
 S = TypeVar("S", bound=Settings)
 
 
+class RequireLease(Protocol):
+    """See `ExtensionContext`."""
+
+    def __call__(self, command: str, lease_id: str | None = None) -> None:
+        """Raises `LeaseHeldError` or `LeaseLostError`, or returns."""
+
+
+class CallContext(Protocol):
+    """What a method of a service gets beside its request."""
+
+    lease_id: str
+    """The lease by which the call is made; empty where it has none."""
+
+
+def lease_of(context: object) -> str:
+    """Returns the lease by which a call is made, from the context that a method of a service gets."""
+    return cast("CallContext", context).lease_id
+
+
 @dataclass(frozen=True)
 class ExtensionContext:
     """What an extension gets.
@@ -22,8 +41,9 @@ class ExtensionContext:
     Args:
         uav: The UAV in this process, to read, to subscribe to and to command. It is closed by whoever has opened it.
         settings: Its section of the configuration, ``extensions.NAME``.
-        require_lease: Checks that the present call may move things: raises `LeaseHeldError` while another program holds
-            the lease of the UAV. To be called, with the name of the command, by whatever moves.
+        require_lease: Checks that a call may move things: raises `LeaseHeldError` while another program holds the lease
+            of the UAV. To be called by whatever moves, with the name of the command and, in a service, with
+            `lease_of` its context. Without that, the lease of `uav` counts.
         payload: What the backend offers for what the UAV carries: commands and messages of the autopilot that do not
             fly. None where it offers nothing, and in a daemon that only watches.
 
@@ -31,7 +51,7 @@ class ExtensionContext:
 
     uav: Uav
     settings: Mapping[str, Any]
-    require_lease: Callable[[str], None]
+    require_lease: RequireLease
     payload: Payload | None = None
 
     def settings_as(self, kind: type[S]) -> S:
@@ -52,7 +72,7 @@ class Service:
         name: Its full name, ``package.Service``.
         add_to_server: What generated code calls ``add_..._to_server``, with the servicer in it already. The servicer's
             methods are coroutines, or asynchronous generators for streams of responses; they run on the daemon's event
-            loop, and so must not block. They get the request and None, and raise the errors of `ual.errors`.
+            loop, and so must not block. They get the request and a `CallContext`, and raise the errors of `ual.errors`.
         roles: The role that each method needs. A method that is not named needs a pilot.
 
     """

@@ -1,26 +1,28 @@
-"""Fits references to a world that has changed: limits, geofence. Manoeuvres fit themselves (`Manoeuvre.fit`)."""
+"""Has what is flown fit itself to a world that has changed: limits, geofence, home."""
 
 from __future__ import annotations
 
-from ual.errors import GeofenceError, UalError
+from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step, guarded
 from ual_daemon.flight.policy.geofence import Geofence
-from ual_daemon.tracker.limits import CurrentLimits, scaled_down
-from ual_daemon.tracker.references import Hold, Reference, Velocity
+from ual_daemon.tracker.limits import CurrentLimits
 
 
-def fit(reference: Reference, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> UalError | None:
-    """Fits a reference. Returns why it cannot go on; None if it can.
+class Fitting:
+    """Knows what bounded motions at the last update that had one. Only the update thread calls it."""
 
-    A goal that moves looks at the world by itself each time it plans, and a stop is as good as it gets.
-    """
-    if isinstance(reference, Velocity):
-        reference.twist = scaled_down(reference.twist, limits.get())  # the geofence is looked at in each update
-    elif isinstance(reference, Hold):
-        try:
-            geofence.admit("set_pose", reference, limits.get(), snapshot)
-        except GeofenceError as error:
-            return error
-        except UalError:  # it is not known where the geofence lies: nothing that is known speaks against it
+    def __init__(self, backend: Backend, limits: CurrentLimits, geofence: Geofence) -> None:
+        self._backend = backend
+        self._limits = limits
+        self._geofence = geofence
+        self._world: tuple[object, ...] = ()
+
+    def step(self, manoeuvre: Manoeuvre, snapshot: Snapshot) -> Step | None:
+        """Fits a manoeuvre to what bounds it now, if that has changed, or if it has just begun; see `Manoeuvre.fit`."""
+        world = (self._backend.info(), *self._geofence.depends_on(snapshot))
+        has_changed, self._world = world != self._world, world
+        if manoeuvre.is_fitted and not has_changed:
             return None
-    return None
+        manoeuvre.is_fitted = True
+        return guarded(manoeuvre, manoeuvre.fit, snapshot, self._limits, self._geofence)

@@ -7,6 +7,8 @@ from dataclasses import replace
 
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Setpoint, Snapshot, Takes, VelocitySetpoint
+from ual_daemon.flight.flown import Flown
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.policy.dropped_positions import DroppedPositions
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.setpoint_adaptation import adapted
@@ -20,31 +22,59 @@ may be in another mode by now, and what it says waits unread: no setpoint leaves
 
 
 class SetpointSender:
-    """Sends setpoints in the form that the autopilot takes."""
+    """Sends the setpoints of what is flown, in the form that the autopilot takes. Any thread may call.
 
-    def __init__(self, backend: Backend, limits: CurrentLimits) -> None:
+    Threads send without waiting for each other, so the setpoint of one may leave after a newer one of another. The one
+    that was late sees this once it has sent, and sends the newer one again. So, when its call returns, what was sent
+    last is what was given last.
+    """
+
+    def __init__(self, backend: Backend, limits: CurrentLimits, flown: Flown) -> None:
         self._backend = backend
         self._limits = limits
+        self._flown = flown
         self._sent_s = float("-inf")
+        self._newest: tuple[Manoeuvre | None, Setpoint | None] = (None, None)
+        """What was given last, and what it is of."""
         self._dropped = DroppedPositions()
         self.on_sent: Callable[[Setpoint], None] | None = None
         """Called with each setpoint that was sent, by the thread that sends it; never blocks."""
 
-    def send_if_due(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
+    def send_if_due(self, of: Manoeuvre, setpoint: Setpoint, snapshot: Snapshot) -> None:
         """Sends a setpoint, unless one was sent within the period of the backend's `setpoint_rate_hz`."""
         if snapshot.time_s - self._sent_s >= _DUE_SHARE / self._backend.info().setpoint_rate_hz:
-            self.send(setpoint, snapshot)
+            self.send(of, setpoint, snapshot)
 
-    def send(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
-        """Sends a setpoint now, unless what the autopilot says is not read; see `LONGEST_BLIND_S`."""
+    def send(self, of: Manoeuvre, setpoint: Setpoint, snapshot: Snapshot) -> None:
+        """Sends a setpoint of a manoeuvre now, unless something else is flown by now, or what the autopilot says is not
+        read; see `LONGEST_BLIND_S`.
+        """
         if snapshot.time_s - snapshot.updated_s > LONGEST_BLIND_S:
             return
-        self._sent_s = snapshot.time_s
         if not isinstance(setpoint, VelocitySetpoint):
             info = self._backend.info()
             if info.drops_positions_beyond_fence and self._dropped.has(setpoint.position, snapshot):
                 info = replace(info, takes=Takes.VELOCITY)
             setpoint = adapted(setpoint, info, snapshot, self._limits.get)
+        given = (of, setpoint)
+        with self._flown.lock:  # so that what was replaced is never the newest
+            if self._flown.manoeuvre is not of:
+                return
+            self._newest = given
+        self._sent_s = snapshot.time_s
         self._backend.send(setpoint)
         if self.on_sent is not None:
             self.on_sent(setpoint)
+        if self._newest is not given:
+            self._send_newer(given)
+
+    def _send_newer(self, given: tuple[Manoeuvre | None, Setpoint | None]) -> None:
+        """Sends what was given meanwhile, as it may have left before; but not if it is not flown any more."""
+        while self._newest is not given:
+            given = self._newest
+            of, setpoint = given
+            if setpoint is None or self._flown.manoeuvre is not of:
+                return
+            self._backend.send(setpoint)
+            if self.on_sent is not None:
+                self.on_sent(setpoint)

@@ -21,7 +21,6 @@ from ual.errors import (
 )
 from ual.wire import rpc_errors
 from ual_daemon import logs
-from ual_daemon.flight.policy import lease
 from ual_daemon.server.access import caller
 from ual_daemon.server.access.caller import OF_THIS_COMPUTER, Caller
 from ual_daemon.server.access.needed import needed_role
@@ -268,11 +267,10 @@ class Calls:
             self._has_ended_waiting or method not in self._shutdown_keeps
         )
 
-    def set_context(self, call: Call | None, who: Caller | None, lease_id: str = lease.NOBODY) -> None:
-        """Says for what this thread or task does from now on who calls, with which lease, and for which UAV."""
+    def set_context(self, call: Call | None, who: Caller | None) -> None:
+        """Says for what this thread or task does from now on who calls, and for which UAV."""
         logs.caller.set(None if call is None else partial(_described, call))
         caller.current.set(who or OF_THIS_COMPUTER)
-        lease.carried.set(lease_id)
         if self._log_name:
             logs.uav.set(self._log_name)
 

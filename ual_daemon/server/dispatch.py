@@ -5,6 +5,8 @@
   something that ends later, it returns a coroutine, which the event loop awaits.
 - ``def`` with a stream of responses: it sends by the `Call`, from any thread. It returns a function that ends that.
 - An asynchronous generator: it runs on the event loop.
+
+Each gets the `Call` as its context, with the lease by which its caller commands (`extensions.base.lease_of`).
 """
 
 from __future__ import annotations
@@ -96,7 +98,7 @@ class Register(Protocol):
         """Raises the error by which a call is refused before its request is read."""
         ...
 
-    def set_context(self, call: Call | None, who: Caller | None, lease_id: str = NOBODY) -> None:
+    def set_context(self, call: Call | None, who: Caller | None) -> None:
         """Says who calls for what this thread or task does from now on."""
         ...
 
@@ -110,7 +112,7 @@ class Answer:
 
     def __init__(self, calls: Register, method: Method, call: Call, caller: Caller) -> None:
         self.caller = caller
-        self._lease_id = next((str(value) for key, value in call.metadata if key == LEASE_KEY), NOBODY)
+        call.lease_id = next((str(value) for key, value in call.metadata if key == LEASE_KEY), NOBODY)
         self.is_stream = method.has_request_stream or method.has_response_stream
         self.method_name = call.method
         self._calls = calls
@@ -130,7 +132,7 @@ class Answer:
 
     def _do(self, step: Callable[..., None], *arguments: object) -> None:
         """Does a step, on the transport's thread. An error ends the call."""
-        self._calls.set_context(self.call, self.caller, self._lease_id)
+        self._calls.set_context(self.call, self.caller)
         try:
             step(*arguments)
         except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
@@ -213,7 +215,7 @@ class _LoopAnswer(Answer):
             self._cancel()
 
     async def _serve(self, coroutine: Coroutine[Any, Any, bytes | None]) -> bytes | None:
-        self._calls.set_context(self.call, self.caller, self._lease_id)
+        self._calls.set_context(self.call, self.caller)
         self._has_begun = True
         if self._is_to_cancel:
             self._cancel()
@@ -244,7 +246,7 @@ class _UnaryAnswer(_LoopAnswer):
     @override
     def _answer(self, request: object) -> None:
         self._calls.require_room(self.call.method, self.caller)  # before anything begins
-        response = self._method.serve(request, None)
+        response = self._method.serve(request, self.call)
         if inspect.iscoroutine(response):
             self._watch()
             self._go_on(self._encoded(response))
@@ -272,7 +274,7 @@ class _GeneratorAnswer(_LoopAnswer):
         self._go_on(self._send(request))
 
     async def _send(self, request: object) -> None:
-        async with aclosing(self._method.serve(request, None)) as responses:
+        async with aclosing(self._method.serve(request, self.call)) as responses:
             async for response in responses:
                 await self._until(partial(self.call.send, self._method.encode(response)))
 
@@ -298,7 +300,7 @@ class _RequestStreamAnswer(Answer):
     @override
     def _begin(self) -> None:
         self._calls.join(self)
-        self._requests: Generator[None, Any, Any] = self._method.serve(None, None)
+        self._requests: Generator[None, Any, Any] = self._method.serve(None, self.call)
         next(self._requests)
         self._calls.require_accepted(self.call)
         self.call.receive(partial(self._do, self._receive))

@@ -19,6 +19,7 @@ from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual.wire import convert
 from ual_daemon import logs
+from ual_daemon.extensions.base import lease_of
 from ual_daemon.flight.flight import LastCommand
 from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S
 from ual_daemon.flight.tasks import VehicleTask
@@ -101,62 +102,67 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def Arm(self, request: pb.ArmRequest, context: object) -> Awaitable[pb.ArmResponse]:
-        return _after(self._commands.arm(), pb.ArmResponse())
+        return _after(self._commands.arm(lease_of(context)), pb.ArmResponse())
 
     @override
     def Disarm(self, request: pb.DisarmRequest, context: object) -> Awaitable[pb.DisarmResponse]:
-        return _after(self._commands.disarm(), pb.DisarmResponse())
+        return _after(self._commands.disarm(lease_of(context)), pb.DisarmResponse())
 
     @override
     def TakeOff(self, request: pb.TakeOffRequest, context: object) -> _Maybe[pb.TakeOffResponse]:
-        return self._task(request, pb.TakeOffResponse)
+        return self._task(request, lease_of(context), pb.TakeOffResponse)
 
     @override
     def Land(self, request: pb.LandRequest, context: object) -> _Maybe[pb.LandResponse]:
-        return self._task(request, pb.LandResponse)
+        return self._task(request, lease_of(context), pb.LandResponse)
 
     @override
     def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: object) -> _Maybe[pb.GoToWaypointResponse]:
-        return self._task(request, pb.GoToWaypointResponse)
+        return self._task(request, lease_of(context), pb.GoToWaypointResponse)
 
     @override
     def GoToWaypointGeo(
         self, request: pb.GoToWaypointGeoRequest, context: object
     ) -> _Maybe[pb.GoToWaypointGeoResponse]:
-        return self._task(request, pb.GoToWaypointGeoResponse)
+        return self._task(request, lease_of(context), pb.GoToWaypointGeoResponse)
 
     @override
     def FollowPath(self, request: pb.FollowPathRequest, context: object) -> Awaitable[pb.FollowPathResponse]:
         # Planning takes a while where there are thousands of waypoints: what stops the UAV must get through meanwhile.
-        planned = self._planning.begin("follow_path", partial(self._prepare, request, self._commands.last_command))
-        return self._follow_path(request, planned)
+        lease_id = lease_of(context)
+        prepare = partial(self._prepare, request, lease_id, self._commands.last_command)
+        return self._follow_path(request, lease_id, self._planning.begin("follow_path", prepare))
 
     @override
     def ReturnToLaunch(self, request: pb.ReturnToLaunchRequest, context: object) -> _Maybe[pb.ReturnToLaunchResponse]:
-        return self._task(request, pb.ReturnToLaunchResponse)
+        return self._task(request, lease_of(context), pb.ReturnToLaunchResponse)
 
     async def _follow_path(
-        self, request: pb.FollowPathRequest, planned: Future[Prepared[VehicleTask]]
+        self, request: pb.FollowPathRequest, lease_id: str, planned: Future[Prepared[VehicleTask]]
     ) -> pb.FollowPathResponse:
-        response = self._begun(await ended(planned), request, pb.FollowPathResponse)
+        response = self._begun(await ended(planned), request, lease_id, pb.FollowPathResponse)
         return await response if isinstance(response, Awaitable) else response
 
-    def _prepare(self, request: convert.TaskRequestMessage, since: LastCommand) -> Prepared[VehicleTask]:
-        return self._commands.prepare(convert.task_request_from_proto(request), since)
+    def _prepare(self, request: convert.TaskRequestMessage, lease_id: str, since: LastCommand) -> Prepared[VehicleTask]:
+        return self._commands.prepare(convert.task_request_from_proto(request), lease_id, since)
 
-    def _task(self, request: convert.TaskRequestMessage, make: Callable[..., R]) -> _Maybe[R]:
-        prepared = self._commands.prepare(convert.task_request_from_proto(request))
-        return self._begun(prepared, request, make)
+    def _task(self, request: convert.TaskRequestMessage, lease_id: str, make: Callable[..., R]) -> _Maybe[R]:
+        prepared = self._commands.prepare(convert.task_request_from_proto(request), lease_id)
+        return self._begun(prepared, request, lease_id, make)
 
     def _begun(
-        self, prepared: Prepared[VehicleTask], request: convert.TaskRequestMessage, make: Callable[..., R]
+        self,
+        prepared: Prepared[VehicleTask],
+        request: convert.TaskRequestMessage,
+        lease_id: str,
+        make: Callable[..., R],
     ) -> _Maybe[R]:
         """The response with the plan of a dry run, or with the task that begins now."""
         if request.dry_run:
             return make(plan=convert.plan_to_proto(prepared.plan))
-        return self._outcome(prepared.begin(), make, request.non_blocking)
+        return self._outcome(prepared.begin(), lease_id, make, request.non_blocking)
 
-    async def _outcome(self, task: VehicleTask, make: Callable[..., R], non_blocking: bool) -> R:
+    async def _outcome(self, task: VehicleTask, lease_id: str, make: Callable[..., R], non_blocking: bool) -> R:
         """The response with a task that has begun: at once, or when it has ended. Its error where it did not succeed.
 
         A go-to or path is cancelled when its caller stops waiting: its deadline passed, or it vanished.
@@ -165,7 +171,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
             try:
                 await ended(task.future)
             except asyncio.CancelledError:
-                is_cancelled = self._commands.abandon(task)
+                is_cancelled = self._commands.abandon(task, lease_id)
                 logs.event(
                     _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=is_cancelled
                 )
@@ -174,18 +180,18 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
-        pose = convert.pose_from_proto(request)
+        pose, lease_id = convert.pose_from_proto(request), lease_of(context)
         if request.dry_run:
-            return pb.SetPoseResponse(plan=convert.plan_to_proto(self._commands.plan(pose)))
-        self._setpoints.set_pose(pose)
+            return pb.SetPoseResponse(plan=convert.plan_to_proto(self._commands.plan(pose, lease_id)))
+        self._setpoints.set_pose(pose, lease_id)
         return pb.SetPoseResponse()
 
     @override
     def SetVelocity(self, request: pb.SetVelocityRequest, context: object) -> pb.SetVelocityResponse:
-        velocity = convert.velocity_from_proto(request)
+        velocity, lease_id = convert.velocity_from_proto(request), lease_of(context)
         if request.dry_run:
-            return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._commands.plan(velocity)))
-        self._setpoints.set_velocity(velocity)
+            return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._commands.plan(velocity, lease_id)))
+        self._setpoints.set_velocity(velocity, lease_id)
         return pb.SetVelocityResponse()
 
     @override
@@ -193,13 +199,13 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self, request_iterator: None, context: object
     ) -> Generator[None, pb.StreamSetpointsRequest | None, pb.StreamSetpointsResponse]:
         accepted_count = 0
-        setpoints = self._setpoints
+        setpoints, lease_id = self._setpoints, lease_of(context)
         while (request := (yield)) is not None:
             setpoint = convert.setpoint_from_proto(request)
             if isinstance(setpoint, TwistStamped):
-                setpoints.set_velocity(setpoint)
+                setpoints.set_velocity(setpoint, lease_id)
             else:
-                setpoints.set_pose(setpoint)
+                setpoints.set_pose(setpoint, lease_id)
             accepted_count += 1
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
 
@@ -224,29 +230,29 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def RecoverFromManual(
         self, request: pb.RecoverFromManualRequest, context: object
     ) -> _Maybe[pb.RecoverFromManualResponse]:
-        prepared = self._commands.recover_from_manual(force=request.force)
+        prepared = self._commands.recover_from_manual(lease_of(context), force=request.force)
         if request.dry_run:
             return pb.RecoverFromManualResponse(plan=convert.plan_to_proto(prepared.plan))
         return _after(prepared.begin(), pb.RecoverFromManualResponse())
 
     @override
     def SetHome(self, request: pb.SetHomeRequest, context: object) -> pb.SetHomeResponse:
-        self._commands.set_home(request.set_z)
+        self._commands.set_home(request.set_z, lease_of(context))
         return pb.SetHomeResponse()
 
     @override
     def Abort(self, request: pb.AbortRequest, context: object) -> pb.AbortResponse:
-        self._commands.abort(request.freeze, request.task_id)
+        self._commands.abort(request.freeze, request.task_id, lease_of(context))
         return pb.AbortResponse()
 
     @override
     def Pause(self, request: pb.PauseRequest, context: object) -> pb.PauseResponse:
-        self._commands.pause(request.task_id)
+        self._commands.pause(request.task_id, lease_of(context))
         return pb.PauseResponse()
 
     @override
     def Resume(self, request: pb.ResumeRequest, context: object) -> pb.ResumeResponse:
-        self._commands.resume(request.task_id)
+        self._commands.resume(request.task_id, lease_of(context))
         return pb.ResumeResponse()
 
     @override
@@ -255,7 +261,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         if request.take:
             who.require(Role.COMMANDER, "taking the lease")
         holder = request.holder or logs.caller_text()[:_LONGEST_HOLDER] or who.name
-        lease_id = self._vehicle.acquire_lease(holder, who.name, take=request.take)
+        lease_id = self._vehicle.acquire_lease(holder, who.name, take=request.take, lease_id=lease_of(context))
         return pb.AcquireLeaseResponse(
             lease_id=lease_id,
             lease=convert.lease_to_proto(self._vehicle.lease()),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from functools import partial
 
 from ual.errors import LeaseHeldError, LeaseLostError, PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Transform, TwistStamped, Vector3
@@ -26,11 +27,12 @@ from ual_daemon import validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.flight import Flight, LastCommand
+from ual_daemon.flight.flight import Flight, LastCommand, Order
 from ual_daemon.flight.manoeuvres.await_arming import AwaitArming, is_after_landing
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover
 from ual_daemon.flight.manoeuvres.recover import Recover
 from ual_daemon.flight.manoeuvres.take_off import TakeOff
+from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
@@ -59,7 +61,8 @@ class Commands:
     """The commands of one UAV. Any thread may call; only the planning of a long path blocks.
 
     `ual.interface.Uav` says what each command means, and which errors of `ual.errors` it raises. A command that takes
-    time returns a future or a `VehicleTask`, which ends when it is done.
+    time returns a future or a `VehicleTask`, which ends when it is done. `lease_id` is the lease by which a command is
+    given; without one it is refused while another program holds the lease.
     """
 
     def __init__(
@@ -94,46 +97,49 @@ class Commands:
         """The newest command that began; see `prepare`."""
         return self._flight.last_command
 
-    def prepare(self, request: TaskRequest, since: LastCommand | None = None) -> Prepared[VehicleTask]:
+    def prepare(
+        self, request: TaskRequest, lease_id: str = NOBODY, since: LastCommand | None = None
+    ) -> Prepared[VehicleTask]:
         """Checks and plans a task. Nothing has begun yet when this returns.
 
         Args:
             request: The task.
+            lease_id: The lease by which it is given.
             since: The `last_command` when the request was received; None if it was received just now. The prepared task
                 does not replace a command that began after it.
 
         """
-        since = since or self._flight.last_command
+        order = Order(lease_id, since or self._flight.last_command)
         if isinstance(request, TakeOffRequest):
-            return self._take_off(request)
+            return self._take_off(request, Order(lease_id))
         if isinstance(request, LandRequest):
-            return self._land()
+            return self._land(Order(lease_id))
         if isinstance(request, GoToWaypointRequest):
-            return self._planner.go_to_waypoint(request, since)
+            return self._planner.go_to_waypoint(request, order)
         if isinstance(request, GoToWaypointGeoRequest):
-            return self._planner.go_to_waypoint_geo(request, since)
+            return self._planner.go_to_waypoint_geo(request, order)
         if isinstance(request, ReturnToLaunchRequest):
-            return self._planner.return_to_launch(request, self._backend, since)
+            return self._planner.return_to_launch(request, self._backend, order)
         assert isinstance(request, FollowPathRequest)
-        return self._planner.follow_path(request, since)
+        return self._planner.follow_path(request, order)
 
-    def plan(self, motion: MotionRequest) -> Plan:
+    def plan(self, motion: MotionRequest, lease_id: str = NOBODY) -> Plan:
         """Makes a dry run: returns the plan of a motion, or raises the error by which it would be refused."""
         if isinstance(motion, RecoverFromManualRequest):
-            return self.recover_from_manual(force=motion.force).plan
+            return self.recover_from_manual(lease_id, force=motion.force).plan
         if isinstance(motion, TaskRequest):
-            return self.prepare(motion).plan
+            return self.prepare(motion, lease_id).plan
         if isinstance(motion, TwistStamped):
-            return self.setpoints.plan_velocity(motion)
-        return self.setpoints.plan_pose(motion)
+            return self.setpoints.plan_velocity(motion, lease_id)
+        return self.setpoints.plan_pose(motion, lease_id)
 
-    def _take_off(self, request: TakeOffRequest) -> Prepared[VehicleTask]:
+    def _take_off(self, request: TakeOffRequest, order: Order) -> Prepared[VehicleTask]:
         """Prepares a climb to a height above where the UAV stands."""
         with self._preconditions.logging_refusal("take_off"):
             self._preconditions.require_capability(Capability.TAKE_OFF, "take_off")
             height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
-            snapshot = self._require_armed_for_take_off()
+            snapshot = self._require_armed_for_take_off(order.lease_id)
             self._preconditions.require_own_ground("take_off")
             self._preconditions.require_no_failsafe("take_off", snapshot, force=request.force)
             bounds = self._flight.limits.get()
@@ -163,25 +169,26 @@ class Commands:
             with self._preconditions.logging_refusal("take_off"):
                 task = self._tasks.new(TaskKind.TAKE_OFF, f"take off to {height_m:g} m")
                 if self._is_to_be_armed(snapshot):
-                    self._flight.begin(AwaitArming(task, lambda now: climb_from(now, task), snapshot.time_s))
+                    wait = AwaitArming(task, lambda now: climb_from(now, task), snapshot.time_s)
+                    self._flight.begin(wait, order)
                 else:
                     climb, send = climb_from(snapshot, task)
-                    self._flight.begin(climb)
+                    self._flight.begin(climb, order)
                     send()
                 accepted("take_off", task_id=task.id, height_m=height_m)
                 return task
 
         return Prepared(plan, begin)
 
-    def _require_armed_for_take_off(self) -> Snapshot:
+    def _require_armed_for_take_off(self, lease_id: str) -> Snapshot:
         """Returns the snapshot in which a take-off may begin, or wait for the automatic arming."""
         try:
-            return self._preconditions.require_state("take_off", State.LANDED_ARMED)
+            return self._preconditions.require_state("take_off", lease_id, State.LANDED_ARMED)
         except WrongStateError as error:
             if error.state != State.LANDED_DISARMED.name:
                 raise
             if self.is_armed_automatically:
-                return self._preconditions.require_state("take_off", *_LANDED)
+                return self._preconditions.require_state("take_off", lease_id, *_LANDED)
             raise WrongStateError(f"{error.message}; {self._how_to_arm()}", error.metadata) from None
 
     def _is_to_be_armed(self, snapshot: Snapshot) -> bool:
@@ -199,25 +206,25 @@ class Commands:
             "disarms"
         )
 
-    def _land(self) -> Prepared[VehicleTask]:
+    def _land(self, order: Order) -> Prepared[VehicleTask]:
         """Prepares a landing at the present position, also out of a mode in which the autopilot flies by itself."""
         with self._preconditions.logging_refusal("land"):
             self._preconditions.require_capability(Capability.LAND, "land")
             self._flight.require_replaceable("land")
-            snapshot = self._preconditions.require_no_pilot("land")
+            snapshot = self._preconditions.require_no_pilot("land", order.lease_id)
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal("land"):
                 task = self._tasks.new(TaskKind.LAND, "land")
                 landing, send = self._landings.here(task, snapshot)
-                self._flight.begin(landing)
+                self._flight.begin(landing, order)
                 send()
                 accepted("land", task_id=task.id)
                 return task
 
         return Prepared(Plan(), begin)
 
-    def recover_from_manual(self, *, force: bool = False) -> Prepared[Future[None]]:
+    def recover_from_manual(self, lease_id: str = NOBODY, *, force: bool = False) -> Prepared[Future[None]]:
         """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO.
 
         On the ground after others have flown, nothing is sent: from then on a take-off is allowed again.
@@ -227,10 +234,10 @@ class Commands:
             self._flight.require_replaceable("recover_from_manual")
             is_ground_theirs = self._flight.authority.is_ground_theirs
             allowed = (State.FLYING_MANUAL, State.LANDED_ARMED) if is_ground_theirs else (State.FLYING_MANUAL,)
-            snapshot = self._preconditions.require_state("recover_from_manual", *allowed)
+            snapshot = self._preconditions.require_state("recover_from_manual", lease_id, *allowed)
             self._preconditions.require_no_failsafe("recover_from_manual", snapshot, force=force)
             if self._flight.estimate(snapshot).state is State.LANDED_ARMED:
-                return Prepared(Plan(), self._take_ground_back)
+                return Prepared(Plan(), partial(self._take_ground_back, lease_id))
 
         def refusal(newer: Snapshot) -> UalError | None:
             return self._preconditions.failsafe_refusal("recover_from_manual", newer, force=force)
@@ -239,7 +246,7 @@ class Commands:
             with self._preconditions.logging_refusal("recover_from_manual"):
                 command = AutopilotCommand("take our references", snapshot.time_s)
                 recover = Recover(command, self._flight.limits.get(), self._backend.take_control, refusal)
-                self._flight.begin(recover)
+                self._flight.begin(recover, Order(lease_id))
                 if snapshot.held_by is not Cause.OPEN or force:
                     recover.send()
                 accepted("recover_from_manual")
@@ -247,10 +254,10 @@ class Commands:
 
         return Prepared(Plan(), begin)
 
-    def _take_ground_back(self) -> Future[None]:
+    def _take_ground_back(self, lease_id: str) -> Future[None]:
         """Makes the ground UAL's again, from which it may take off."""
         with self._preconditions.logging_refusal("recover_from_manual"):
-            self._preconditions.require_state("recover_from_manual", State.LANDED_ARMED)
+            self._preconditions.require_state("recover_from_manual", lease_id, State.LANDED_ARMED)
             self._flight.authority.is_ground_theirs = False
             accepted("recover_from_manual")
         done: Future[None] = Future()
@@ -259,21 +266,21 @@ class Commands:
 
     # --- Stopping -----------------------------------------------------------------------------------------------------
 
-    def abort(self, freeze: bool = False, task_id: str = "") -> None:
+    def abort(self, freeze: bool = False, task_id: str = "", lease_id: str = NOBODY) -> None:
         """Stops the UAV, and cancels the task or reference. With `task_id`, nothing happens unless that task runs."""
         with self._preconditions.logging_refusal("abort"):
             if task_id and self._tasks.get(task_id).future.done():
                 return
             if task_id and self._flight.raw_estimate(self._backend.snapshot()).state in _LANDED:
-                self.cancel(self._tasks.get(task_id))  # a take-off that waits for the arming
+                self.cancel(self._tasks.get(task_id), lease_id)  # a take-off that waits for the arming
                 return
-            snapshot = self._preconditions.require_state("abort", *self._abortable())
+            snapshot = self._preconditions.require_state("abort", lease_id, *self._abortable())
             if self._is_flown_by_autopilot(snapshot):
-                self._take_back("abort", snapshot)
+                self._take_back("abort", snapshot, lease_id)
             else:
                 motion = measured_motion(snapshot)
                 stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
-                self._flight.begin_reference(stop, "abort", snapshot, only_task_id=task_id)
+                self._flight.begin_reference(stop, "abort", snapshot, Order(lease_id), only_task_id=task_id)
             accepted("abort", freeze=freeze, task_id=task_id or "any")
 
     def _abortable(self) -> tuple[State, ...]:
@@ -286,16 +293,16 @@ class Commands:
         is_by_itself = snapshot.mode is not None and snapshot.mode.value.control in (Control.TAKE_OFF, Control.LAND)
         return is_by_itself and not self._flight.has_safety_pilot
 
-    def _take_back(self, name: str, snapshot: Snapshot) -> None:
+    def _take_back(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
         """Takes the control back from the autopilot's own landing or take-off."""
         command = AutopilotCommand("take our references", snapshot.time_s)
         state = self._flight.raw_estimate(snapshot).state
         limits, take_control = self._flight.limits.get(), self._backend.take_control
         recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=state)
-        self._flight.begin(recover)
+        self._flight.begin(recover, Order(lease_id))
         recover.send()
 
-    def cancel(self, task: VehicleTask) -> None:
+    def cancel(self, task: VehicleTask, lease_id: str = NOBODY) -> None:
         """Cancels a task: the UAV stops and holds its position. Nothing happens if the task has ended.
 
         Raises:
@@ -306,44 +313,45 @@ class Commands:
             return
         snapshot = self._backend.snapshot()
         if self._is_flown_by_autopilot(snapshot):
-            self._take_back("cancel", snapshot)
+            self._take_back("cancel", snapshot, lease_id)
         elif self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
-            self._flight.begin_reference(self._flight.brake(snapshot), "cancel", snapshot, only_task_id=task.id)
+            stop = self._flight.brake(snapshot)
+            self._flight.begin_reference(stop, "cancel", snapshot, Order(lease_id), only_task_id=task.id)
         else:
-            self._flight.drop_task(task.id, "cancel")
+            self._flight.drop_task(task.id, "cancel", lease_id)
         accepted("cancel", task_id=task.id)
 
-    def abandon(self, task: VehicleTask) -> bool:
+    def abandon(self, task: VehicleTask, lease_id: str = NOBODY) -> bool:
         """Cancels a task whose caller waits no more.
 
         Returns False if it goes on, because only the safety pilot can abort what it does, or whose the lease is now.
         """
         try:
-            self.cancel(task)
+            self.cancel(task, lease_id)
         except (WrongStateError, LeaseHeldError, LeaseLostError):
             return False
         return True
 
-    def pause(self, task_id: str = "") -> None:
+    def pause(self, task_id: str = "", lease_id: str = NOBODY) -> None:
         """Makes the task that runs hold on its way. With `task_id`, only that task."""
         with self._preconditions.logging_refusal("pause"):
             self._flight.require_pausable("pause", task_id)
-            self._preconditions.require_state("pause", State.FLYING_AUTO)
+            self._preconditions.require_state("pause", lease_id, State.FLYING_AUTO)
             accepted("pause", task_id=self._flight.pause(task_id).id)
 
-    def resume(self, task_id: str = "") -> None:
+    def resume(self, task_id: str = "", lease_id: str = NOBODY) -> None:
         """Makes the paused task go on. With `task_id`, only that task."""
         with self._preconditions.logging_refusal("resume"):
             self._flight.require_pausable("resume", task_id)
-            self._preconditions.require_state("resume", State.FLYING_AUTO)
+            self._preconditions.require_state("resume", lease_id, State.FLYING_AUTO)
             accepted("resume", task_id=self._flight.resume(task_id).id)
 
     # --- Frames -------------------------------------------------------------------------------------------------------
 
-    def set_home(self, set_z: bool = False) -> None:
+    def set_home(self, set_z: bool = False, lease_id: str = NOBODY) -> None:
         """Makes the present position the origin of ``<ns>/odom``."""
         with self._preconditions.logging_refusal("set_home"):
-            snapshot = self._preconditions.require_state("set_home", *_LANDED)
+            snapshot = self._preconditions.require_state("set_home", lease_id, *_LANDED)
             self._resolver.set_home(measured_motion(snapshot).position, snapshot, set_z=set_z)
             accepted("set_home", set_z=set_z)
 
@@ -370,15 +378,15 @@ class Commands:
         is_allowed = self._allow_arming or self._backend.simulation() is not None
         return is_allowed and not self._flight.is_watch_only
 
-    def arm(self) -> Future[None]:
+    def arm(self, lease_id: str = NOBODY) -> Future[None]:
         """Arms. The future ends when the autopilot reports that it is armed."""
-        return self._arm_or_disarm("arm", State.LANDED_DISARMED, is_armed=True)
+        return self._arm_or_disarm("arm", State.LANDED_DISARMED, lease_id, is_armed=True)
 
-    def disarm(self) -> Future[None]:
+    def disarm(self, lease_id: str = NOBODY) -> Future[None]:
         """Disarms. The future ends when the autopilot reports that it is disarmed."""
-        return self._arm_or_disarm("disarm", State.LANDED_ARMED, is_armed=False)
+        return self._arm_or_disarm("disarm", State.LANDED_ARMED, lease_id, is_armed=False)
 
-    def _arm_or_disarm(self, name: str, needed: State, *, is_armed: bool) -> Future[None]:
+    def _arm_or_disarm(self, name: str, needed: State, lease_id: str, *, is_armed: bool) -> Future[None]:
         with self._preconditions.logging_refusal(name):
             self._preconditions.require_flying_allowed(name)
             self._preconditions.require_capability(Capability.ARM, name)
@@ -387,7 +395,7 @@ class Commands:
                     f"{name}: arming belongs to the safety pilot; this daemon may arm only when started with "
                     "--allow-arming"
                 )
-            snapshot = self._preconditions.require_state(name, needed)
+            snapshot = self._preconditions.require_state(name, lease_id, needed)
             if not is_armed:
                 self._flight.require_replaceable(name)  # a take-off that has begun
             command = AutopilotCommand(name, snapshot.time_s)

@@ -30,7 +30,7 @@ from ual_daemon import validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Snapshot, Takes
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.flight import Flight, LastCommand
+from ual_daemon.flight.flight import Flight, Order
 from ual_daemon.flight.manoeuvres.follow import FollowTrajectory, MakeTracker
 from ual_daemon.flight.manoeuvres.follow_moving_goal import FollowMovingGoal
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
@@ -85,17 +85,17 @@ class Planner:
         self._tracker_setting = settings.tracker
         self._reach_limit = reach_limit
 
-    def go_to_waypoint(self, request: GoToWaypointRequest, since: LastCommand) -> Prepared[VehicleTask]:
+    def go_to_waypoint(self, request: GoToWaypointRequest, order: Order) -> Prepared[VehicleTask]:
         """Plans a straight line to a pose in any frame."""
         with self._preconditions.logging_refusal("go_to_waypoint"):
             self._preconditions.require_capability(Capability.POSITION, "go_to_waypoint")
             goal = self._resolver.goal(request.waypoint, "waypoint")
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
-            snapshot = self._preconditions.require_state("go_to_waypoint", State.FLYING_AUTO)
+            snapshot = self._preconditions.require_state("go_to_waypoint", order.lease_id, State.FLYING_AUTO)
             if self._resolver.is_moving(goal):
-                return self._follow_goal(goal, snapshot, max_speed_m_s)
+                return self._follow_goal(goal, snapshot, max_speed_m_s, order)
             return self._go_straight(
-                TaskKind.GO_TO_WAYPOINT, goal, self._goal_resolver(goal, snapshot), max_speed_m_s, snapshot, since
+                TaskKind.GO_TO_WAYPOINT, goal, self._goal_resolver(goal, snapshot), max_speed_m_s, snapshot, order
             )
 
     def _goal_resolver(self, goal: Goal, snapshot: Snapshot) -> Resolve:
@@ -105,15 +105,15 @@ class Planner:
             return lambda _: local
         return partial(self._resolver.to_local, goal)
 
-    def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, since: LastCommand) -> Prepared[VehicleTask]:
+    def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, order: Order) -> Prepared[VehicleTask]:
         """Plans a straight line to a position on Earth."""
         with self._preconditions.logging_refusal("go_to_waypoint_geo"):
             self._preconditions.require_capability(Capability.GEO, "go_to_waypoint_geo")
             goal = validation.geo_waypoint(request.waypoint)
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
-            snapshot = self._preconditions.require_state("go_to_waypoint_geo", State.FLYING_AUTO)
+            snapshot = self._preconditions.require_state("go_to_waypoint_geo", order.lease_id, State.FLYING_AUTO)
             resolve = partial(self._resolver.geo_to_local, goal)
-            return self._go_straight(TaskKind.GO_TO_WAYPOINT_GEO, goal, resolve, max_speed_m_s, snapshot, since)
+            return self._go_straight(TaskKind.GO_TO_WAYPOINT_GEO, goal, resolve, max_speed_m_s, snapshot, order)
 
     def _go_straight(
         self,
@@ -122,7 +122,7 @@ class Planner:
         resolve: Resolve,
         max_speed_m_s: float | None,
         snapshot: Snapshot,
-        since: LastCommand,
+        order: Order,
     ) -> Prepared[VehicleTask]:
         """Prepares the straight line to a goal, which `resolve` finds in the local frame."""
         name = kind.name.lower()
@@ -143,7 +143,7 @@ class Planner:
         )
         above = "" if isinstance(goal, GeoWaypoint) else self._height_text(goal, course.goal)
         what = f"go to {_text(goal)}{above}"
-        return self._follow(kind, what, course, snapshot, since, relies_on_home=_is_above_home(goal))
+        return self._follow(kind, what, course, snapshot, order, relies_on_home=_is_above_home(goal))
 
     def _height_text(self, goal: Goal, local: Waypoint) -> str:
         """Says how high a goal is above the ground of the take-off, where its z does not say so; else empty."""
@@ -153,7 +153,7 @@ class Planner:
         height_m = local.position.z - ground_m
         return f" ({abs(height_m):.1f} m {'below' if height_m < 0.0 else 'above'} the ground of the take-off)"
 
-    def follow_path(self, request: FollowPathRequest, since: LastCommand) -> Prepared[VehicleTask]:
+    def follow_path(self, request: FollowPathRequest, order: Order) -> Prepared[VehicleTask]:
         """Plans a path through waypoints."""
         with self._preconditions.logging_refusal("follow_path"):
             self._preconditions.require_capability(Capability.POSITION, "follow_path")
@@ -170,7 +170,7 @@ class Planner:
             heading = validation.path_heading(request.heading, has_point=point is not None)
             goals = self._goals(request.waypoints)
             interest = None if point is None else self._resolver.point(point, "point_of_interest")
-            snapshot = self._preconditions.require_state("follow_path", State.FLYING_AUTO)
+            snapshot = self._preconditions.require_state("follow_path", order.lease_id, State.FLYING_AUTO)
             waypoints = self._local_waypoints(goals, speeds_m_s, holds_s, snapshot)
             self._reach_limit.require_goals("follow_path", goals, waypoints, snapshot)
             look_at = None if interest is None else self._resolver.to_local(interest, snapshot).position
@@ -181,7 +181,7 @@ class Planner:
             )
             what = f"follow {count} waypoints to {_text(goals[-1])}"
             relies_on_home = any(above_home)
-            return self._follow(TaskKind.FOLLOW_PATH, what, course, snapshot, since, relies_on_home=relies_on_home)
+            return self._follow(TaskKind.FOLLOW_PATH, what, course, snapshot, order, relies_on_home=relies_on_home)
 
     def _bounds(self, max_speed_m_s: float | None) -> Limits:
         """Returns the limits of a flight to a goal: at the speed that was asked for, else at the autopilot's cruise."""
@@ -224,7 +224,7 @@ class Planner:
         what: str,
         course: PathCourse,
         snapshot: Snapshot,
-        since: LastCommand,
+        order: Order,
         *,
         relies_on_home: bool,
     ) -> Prepared[VehicleTask]:
@@ -237,11 +237,9 @@ class Planner:
             tracker = self._tracker()
             return FollowTrajectory(name, task, trajectory, self._tolerance, tracker, snapshot.time_s, course)
 
-        return self._prepared(kind, what, trajectory, plan, make, since, relies_on_home=relies_on_home)
+        return self._prepared(kind, what, trajectory, plan, make, order, relies_on_home=relies_on_home)
 
-    def return_to_launch(
-        self, request: ReturnToLaunchRequest, backend: Backend, since: LastCommand
-    ) -> Prepared[VehicleTask]:
+    def return_to_launch(self, request: ReturnToLaunchRequest, backend: Backend, order: Order) -> Prepared[VehicleTask]:
         """Plans the way home. Where the autopilot flies by itself, control is taken back first."""
         with self._preconditions.logging_refusal("return_to_launch"):
             self._preconditions.require_capability(Capability.POSITION, "return_to_launch")
@@ -250,7 +248,7 @@ class Planner:
             if height_m is not None:
                 height_m = validation.positive(height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("return_to_launch")
-            snapshot = self._preconditions.require_no_pilot("return_to_launch")
+            snapshot = self._preconditions.require_no_pilot("return_to_launch", order.lease_id)
             is_ours = self._flight.estimate(snapshot).state is State.FLYING_AUTO
             if not is_ours and (refusal := self._failsafe_refusal(snapshot)):
                 raise refusal
@@ -269,11 +267,11 @@ class Planner:
         way_height_m = way.trajectory.end().position.z - way.home.position.z
         what = f"return to {way.home.what} at {way_height_m:.1f} m above the ground, and land"
         if not is_ours:
-            begin = partial(self._begin_after_recovery, TaskKind.RETURN_TO_LAUNCH, what, backend, onward, since)
+            begin = partial(self._begin_after_recovery, TaskKind.RETURN_TO_LAUNCH, what, backend, onward, order)
             return Prepared(way.plan, begin)
         make = partial(home_by, way=way, planned_s=snapshot.time_s)
         kind = TaskKind.RETURN_TO_LAUNCH
-        return self._prepared(kind, what, way.trajectory, way.plan, make, since, relies_on_home=True)
+        return self._prepared(kind, what, way.trajectory, way.plan, make, order, relies_on_home=True)
 
     def _failsafe_refusal(self, snapshot: Snapshot) -> WrongStateError | None:
         """Returns why a failsafe is not replaced by a way home of UAL; None if none holds the UAV."""
@@ -289,17 +287,17 @@ class Planner:
         what: str,
         backend: Backend,
         onward: Callable[[VehicleTask, Snapshot], Manoeuvre],
-        since: LastCommand,
+        order: Order,
     ) -> VehicleTask:
         """Begins a task out of a mode in which the autopilot flies by itself. `onward` makes what then flies."""
         name = kind.name.lower()
         with self._preconditions.logging_refusal(name):
-            snapshot = self._preconditions.require_no_pilot(name)
+            snapshot = self._preconditions.require_no_pilot(name, order.lease_id)
             task = self._tasks.new(kind, what)
             command = AutopilotCommand("take our references", snapshot.time_s)
             limits, control = self._flight.limits.get(), backend.take_control
             recover = RecoverFirst(task, name, command, limits, control, self._failsafe_refusal, partial(onward, task))
-            self._flight.begin(recover, since)
+            self._flight.begin(recover, order)
             self._flight.request_home()
             if snapshot.held_by is not Cause.OPEN:
                 recover.send()
@@ -313,7 +311,7 @@ class Planner:
         trajectory: Trajectory,
         plan: Plan,
         make: _MakeManoeuvre,
-        since: LastCommand,
+        order: Order,
         *,
         relies_on_home: bool,
     ) -> Prepared[VehicleTask]:
@@ -325,9 +323,9 @@ class Planner:
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal(name):
-                self._require_near(name, trajectory)
+                self._require_near(name, trajectory, order)
                 task = self._tasks.new(kind, what)
-                self._flight.begin(make(task), since)
+                self._flight.begin(make(task), order)
                 if relies_on_home:
                     self._flight.request_home()
                 accepted(name, task_id=task.id, what=what, length_m=round(trajectory.length_m, 2))
@@ -335,9 +333,9 @@ class Planner:
 
         return Prepared(plan, begin)
 
-    def _require_near(self, name: str, trajectory: Trajectory) -> None:
+    def _require_near(self, name: str, trajectory: Trajectory, order: Order) -> None:
         """Raises `WrongStateError` if the reference would have to jump back to the start of the trajectory."""
-        here = self._flight.start(self._preconditions.require_state(name, State.FLYING_AUTO))
+        here = self._flight.start(self._preconditions.require_state(name, order.lease_id, State.FLYING_AUTO))
         distance_m = (here.position - trajectory.at(0.0).position).norm()
         if distance_m > _NEAR_START_M + _NEAR_START_S * here.velocity.norm():
             raise WrongStateError(
@@ -345,7 +343,9 @@ class Planner:
                 "command this again"
             )
 
-    def _follow_goal(self, goal: Goal, snapshot: Snapshot, max_speed_m_s: float | None) -> Prepared[VehicleTask]:
+    def _follow_goal(
+        self, goal: Goal, snapshot: Snapshot, max_speed_m_s: float | None, order: Order
+    ) -> Prepared[VehicleTask]:
         """Prepares the task that catches up with a goal in a frame that moves."""
         name, what, bounds = "go_to_waypoint", f"go to {_text(goal)}", partial(self._bounds, max_speed_m_s)
         reference = moving_goal(self._flight, self._resolver, self._reach_limit, goal, bounds, snapshot, max_speed_m_s)
@@ -356,7 +356,8 @@ class Planner:
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal(name):
                 task = self._tasks.new(TaskKind.GO_TO_WAYPOINT, what)
-                self._flight.begin(FollowMovingGoal(name, task, reference, bounds, self._tolerance))
+                follow = FollowMovingGoal(name, task, reference, bounds, self._tolerance)
+                self._flight.begin(follow, Order(order.lease_id))  # it is not compared: planning took no time
                 accepted(name, task_id=task.id, what=what, speed_m_s=round(motion.velocity.norm(), 2))
                 return task
 

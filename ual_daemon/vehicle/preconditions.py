@@ -13,7 +13,6 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, LandedState, Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.policy.lease import carried
 from ual_daemon.flight.refusals import not_flown, only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 
@@ -117,7 +116,7 @@ class Preconditions:
                 {"state": State.LANDED_ARMED.name, "needed": "recover_from_manual", "command": command},
             )
 
-    def require_no_pilot(self, command: str) -> Snapshot:
+    def require_no_pilot(self, command: str, lease_id: str) -> Snapshot:
         """Returns the snapshot in which the end of a flight may begin: in FLYING_AUTO, or where the autopilot flies by
         itself.
 
@@ -128,8 +127,8 @@ class Preconditions:
 
         """
         if self._flight.estimate(self._backend.snapshot()).state is not State.FLYING_MANUAL:
-            return self.require_state(command, State.FLYING_AUTO)
-        snapshot = self.require_state(command, State.FLYING_MANUAL)
+            return self.require_state(command, lease_id, State.FLYING_AUTO)
+        snapshot = self.require_state(command, lease_id, State.FLYING_MANUAL)
         mode = snapshot.mode
         if mode is not None and mode.value.is_autonomous:
             return snapshot
@@ -166,15 +165,15 @@ class Preconditions:
             {"by": cause.value, "needed": "force", "command": command},
         )
 
-    def require_state(self, command: str, *allowed: State) -> Snapshot:
-        """Returns the snapshot in which the state is one of the allowed ones.
+    def require_state(self, command: str, lease_id: str, *allowed: State) -> Snapshot:
+        """Returns the snapshot in which the state is one of the allowed ones. `lease_id` is that of the command.
 
         Raises:
             WrongStateError: The state is another one, or UAL is shutting down.
             LinkLostError: The autopilot is not heard.
             PermissionDeniedError: This daemon only watches.
             LeaseHeldError: Another program holds the lease.
-            LeaseLostError: The lease that the command carries has ended.
+            LeaseLostError: The lease of the command has ended.
             NotSupportedError: Its backend flies nothing.
 
         """
@@ -184,7 +183,7 @@ class Preconditions:
             raise shutting_down(command)
         if self._flight.is_watch_only:
             raise only_watching(command)
-        if carried.get() != self._flight.lease.id and (refusal := self._flight.lease.refusal(command)):
+        if lease_id != self._flight.lease.id and (refusal := self._flight.lease.refusal(command, lease_id)):
             raise refusal
         snapshot = self._backend.snapshot()
         found = self._flight.estimate(snapshot)

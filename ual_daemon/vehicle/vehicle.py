@@ -114,20 +114,29 @@ class Vehicle:
         """Returns who holds the lease; None where nobody does."""
         return self._flight.lease.info
 
-    def acquire_lease(self, holder: str, identity: str, *, take: bool = False, lasts_s: float = EXPIRES_AFTER_S) -> str:
-        """Begins a lease, and returns its identifier, which each command of its holder carries (`flight.lease`).
+    def acquire_lease(
+        self,
+        holder: str,
+        identity: str,
+        *,
+        take: bool = False,
+        lasts_s: float = EXPIRES_AFTER_S,
+        lease_id: str = NOBODY,
+    ) -> str:
+        """Begins a lease, and returns its identifier, by which its holder gives each command.
 
-        What is under way is aborted, and the UAV holds its position.
+        What is under way is aborted, and the UAV holds its position. `lease_id` is the one that the caller has already.
 
         Raises:
             LeaseHeldError: Another program holds one, and it is not to be taken.
-            LeaseLostError: The caller carries one that has ended.
+            LeaseLostError: The one that the caller has has ended.
 
         """
         self._expire_lease()  # where time stands still, no update does
         lease = self._flight.lease
         before = lease.id
-        lease_id = lease.acquire(validation.short_text(holder, "holder"), identity, take=take, lasts_s=lasts_s)
+        holder = validation.short_text(holder, "holder")
+        lease_id = lease.acquire(holder, identity, take=take, lasts_s=lasts_s, lease_id=lease_id)
         if lease_id != before:
             logs.event(_log, logging.INFO, "lease_begins", holder=holder, identity=identity, taken=before != NOBODY)
             self._flight.stop_for_lease(f"{holder} has acquired the lease")
@@ -149,15 +158,15 @@ class Vehicle:
             logs.event(_log, logging.INFO, "lease_ends", why="released")
             self._flight.stop_for_lease("its program has released the lease")
 
-    def require_lease(self, command: str) -> None:
-        """Checks that a command may begin with the lease that it carries.
+    def require_lease(self, command: str, lease_id: str) -> None:
+        """Checks that a command may begin with the lease by which it is given.
 
         Raises:
             LeaseHeldError: Another program holds the lease.
-            LeaseLostError: The lease that it carries has ended.
+            LeaseLostError: The lease of the command has ended.
 
         """
-        refusal = self._flight.lease.refusal(command)
+        refusal = self._flight.lease.refusal(command, lease_id)
         if refusal is not None:
             raise refusal
 

@@ -18,7 +18,7 @@ from ual_arm.interface import Arm, Joints
 from ual_arm.simulation import Joint, Motion, checked, frames
 from ual_arm.v1 import arm_pb2 as pb
 from ual_arm.v1 import arm_pb2_grpc
-from ual_daemon.extensions import Extension, ExtensionContext
+from ual_daemon.extensions import Extension, ExtensionContext, lease_of
 from ual_daemon.extensions.base import Service
 from ual_daemon.settings import Settings
 
@@ -65,9 +65,9 @@ class SimulatedArm(Arm):
                 self._moved.wait(left_s)
         return self.ended(motion)
 
-    def begin(self, shoulder_rad: float, elbow_rad: float) -> Motion:
-        """Begins to move. Raises as `move` does."""
-        self._context.require_lease("move_joints")
+    def begin(self, shoulder_rad: float, elbow_rad: float, lease_id: str | None = None) -> Motion:
+        """Begins to move, by the lease of a call. Raises as `move` does."""
+        self._context.require_lease("move_joints", lease_id)
         limit_rad, now_s = self._settings.limit_rad, time.monotonic()
         shoulder = checked(shoulder_rad, limit_rad, "shoulder_rad")
         elbow = checked(elbow_rad, limit_rad, "elbow_rad")
@@ -111,7 +111,7 @@ class ArmServicer(arm_pb2_grpc.ArmServiceServicer):
 
     @override
     async def MoveJoints(self, request: pb.MoveJointsRequest, context: object) -> pb.MoveJointsResponse:
-        motion = self._arm.begin(request.shoulder_rad, request.elbow_rad)
+        motion = self._arm.begin(request.shoulder_rad, request.elbow_rad, lease_of(context))
         await asyncio.sleep(motion.arrives_s - time.monotonic())
         return pb.MoveJointsResponse(joints=_to_proto(self._arm.ended(motion)))
 

@@ -72,7 +72,7 @@ class FakeVehicle:
     def listen_to_state(self, _: object) -> Any:
         return lambda: None
 
-    def set_home(self, set_z: bool) -> None:
+    def set_home(self, set_z: bool, _: str) -> None:
         who = logs.caller.get()
         assert who is not None
         self.callers.append(who())
@@ -85,11 +85,11 @@ class FakeVehicle:
     def task(self, task_id: str) -> VehicleTask:
         return self.watched
 
-    def arm(self) -> Future[None]:
+    def arm(self, _: str) -> Future[None]:
         self.is_arming.set()
         return self.arming
 
-    def set_velocity(self, velocity: TwistStamped) -> None:
+    def set_velocity(self, velocity: TwistStamped, _: str) -> None:
         if velocity.twist.linear.x > 1.0:
             raise InvalidArgumentError("velocity: too fast")
         self.taken.append(velocity)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,6 +18,7 @@ from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.vehicle.prepared import Prepared
 
 LIMIT_S = 30.0
+WITHOUT_LEASE = SimpleNamespace(lease_id="")
 
 
 def test_an_abort_gets_through_while_a_path_is_planned_and_the_path_does_not_begin(
@@ -40,9 +42,9 @@ def test_an_abort_gets_through_while_a_path_is_planned_and_the_path_does_not_beg
 
         async def run() -> None:
             service = UalServicer(uav.vehicle, Updates(uav.vehicle, lambda _: None))
-            path = asyncio.ensure_future(service.FollowPath(request, None))
+            path = asyncio.ensure_future(service.FollowPath(request, WITHOUT_LEASE))
             assert await asyncio.to_thread(is_planned.wait, LIMIT_S)
-            service.Abort(pb.AbortRequest(), None)
+            service.Abort(pb.AbortRequest(), WITHOUT_LEASE)
             may_go_on.set()
             with pytest.raises(TaskAbortedError, match="replaced by abort"):
                 await path

@@ -448,7 +448,7 @@ def test_while_nothing_changes_nothing_is_planned_or_checked(
     world.fence(400.0)
     world.uav.run(0.5)
     flight = world.uav.vehicle._flight
-    manoeuvre = flight._manoeuvre
+    manoeuvre = flight._flown.manoeuvre
     assert manoeuvre is not None
 
     def fail(*_: Any) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 
 import pytest
 
@@ -11,7 +10,7 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
-from ual_daemon.flight.policy import lease
+from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 
 FAR = at(60.0, 0.0, 3.0)
@@ -26,19 +25,9 @@ def uav() -> Iterator[Stepped]:
         yield uav
 
 
-@contextmanager
-def carrying(lease_id: str) -> Iterator[None]:
-    """Commands of the block carry a lease."""
-    token = lease.carried.set(lease_id)
-    try:
-        yield
-    finally:
-        lease.carried.reset(token)
-
-
-def under_way(uav: Stepped) -> VehicleTask:
+def under_way(uav: Stepped, lease_id: str = NOBODY) -> VehicleTask:
     """A go-to that has begun to move."""
-    task = uav.prepare.go_to_waypoint(FAR).begin()
+    task = uav.by(lease_id).go_to_waypoint(FAR).begin()
     uav.until(lambda: uav.speed > 1.0)
     return task
 
@@ -69,37 +58,35 @@ def test_what_another_program_flies_ends_when_one_acquires_the_lease(uav: Steppe
 def test_what_its_holder_flies_ends_with_the_lease(uav: Stepped, how: str) -> None:
     uav.fly()
     lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
-    with carrying(lease_id):
-        task = under_way(uav)
+    task = under_way(uav, lease_id)
     if how == "released":
         uav.vehicle.release_lease(lease_id)
     else:
         uav.vehicle.acquire_lease("film", "local", take=True, lasts_s=LONG_S)
     assert ended_by_lease(task, "released the lease" if how == "released" else "film has acquired the lease")
     assert holds(uav)
-    with carrying(lease_id), pytest.raises(LeaseLostError):
-        uav.vehicle.commands.setpoints.set_velocity(EAST)
+    with pytest.raises(LeaseLostError):
+        uav.vehicle.commands.setpoints.set_velocity(EAST, lease_id)
 
 
 def test_a_velocity_ends_with_the_lease(uav: Stepped) -> None:
     uav.fly()
     lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
-    with carrying(lease_id):
-        for _ in range(50):
-            uav.vehicle.commands.setpoints.set_velocity(EAST)
-            uav.run(STEP_S)
-        assert uav.speed > 0.5
-        uav.vehicle.release_lease(lease_id)
-        with pytest.raises(LeaseLostError):
-            uav.vehicle.commands.setpoints.set_velocity(EAST)
+    for _ in range(50):
+        uav.vehicle.commands.setpoints.set_velocity(EAST, lease_id)
+        uav.run(STEP_S)
+    assert uav.speed > 0.5
+    uav.vehicle.release_lease(lease_id)
+    with pytest.raises(LeaseLostError):
+        uav.vehicle.commands.setpoints.set_velocity(EAST, lease_id)
     assert holds(uav)
 
 
 def test_one_that_is_not_kept_ends_by_itself(uav: Stepped, caplog: pytest.LogCaptureFixture) -> None:
     uav.fly()
-    with carrying(uav.vehicle.acquire_lease("survey", "local", lasts_s=0.05)):
-        task = uav.prepare.go_to_waypoint(FAR).begin()
-        uav.until(lambda: uav.vehicle.lease() is None)  # its time is the computer's
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=0.05)
+    task = uav.by(lease_id).go_to_waypoint(FAR).begin()
+    uav.until(lambda: uav.vehicle.lease() is None)  # its time is the computer's
     assert ended_by_lease(task, "the lease of survey was not kept")
     assert holds(uav)
     assert [record for record in caplog.records if record.getMessage() == "lease_ends"]
@@ -108,8 +95,7 @@ def test_one_that_is_not_kept_ends_by_itself(uav: Stepped, caplog: pytest.LogCap
 def test_one_that_is_kept_too_late_ends_and_the_uav_holds(uav: Stepped) -> None:
     uav.fly()
     lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=0.2)
-    with carrying(lease_id):
-        task = uav.prepare.go_to_waypoint(FAR).begin()
+    task = uav.by(lease_id).go_to_waypoint(FAR).begin()
     while True:  # its time is the computer's, and no update comes meanwhile
         try:
             uav.vehicle.keep_lease("another")
@@ -134,8 +120,8 @@ def test_a_take_off_and_a_landing_go_on(uav: Stepped, manoeuvre: str) -> None:
     else:
         uav.arm()
     lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
-    with carrying(lease_id):
-        task = (uav.prepare.land() if manoeuvre == "land" else uav.prepare.take_off(3.0)).begin()
+    by = uav.by(lease_id)
+    task = (by.land() if manoeuvre == "land" else by.take_off(3.0)).begin()
     uav.run(0.5)
     uav.vehicle.release_lease(lease_id)
     uav.end(task.future)
@@ -144,8 +130,7 @@ def test_a_take_off_and_a_landing_go_on(uav: Stepped, manoeuvre: str) -> None:
 def test_a_take_off_that_waits_for_the_arming_does_not_begin_without_its_owner(uav: Stepped) -> None:
     uav.vehicle.commands.is_armed_automatically = True
     lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
-    with carrying(lease_id):
-        task = uav.prepare.take_off(3.0).begin()
+    task = uav.by(lease_id).take_off(3.0).begin()
     uav.run(0.2)
     uav.vehicle.release_lease(lease_id)
     assert ended_by_lease(task, "released")
@@ -157,11 +142,10 @@ def test_a_take_off_that_waits_for_the_arming_does_not_begin_without_its_owner(u
 def test_what_was_planned_before_does_not_begin_after(uav: Stepped) -> None:
     uav.fly()
     lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
-    with carrying(lease_id):
-        prepared = uav.prepare.go_to_waypoint(FAR)
-        uav.vehicle.release_lease(lease_id)
-        with pytest.raises((LeaseLostError, TaskAbortedError)):
-            prepared.begin()
+    prepared = uav.by(lease_id).go_to_waypoint(FAR)
+    uav.vehicle.release_lease(lease_id)
+    with pytest.raises((LeaseLostError, TaskAbortedError)):
+        prepared.begin()
     assert holds(uav)
 
 
@@ -189,8 +173,7 @@ def test_others_are_refused_whatever_they_command(uav: Stepped) -> None:
 def test_others_cannot_pause_or_cancel_a_task_of_the_holder(uav: Stepped) -> None:
     uav.fly()
     lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
-    with carrying(lease_id):
-        task = under_way(uav)
+    task = under_way(uav, lease_id)
     commands = uav.vehicle.commands
     stops: list[Callable[[], None]] = [
         lambda: commands.pause(task.id),
@@ -201,8 +184,7 @@ def test_others_cannot_pause_or_cancel_a_task_of_the_holder(uav: Stepped) -> Non
         with pytest.raises(LeaseHeldError):
             command()
     assert not uav.vehicle.commands.abandon(task)
-    with carrying(lease_id):
-        uav.end(task.future)
+    uav.end(task.future)
 
 
 def test_in_a_flight_of_others_nothing_is_sent(uav: Stepped) -> None:

@@ -863,7 +863,7 @@ def test_only_one_thread_at_a_time_calls_a_reference(flying: Stepped, monkeypatc
     has_reference: list[bool] = []
 
     def setpoint(hold: Hold, snapshot: Snapshot) -> PositionSetpoint:
-        has_reference.append(flying.vehicle._flight._reference is hold)
+        has_reference.append(flying.vehicle._flight._current_reference() is hold)
         return PositionSetpoint(hold.motion(snapshot).position, 0.0)
 
     monkeypatch.setattr(Hold, "setpoint", setpoint)

@@ -1,4 +1,4 @@
-"""The base of all manoeuvres: take-off, landing, following a trajectory, taking control back.
+"""The base of all manoeuvres: take-off, landing, following a trajectory, taking control back, sending a reference.
 
 The update thread steps a manoeuvre at each update, with the newest snapshot. The step returns a setpoint to send and,
 once, how the manoeuvre ended. It never blocks and sends nothing itself.
@@ -6,14 +6,15 @@ once, how the manoeuvre ended. It never blocks and sends nothing itself.
 
 from __future__ import annotations
 
+import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, ParamSpec, TypeVar
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import State
+from ual_daemon import logs
 from ual_daemon.backends.values import Cause, Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
@@ -25,14 +26,18 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Reference
 
+_log = logging.getLogger(__name__)
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
 TIMEOUT_FACTOR = 3.0
 """A manoeuvre may take this many times as long as planned, ..."""
 TIMEOUT_MARGIN_S = 20.0
 """... and this much longer."""
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(NamedTuple):
     """The result of one step of a manoeuvre.
 
     Attributes:
@@ -75,22 +80,27 @@ class Manoeuvre(ABC):
 
     `declares` is the state that the estimator reports during it; None for the state that the data show.
     `is_goal_moving` says whether its way leads to a goal that moves. `is_replaceable` says whether a new command may
-    end it. `why_not_pausable` says why it cannot hold on its way; empty if it can. `task` is None if it is not a task
-    of the interface.
+    end it. `is_awaited` says whether a caller waits for its end, by `future`. `why_not_pausable` says why it cannot
+    hold on its way; empty if it can. `task` is None if it is not a task of the interface.
     """
 
     declares: State | None = None
     is_goal_moving = False
     is_replaceable = True
+    is_awaited = True
     why_not_pausable = "only the safety pilot can abort it"
+    # Here and not in `__init__`: each setpoint of a stream makes a manoeuvre.
+    task: VehicleTask | None = None
+    command: AutopilotCommand | None = None
+    is_fitted = False
+    """Whether it has looked at the world as it is now; see `fit`."""
+    mode_seen = ""
+    """The mode in which it was stepped last, or in which it began; empty while that is not known."""
 
     def __init__(self, name: str, task: VehicleTask | None) -> None:
         self.name = name
         self.task = task
-        self.command: AutopilotCommand | None = None
         self.future = running_future() if task is None else task.future
-        self.is_fitted = False
-        """Whether it has looked at the world as it is now; see `fit`."""
 
     @property
     def is_paused(self) -> bool:
@@ -131,13 +141,32 @@ class Manoeuvre(ABC):
         )
 
     def end(self, error: UalError | None) -> None:
-        """Withdraws its command, and ends its future. Runs the callbacks of the future, so hold no lock."""
+        """Withdraws its command, logs its end, and ends its future. Runs the future's callbacks, so hold no lock."""
+        self._log_end(error)
         if self.command is not None:
             self.command.withdraw()
         if self.task is not None:
             self.task.end(error)
         else:
             end_future(self.future, error)
+
+    def _log_end(self, error: UalError | None) -> None:
+        fields: dict[str, object] = {"task": self.name}
+        if self.task is not None:
+            fields["task_id"] = self.task.id
+        if error is None:
+            logs.event(_log, logging.INFO, "task_done", **fields)
+        else:
+            logs.event(_log, logging.WARNING, "task_ended", **fields, reason=error.reason, why=str(error))
+
+
+def guarded(manoeuvre: Manoeuvre, act: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | Step:
+    """Returns what a manoeuvre does, or its end by a defect: the UAV must not be left without references."""
+    try:
+        return act(*args, **kwargs)
+    except Exception as error:  # noqa: BLE001  logged, and raised to the caller
+        _log.exception("a step of %s failed; this is a defect of UAL, please report it", manoeuvre.name)
+        return Step(has_ended=True, error=UalError(f"{manoeuvre.name}: a defect of UAL: {error!r}"))
 
 
 def no_way(during: str, stuck_s: float, left: str, snapshot: Snapshot) -> Step:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import replace
 
 from typing_extensions import override
 
@@ -128,7 +127,7 @@ class RecoverFirst(Recover):
         try:
             return Step(handover=Handover(self._onward(snapshot), _nothing))
         except UalError as error:
-            return replace(step, error=error)
+            return step._replace(error=error)
 
 
 def _nothing() -> None:

@@ -1,7 +1,7 @@
 """The lease: one program at a time that flies, where somebody asks for it.
 
-A command carries the identifier of a lease, or none, in the context of its thread or task. It may begin if that is the
-identifier of the lease that is held, or if neither is there: one comparison, which costs a stream of setpoints nothing.
+Each command is given with the identifier of a lease, or with none. It may begin if that is the identifier of the lease
+that is held, or if neither is there: one comparison, which costs a stream of setpoints nothing.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import datetime, timezone
 
@@ -22,9 +21,6 @@ EXPIRES_AFTER_S = 2.0
 """How long a lease lasts after it was kept last. A program that is alive keeps it four times as often."""
 NOBODY = ""
 _MOST_REMEMBERED = 100
-
-carried: ContextVar[str] = ContextVar("ual_lease", default=NOBODY)
-"""The identifier of the lease with which the present command was given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +38,7 @@ class Lease:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.id = NOBODY
-        """The identifier of the lease that is held; compared with `carried`."""
+        """The identifier of the lease that is held; compared with that of each command."""
         self._clock = clock
         self._lock = threading.Lock()
         self._held: _Held | None = None
@@ -55,20 +51,22 @@ class Lease:
         held = self._held
         return None if held is None else held.info
 
-    def acquire(self, holder: str, identity: str, *, take: bool, lasts_s: float = EXPIRES_AFTER_S) -> str:
-        """Begins a lease and returns its identifier, a secret. Who carries the one that is held gets that again.
+    def acquire(
+        self, holder: str, identity: str, *, take: bool, lasts_s: float = EXPIRES_AFTER_S, lease_id: str = NOBODY
+    ) -> str:
+        """Begins a lease and returns its identifier, a secret. Who has the one that is held (`lease_id`) gets it again.
 
         Raises:
             LeaseHeldError: Another one is held, and it is not to be taken.
-            LeaseLostError: The caller carries one that has ended.
+            LeaseLostError: The one that the caller has has ended.
 
         """
-        carries, info = carried.get(), LeaseInfo(holder, identity, time.time())
+        info = LeaseInfo(holder, identity, time.time())
         with self._lock:
-            if carries != NOBODY:
-                if (refusal := self._refusal(carries, "acquire_lease")) is not None:
+            if lease_id != NOBODY:
+                if (refusal := self.refusal("acquire_lease", lease_id)) is not None:
                     raise refusal
-                return carries
+                return lease_id
             if self._held is not None and not take:
                 raise _held_error("acquire_lease", self._held.info)
             self._end(f"taken by {_described(info)}")
@@ -109,16 +107,13 @@ class Lease:
             self._end(_expired(held))
             return held.info
 
-    def refusal(self, command: str) -> UalError | None:
-        """Returns why a command may not begin with the lease that it carries; None if it may."""
-        return self._refusal(carried.get(), command)
-
-    def _refusal(self, carries: str, command: str) -> UalError | None:
+    def refusal(self, command: str, lease_id: str) -> UalError | None:
+        """Returns why a command may not begin with the lease by which it is given; None if it may."""
         held = self._held
-        if carries == (NOBODY if held is None else held.id):
+        if lease_id == (NOBODY if held is None else held.id):
             return None
-        if carries != NOBODY or held is None:
-            return self._lost(carries, command)
+        if lease_id != NOBODY or held is None:
+            return self._lost(lease_id, command)
         return _held_error(command, held.info)
 
     def _lost(self, lease_id: str, command: str) -> LeaseLostError:

@@ -28,6 +28,8 @@ class Call(Protocol):
     """What the caller sent before its messages."""
     identity: str = ""
     """Who calls, once that is known: see `ual_daemon.server.access`."""
+    lease_id: str = ""
+    """The lease by which the caller commands; empty where it has none."""
     is_finished: bool
     """Whether `finish` was called."""
     is_cancelled: bool

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ual.errors import LeaseHeldError, LeaseLostError
-from ual_daemon.flight.policy import lease
-from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S, Lease, carried
+from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S, NOBODY, Lease
 
 
 class Clock:
@@ -29,27 +26,24 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def held(clock: Clock) -> Iterator[Lease]:
+def held(clock: Clock) -> Lease:
     """One that nobody holds yet."""
-    token = carried.set(lease.NOBODY)
-    yield Lease(clock)
-    carried.reset(token)
+    return Lease(clock)
 
 
 def test_without_a_lease_every_command_may_begin(held: Lease) -> None:
     assert held.info is None
-    assert carried.get() == held.id
-    assert held.refusal("land") is None
+    assert held.id == NOBODY
+    assert held.refusal("land", NOBODY) is None
 
 
 def test_while_it_is_held_only_its_holder_may_command(held: Lease) -> None:
     lease_id = held.acquire("survey", "laptop", take=False)
-    refusal = held.refusal("land")
+    refusal = held.refusal("land", NOBODY)
     assert isinstance(refusal, LeaseHeldError)
     assert (refusal.metadata["holder"], refusal.metadata["identity"]) == ("survey", "laptop")
     assert "survey (laptop) holds the lease since 20" in refusal.message
-    carried.set(lease_id)
-    assert held.refusal("land") is None
+    assert held.refusal("land", lease_id) is None
     assert held.info is not None
 
 
@@ -59,17 +53,15 @@ def test_another_one_gets_it_only_by_taking_it(held: Lease) -> None:
         held.acquire("film", "tablet", take=False)
     second = held.acquire("film", "tablet", take=True)
     assert second != first
-    carried.set(first)
-    refusal = held.refusal("land")
+    refusal = held.refusal("land", first)
     assert isinstance(refusal, LeaseLostError)
     assert "taken by film (tablet)" in refusal.message
 
 
 def test_its_holder_gets_the_same_again(held: Lease) -> None:
     lease_id = held.acquire("survey", "laptop", take=False)
-    carried.set(lease_id)
-    assert held.acquire("survey", "laptop", take=False) == lease_id
-    assert held.acquire("survey", "laptop", take=True) == lease_id
+    assert held.acquire("survey", "laptop", take=False, lease_id=lease_id) == lease_id
+    assert held.acquire("survey", "laptop", take=True, lease_id=lease_id) == lease_id
 
 
 def test_it_lasts_as_long_as_it_is_kept(held: Lease, clock: Clock) -> None:
@@ -92,9 +84,8 @@ def test_it_cannot_be_kept_once_it_was_not(held: Lease, clock: Clock) -> None:
     with pytest.raises(LeaseLostError, match="it was not kept for 2 s"):
         held.keep(lease_id)
     assert held.expire() is not None
-    carried.set(lease_id)
     with pytest.raises(LeaseLostError):
-        held.acquire("survey", "laptop", take=False)
+        held.acquire("survey", "laptop", take=False, lease_id=lease_id)
 
 
 @pytest.mark.parametrize("wrong", ["", "what nobody ever had"])
@@ -113,22 +104,19 @@ def test_once_released_its_identifier_commands_nothing(held: Lease) -> None:
     lease_id = held.acquire("survey", "laptop", take=False)
     assert held.release(lease_id)
     assert not held.release(lease_id)
-    assert held.refusal("land") is None
-    carried.set(lease_id)
-    assert isinstance(held.refusal("land"), LeaseLostError)
+    assert held.refusal("land", NOBODY) is None
+    assert isinstance(held.refusal("land", lease_id), LeaseLostError)
 
 
 @given(st.lists(st.tuples(st.sampled_from("aktrw"), st.integers(0, 2)), max_size=60))
 def test_never_two_at_once(steps: list[tuple[str, int]]) -> None:
     clock = Clock()
-    held, ids = Lease(clock), [lease.NOBODY] * 3
+    held, ids = Lease(clock), [NOBODY] * 3
 
     def may_command(program: int) -> bool:
-        carried.set(ids[program])
-        return held.refusal("go_to") is None
+        return held.refusal("go_to", ids[program]) is None
 
     for action, program in steps:
-        carried.set(lease.NOBODY)
         if action in "at":
             try:
                 ids[program] = held.acquire(str(program), "", take=action == "t")
@@ -138,10 +126,10 @@ def test_never_two_at_once(steps: list[tuple[str, int]]) -> None:
             try:
                 held.keep(ids[program])
             except LeaseLostError:
-                ids[program] = lease.NOBODY
+                ids[program] = NOBODY
         elif action == "r":
             held.release(ids[program])
-            ids[program] = lease.NOBODY
+            ids[program] = NOBODY
         else:
             clock.now_s += 0.9
             held.expire()
@@ -149,4 +137,3 @@ def test_never_two_at_once(steps: list[tuple[str, int]]) -> None:
         assert len(with_lease) <= 1
         if held.info is not None:
             assert not any(may_command(program) for program in range(3) if program not in with_lease)
-    carried.set(lease.NOBODY)

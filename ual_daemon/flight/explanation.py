@@ -1,0 +1,57 @@
+"""What the reason of the state adds: whether UAL flies, who else sends setpoints, and that poses from outside stop."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+
+from ual.types import State
+from ual_daemon import logs
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import SetpointLoss, Snapshot
+from ual_daemon.flight.external_silence import ExternalSilence
+from ual_daemon.flight.policy.authority import Authority
+from ual_daemon.flight.state import Estimate
+
+_log = logging.getLogger(__name__)
+
+_NOT_COMMANDED = "; UAL has not been commanded in this flight since it was started, and sends nothing"
+_UNTIL = "UAL sends nothing until it is commanded anew"
+
+
+class Explanation:
+    """What the reasons of one UAV's states add. Any thread may call, except `update`: only the update thread."""
+
+    def __init__(self, backend: Backend, authority: Authority, is_flown_by_us: Callable[[], bool]) -> None:
+        self._backend = backend
+        self._authority = authority
+        self._is_flown_by_us = is_flown_by_us
+        self._other_sender = ""
+        self.external_silence = ExternalSilence()
+        self.note = ""
+        """What the reason of FLYING_AUTO adds; composed at each update."""
+
+    def explained(self, found: Estimate, snapshot: Snapshot) -> Estimate:
+        """Returns the same. Where there is no position, its reason says that the poses from outside have stopped."""
+        estimator = snapshot.estimator
+        if found.state is not State.UNINITIALIZED or estimator is None or estimator.value.is_good:
+            return found
+        silence = self.external_silence.words(snapshot.time_s)
+        return replace(found, why=found.why + silence) if silence else found
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Composes the note, and logs when another program's setpoints begin and end."""
+        other = snapshot.other_sender
+        if other != self._other_sender:
+            self._other_sender = other
+            level = logging.WARNING if other else logging.INFO
+            logs.event(_log, level, "another_sender", why=other or "no longer seen")
+        self.note = "".join((self._not_commanded(), f"; {other}" if other else ""))
+
+    def _not_commanded(self) -> str:
+        if self._is_flown_by_us():
+            return ""
+        loss, lost = self._backend.info().setpoint_loss, self._authority.given_up or self._authority.taken
+        why = f"; {lost}: {_UNTIL}" if lost else _NOT_COMMANDED
+        return f"{why}; without setpoints it {loss.value}" if loss is SetpointLoss.COASTS else why

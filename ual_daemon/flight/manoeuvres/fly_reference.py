@@ -1,0 +1,126 @@
+"""Flying a reference: a pose, a velocity, or a stop. It is sent until something else is flown."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from typing_extensions import override
+
+from ual.errors import GeofenceError, UalError
+from ual.geometry import Vector3
+from ual.types import State
+from ual_daemon import logs
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import Control, Snapshot
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step
+from ual_daemon.flight.policy.authority import Authority
+from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.state import Estimate
+from ual_daemon.tracker.drift import DriftCorrection
+from ual_daemon.tracker.limits import CurrentLimits, scaled_down
+from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Hold, Reference, Velocity, brake
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceRules:
+    """When references of one UAV may be sent, and what bounds them. Only the update thread calls its methods."""
+
+    backend: Backend
+    limits: CurrentLimits
+    geofence: Geofence
+    authority: Authority
+    drift: DriftCorrection
+    is_flown_by_us: Callable[[], bool]
+
+    def may_send(self, snapshot: Snapshot, raw: Estimate, *, is_begun: bool) -> bool:
+        """Returns whether a reference may be sent now, and lets the authority note who flies.
+
+        On the ground, a reference that has begun goes on while the autopilot follows UAL (a descent that has touched
+        down must not lose its stream before the autopilot disarms), but none begins.
+        """
+        may_send = raw.state is State.FLYING_AUTO
+        if not may_send and is_begun and raw.state is State.LANDED_ARMED:
+            may_send = snapshot.mode is not None and snapshot.mode.value.control is Control.REFERENCES
+        self.authority.observe(raw.state, snapshot, is_sending=may_send and is_begun)
+        if may_send and self.is_flown_by_us():
+            return True
+        self.drift.forget()
+        return False
+
+    def why_ended(self, velocity: Velocity, snapshot: Snapshot) -> str:
+        """Returns why a velocity may not go on; empty while it may."""
+        if snapshot.time_s > velocity.expires_s:
+            return f"no new one within {VELOCITY_TIMEOUT_S:g} s"
+        try:
+            self.geofence.admit("velocity", velocity, self.limits.get(), snapshot)
+        except UalError as error:  # it would leave the geofence, or it is not known any more where that lies
+            return str(error)
+        return ""
+
+
+@dataclass(eq=False)
+class FlyReference(Manoeuvre):
+    """Sends a reference. No caller waits for its end, and a new command may always end it.
+
+    A velocity that has ended is followed by a stop. Where the autopilot does not follow UAL, any reference ends.
+    """
+
+    is_awaited = False
+    is_goal_moving = True
+    why_not_pausable = "it is no task"
+
+    name: str
+    reference: Reference
+    rules: ReferenceRules
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        rules, reference = self.rules, self.reference
+        if not rules.may_send(snapshot, estimate, is_begun=True):
+            return Step(has_ended=True)
+        if isinstance(reference, Velocity):
+            if why := rules.why_ended(reference, snapshot):
+                logs.event(_log, logging.INFO, "velocity_ended", why=why)
+                return Step(has_ended=True, next_reference=brake(snapshot, rules.limits.stop()))
+            reference.correct_drift(snapshot, rules.limits.get(), rules.backend.info().velocity_responses)
+        return Step(reference.setpoint(snapshot))
+
+    @override
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+        """A goal that moves looks at the world by itself each time it plans, and a stop is as good as it gets."""
+        if isinstance(self.reference, Velocity):  # each update looks at the geofence
+            self.reference.twist = scaled_down(self.reference.twist, limits.get())
+        elif isinstance(self.reference, Hold):
+            return self._fit_hold(self.reference, snapshot, limits, geofence)
+        return None
+
+    def _fit_hold(self, hold: Hold, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+        try:
+            geofence.admit("set_pose", hold, limits.get(), snapshot)
+        except GeofenceError as error:
+            logs.event(_log, logging.WARNING, "reference_ended", why=str(error), remedy="the UAV stops and holds")
+            return Step(has_ended=True, error=error, is_to_stop=True)
+        except UalError:  # it is not known where the geofence lies: nothing that is known speaks against it
+            return None
+        return None
+
+    @override
+    def current_reference(self) -> Reference:
+        return self.reference
+
+    @override
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        return self.reference.way(now_s)
+
+    @override
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+        return None if isinstance(self.reference, Velocity) else super().estimate_jumped(jump, stop)
+
+    @override
+    def end(self, error: UalError | None) -> None:
+        """Does nothing: no caller waits for it."""

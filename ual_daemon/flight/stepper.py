@@ -1,0 +1,164 @@
+"""Makes the updates of what is flown: fits it, steps it, sends its setpoint, and begins what follows it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import TypeAlias
+
+from ual.errors import UalError, UalTimeoutError, WrongStateError
+from ual.types import State
+from ual_daemon import logs
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import Cause, Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.fitting import Fitting
+from ual_daemon.flight.flown import SILENT, Ending, Flown
+from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, guarded
+from ual_daemon.flight.modes import is_control_given_up, mode_name
+from ual_daemon.flight.setpoint_sender import SetpointSender
+from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.stopping import Stopping, motion_if_near
+from ual_daemon.flight.watched_commands import WatchedCommands
+from ual_daemon.tracker.references import Velocity, brake
+
+_log = logging.getLogger(__name__)
+
+Exchange: TypeAlias = Callable[[Manoeuvre | None, Callable[[Manoeuvre | None], Ending | None]], bool]
+"""See `ual_daemon.flight.flight.Flight`."""
+
+
+class Stepper:
+    """Steps what one UAV flies. Only the update thread calls it."""
+
+    def __init__(
+        self,
+        backend: Backend,
+        flown: Flown,
+        exchange: Exchange,
+        rules: ReferenceRules,
+        sender: SetpointSender,
+        stopping: Stopping,
+        watched: WatchedCommands,
+    ) -> None:
+        self._backend = backend
+        self._flown = flown
+        self._exchange = exchange
+        self._rules = rules
+        self._sender = sender
+        self._stopping = stopping
+        self._watched = watched
+        self._fitting = Fitting(backend, rules.limits, rules.geofence)
+
+    def update(self, snapshot: Snapshot, raw: Estimate) -> None:
+        """Makes one update. `raw` is the state that the data show, without what is flown."""
+        self._prepare_velocity(snapshot)
+        manoeuvre = self._flown.manoeuvre
+        if manoeuvre is not None and raw.state is not State.UNINITIALIZED:
+            step = self._fitting.step(manoeuvre, snapshot)
+            if step is not None:
+                self._do(manoeuvre, step, snapshot)
+        self._step(snapshot, raw)
+
+    def _prepare_velocity(self, snapshot: Snapshot) -> None:
+        """Takes note of what is flown while no velocity is: the next velocity begins with its place and motion."""
+        manoeuvre = self._flown.manoeuvre
+        current = None if manoeuvre is None else manoeuvre.current_reference()
+        if current is None:
+            self._rules.drift.forget()
+        elif not isinstance(current, Velocity):
+            self._rules.drift.stand_by(partial(motion_if_near, current), snapshot)
+
+    def _step(self, snapshot: Snapshot, raw: Estimate) -> None:
+        """Steps what is flown, and where that ends, the reference that follows it."""
+        manoeuvre = self._flown.manoeuvre
+        if manoeuvre is not None and self._step_one(manoeuvre, snapshot, raw):
+            return
+        follower = self._flown.manoeuvre or self._begin_stop(snapshot, raw)
+        if follower is not None and not follower.is_awaited:  # another thread may have begun something: the next update
+            self._step_one(follower, snapshot, raw)
+
+    def _begin_stop(self, snapshot: Snapshot, raw: Estimate) -> Manoeuvre | None:
+        """Stops a UAV that is UAL's to fly while nothing is flown. Returns None where it is not, or something is."""
+        if not self._rules.may_send(snapshot, raw, is_begun=False):
+            return None
+        stop = FlyReference("stop", brake(snapshot, self._rules.limits.get()), self._rules)
+        return stop if self._exchange(stop, lambda old: SILENT if old is None else None) else None
+
+    def _step_one(self, manoeuvre: Manoeuvre, snapshot: Snapshot, raw: Estimate) -> bool:
+        """Steps a manoeuvre. Returns False if it has just ended."""
+        if manoeuvre.is_awaited:
+            if snapshot.held_by is Cause.OPEN and raw.is_link_up:
+                # Nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre.
+                _withdraw_older(manoeuvre, snapshot)
+                return True
+            manoeuvre.mode_seen = snapshot.settled_mode or manoeuvre.mode_seen
+        return self._do(manoeuvre, guarded(manoeuvre, manoeuvre.step, snapshot, raw), snapshot)
+
+    def _do(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot) -> bool:
+        """Does what a step of a manoeuvre results in. Returns False if the manoeuvre has just ended."""
+        if step.handover is not None:
+            self._hand_over(manoeuvre, step.handover, snapshot)
+            return True
+        if not step.has_ended:
+            if step.setpoint is not None:
+                self._sender.send_if_due(manoeuvre, step.setpoint, snapshot)
+            return True
+        if not self._exchange(
+            self._follower(manoeuvre, step, snapshot), partial(self._ends, manoeuvre, step, snapshot)
+        ):
+            return True
+        if step.is_autopilot_to_hold:
+            self._hold_by_autopilot(snapshot, manoeuvre.name)
+        return False
+
+    def _follower(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot) -> Manoeuvre | None:
+        """Returns what is flown after a manoeuvre; None to stop from the motion that the UAV has."""
+        reference = step.next_reference
+        if step.is_to_stop:
+            reference = self._stopping.stop(manoeuvre.current_reference(), snapshot)
+        return None if reference is None else FlyReference(manoeuvre.name, reference, self._rules)
+
+    def _ends(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot, old: Manoeuvre | None) -> Ending | None:
+        if old is not manoeuvre:
+            return None  # replaced by another thread, which also ends it
+        if manoeuvre.is_paused and step.error is None:
+            return None  # paused by another thread during the step
+        if manoeuvre.is_awaited:
+            self._rules.authority.is_ours = not step.is_taken
+        return Ending(_with_other_sender(step.error, snapshot))
+
+    def _hand_over(self, manoeuvre: Manoeuvre, to: Handover, snapshot: Snapshot) -> None:
+        """Makes another manoeuvre go on with the task, unless another thread has replaced or paused it."""
+        to.manoeuvre.mode_seen = snapshot.settled_mode
+        goes_on = Ending(goes_on=True)
+        if self._exchange(to.manoeuvre, lambda old: goes_on if old is manoeuvre and not manoeuvre.is_paused else None):
+            to.begin()
+
+    def _hold_by_autopilot(self, snapshot: Snapshot, during: str) -> None:
+        """Commands the autopilot to hold its position by itself, until it has left the mode in which it obeys UAL.
+
+        It must not be repeated after that: the safety pilot may have taken over.
+        """
+        hold = AutopilotCommand("hold its position", snapshot.time_s)
+        logs.event(_log, logging.WARNING, "hold_by_autopilot", why=f"{during} was stopped")
+        with suppress(WrongStateError):  # UAL is shutting down
+            self._watched.add(hold, is_control_given_up)
+        hold.send(self._backend.hold)
+
+
+def _withdraw_older(manoeuvre: Manoeuvre, snapshot: Snapshot) -> None:
+    """Withdraws the command of a manoeuvre from before the mode changed: repeated, it would change that again."""
+    is_older = manoeuvre.mode_seen not in ("", mode_name(snapshot))
+    if is_older and manoeuvre.command is not None:
+        manoeuvre.command.withdraw()
+
+
+def _with_other_sender(error: UalError | None, snapshot: Snapshot) -> UalError | None:
+    """Returns an error that also names another program's setpoints, which may be why it did not get there."""
+    if not snapshot.other_sender or not isinstance(error, UalTimeoutError):
+        return error
+    return UalTimeoutError(f"{error}; {snapshot.other_sender}", {**error.metadata, "other_sender": "true"})
