@@ -87,11 +87,11 @@ class Calls:
                 _end(call, ServiceTimeoutError(call.service, "the service has not answered"))
         return late
 
-    def refuse(self, ident: str, words: str) -> None:
-        """Ends a call that was not sent."""
+    def refuse(self, ident: str, words: str, error: type[ServiceError] = ServiceError) -> None:
+        """Ends a call that was not sent, or with another `error` one of which that is not known."""
         call = self._take(ident)
         if call is not None:
-            _end(call, ServiceError(call.service, words))
+            _end(call, error(call.service, words))
 
     def fail_all(self, words: str) -> None:
         """Ends all calls: the connection is lost."""

@@ -14,7 +14,7 @@ from enum import Enum
 from ual_daemon import logs
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.rosbridge import operations
-from ual_daemon.backends.rosbridge.calls import Calls, ServiceError
+from ual_daemon.backends.rosbridge.calls import Calls, ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.connections import Connections
 from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, Ros, read_graph
 from ual_daemon.backends.rosbridge.operations import Fragments, Message, OperationError
@@ -194,7 +194,7 @@ class RosbridgeLink:
         try:
             connections.called.put(ident, data, may_leave=connections.answers(now_s))
         except OSError as error:
-            self._calls.refuse(ident, str(error))
+            self._calls.refuse(ident, str(error), ServiceTimeoutError)  # a part of it may have left
         return answer
 
     def faults(self) -> tuple[str, ...]:
