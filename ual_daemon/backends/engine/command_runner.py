@@ -81,6 +81,8 @@ class _Pending(Generic[R]):
     """The mode from which it leads to its own; empty: none is known yet."""
     shown_mode: str = ""
     """Its own mode, once that has shown."""
+    follows_mode: bool = False
+    """Whether it follows a command for a mode."""
     before: tuple[Command[R], float] | None = None
     """Our command before, whose mode may still show, and when that was sent."""
     sends_count: int = 0
@@ -364,7 +366,7 @@ class CommandRunner(Generic[R]):
     def _begin(self, pending: _Pending[R], now_s: float) -> None:
         """Notes the mode from which a command leads to its own, when it is sent first."""
         pending.first_s = now_s
-        if pending.command.group == ARMING:
+        if pending.command.group == ARMING and not pending.follows_mode:
             self._note_modes(pending, Asked.at(now_s, self._snapshot(now_s)).mode, now_s)
         if pending.command.group == FLYING:
             self._last = (pending.command, now_s)
@@ -450,7 +452,8 @@ class CommandRunner(Generic[R]):
 
     def _follow(self, pending: _Pending[R], following: Command[R], now_s: float) -> None:
         successor = _Pending(following, self._key_of(following), now_s, pending.result, texts=pending.texts)
-        if following.group == FLYING == pending.command.group:
+        if pending.command.group == FLYING:
+            successor.follows_mode = True
             successor.from_mode = pending.shown_mode or pending.from_mode
             successor.before = (pending.command, pending.first_s)
         self._waiting.append(successor)
@@ -508,5 +511,6 @@ def _may_still_show(pending: _Pending[R], mode: Sample[Mode]) -> bool:
 
 def _is_judged_by_mode(pending: _Pending[R]) -> bool:
     """Whether a mode of others ends it. Arming that was not sent yet overrules nobody, in whatever mode."""
-    group = pending.command.group
-    return not pending.command.is_harmless and (group == FLYING or (group == ARMING and pending.sends_count > 0))
+    group, is_harmless = pending.command.group, pending.command.is_harmless
+    has_begun = pending.sends_count > 0 or pending.follows_mode
+    return not is_harmless and (group == FLYING or (group == ARMING and has_begun))
