@@ -194,7 +194,9 @@ class Judge:
         """The loop takes an order: it replaces those of its group, and those of our modes sent meanwhile count."""
         order.own_modes |= self._own_lately(now_s)
         for other in self.orders[: self.orders.index(order)]:
-            if other.command.group == order.command.group:
+            follows = other.command.then if other.sent_s else None
+            has_left_group = follows is not None and follows.group != order.command.group  # it may be done already
+            if other.command.group == order.command.group and not has_left_group:
                 other.is_over = True
 
     def on_reboot(self, now_s: float) -> None:
