@@ -341,6 +341,22 @@ def test_a_pilot_who_takes_over_before_our_thread_has_looked_is_not_overruled() 
     assert "the mode became land" in str(order.result.exception(0))
 
 
+def test_a_pilot_who_takes_over_while_an_update_takes_long_is_not_overruled() -> None:
+    scripted = Scripted()
+    scripted.wait(0.2)
+    stalls = [0.6]
+
+    def stall(_: Snapshot) -> None:
+        if stalls:
+            scripted.mode = "land"
+            scripted.ask("hold")
+            scripted.clock.now += stalls.pop()
+
+    scripted.loop._on_update = stall  # noqa: SLF001  of the test's own loop
+    scripted.wait(3.0)
+    assert scripted.requests == []
+
+
 def test_a_command_that_our_thread_had_no_time_for_is_not_sent_late() -> None:
     scripted = Scripted()
     scripted.wait(0.2)
