@@ -139,6 +139,8 @@ class Judge:
         for order in self.orders:
             is_judged = order.command.group == FLYING or order.sent_s
             own = order.own_modes if order.command.group == FLYING else order.own_modes | {order.mode_seen}
+            if not order.sent_s and self.last_own[1] < now_s:
+                own = own | self._own_lately(now_s)  # of a command that left after the asking
             if not is_judged or order.is_over or order.result.done():
                 continue
             if order.command.mode and mode == order.command.mode:
