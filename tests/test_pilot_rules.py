@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 BACKENDS = Path(__file__).parents[1] / "ual_daemon" / "backends"
-NOT_YET = frozenset({"airsim", "dji", "mavlink", "mavros", "rosbridge"})
+NOT_YET = frozenset({"airsim", "dji", "mavros", "rosbridge"})
 """The rooms that still have rules of their own. This list only shrinks."""
 
 RULES = {

@@ -24,7 +24,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Verdict
 from ual_daemon.backends.engine.limits import OWN_MODE_S, SETPOINTS_WAIT_S, UNSENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
-from ual_daemon.backends.values import Mode, Sample, Snapshot
+from ual_daemon.backends.values import LandedState, Mode, Sample, Snapshot
 
 _log = logging.getLogger(__name__)
 
@@ -59,7 +59,7 @@ class RunnerSettings(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """When a command was asked for, and what was known then: the name of the mode (empty: none), and the boot."""
+    """When a command was asked for, and what was known then: the mode's name (empty: none), and the boot (0: none)."""
 
     time_s: float
     mode: str
@@ -81,6 +81,8 @@ class _Pending(Generic[R]):
     """The mode from which it leads to its own; empty: none is known yet."""
     shown_mode: str = ""
     """Its own mode, once that has shown."""
+    follows_mode: bool = False
+    """Whether it follows a command for a mode."""
     before: tuple[Command[R], float] | None = None
     """Our command before, whose mode may still show, and when that was sent."""
     sends_count: int = 0
@@ -159,7 +161,7 @@ class CommandRunner(Generic[R]):
             return result
         snapshot = self._snapshot(now_s)
         asked = Asked.at(now_s, snapshot) if asked is None else asked
-        if asked.boots_count != snapshot.boots_count:
+        if asked.boots_count not in (0, snapshot.boots_count):
             text = f"the command to {command.what} was not sent: the autopilot has rebooted, or is another one"
             futures.end(result, RejectedByAutopilotError(text, {"text": text}))
             return result
@@ -299,17 +301,29 @@ class CommandRunner(Generic[R]):
     def _judge_modes(self, now_s: float) -> None:
         """Ends the commands since which others have chosen a mode: sent now, they would take control from those."""
         judged = [each for each in (*self._waiting, *self._in_flight.values()) if _is_judged_by_mode(each)]
-        snapshot = self._snapshot(now_s) if judged else None
-        mode = None if snapshot is None or not snapshot.settled_mode else snapshot.mode
+        if not judged:
+            return
+        snapshot = self._snapshot(now_s)
+        mode = snapshot.mode if snapshot.settled_mode else None
         if mode is None:
             return
         for pending in self._those_left(judged):
             if pending.command.leads_to(mode.value):
                 pending.shown_mode = mode.value.name
-            elif not pending.from_mode and not pending.shown_mode:
+            elif not (pending.from_mode or pending.shown_mode) or self._is_readied(pending, snapshot):
                 pending.from_mode = mode.value.name
             elif pending.shown_mode or not _may_still_show(pending, mode):
                 self._overtake(pending, mode.value.name, now_s)
+
+    def _is_readied(self, pending: _Pending[R], snapshot: Snapshot) -> bool:
+        """Whether a command was not sent yet, and others ready the vehicle on the ground, which was heard ever since.
+
+        A pilot who arms chooses a mode for that, and whoever waits for the arming takes off at once: armed may show
+        before the mode does.
+        """
+        landed = snapshot.landed
+        stands = landed is not None and landed.value is LandedState.ON_GROUND
+        return stands and not pending.sends_count and self._watch.spoken_s <= pending.asked_s
 
     def _overtake(self, pending: _Pending[R], mode: str, now_s: float) -> None:
         """Ends a command because of a mode of others. What one that was sent does, is judged by the vehicle's state."""
@@ -352,7 +366,7 @@ class CommandRunner(Generic[R]):
     def _begin(self, pending: _Pending[R], now_s: float) -> None:
         """Notes the mode from which a command leads to its own, when it is sent first."""
         pending.first_s = now_s
-        if pending.command.group == ARMING:
+        if pending.command.group == ARMING and not pending.follows_mode:
             self._note_modes(pending, Asked.at(now_s, self._snapshot(now_s)).mode, now_s)
         if pending.command.group == FLYING:
             self._last = (pending.command, now_s)
@@ -438,7 +452,8 @@ class CommandRunner(Generic[R]):
 
     def _follow(self, pending: _Pending[R], following: Command[R], now_s: float) -> None:
         successor = _Pending(following, self._key_of(following), now_s, pending.result, texts=pending.texts)
-        if following.group == FLYING == pending.command.group:
+        if pending.command.group == FLYING:
+            successor.follows_mode = True
             successor.from_mode = pending.shown_mode or pending.from_mode
             successor.before = (pending.command, pending.first_s)
         self._waiting.append(successor)
@@ -496,5 +511,6 @@ def _may_still_show(pending: _Pending[R], mode: Sample[Mode]) -> bool:
 
 def _is_judged_by_mode(pending: _Pending[R]) -> bool:
     """Whether a mode of others ends it. Arming that was not sent yet overrules nobody, in whatever mode."""
-    group = pending.command.group
-    return not pending.command.is_harmless and (group == FLYING or (group == ARMING and pending.sends_count > 0))
+    group, is_harmless = pending.command.group, pending.command.is_harmless
+    has_begun = pending.sends_count > 0 or pending.follows_mode
+    return not is_harmless and (group == FLYING or (group == ARMING and has_begun))

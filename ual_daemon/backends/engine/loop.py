@@ -141,8 +141,9 @@ class Loop:
         # After a new pose the rest waits for the next round: the thread that was just notified needs the GIL now.
         if (has_news or not is_due) and now_s < self._next_tick_s and not self._posted:
             return
-        if self._clock.now_s() - now_s <= SILENT_S:  # else the update took long: what came meanwhile is read first
-            self._tick(now_s)
+        tick_s = self._clock.now_s()
+        # Where the update took long, what came meanwhile is read before any command is taken.
+        self._tick(tick_s, takes_posted=tick_s - now_s <= SILENT_S)
 
     def publish(self, now_s: float) -> None:
         """Publishes the newest data. An error of the layers above does not end the exchange with the autopilot."""
@@ -154,11 +155,11 @@ class Loop:
         except Exception as error:  # noqa: BLE001 - a defect of the layers above
             self._failures.log(error)
 
-    def _tick(self, now_s: float) -> None:
+    def _tick(self, now_s: float, *, takes_posted: bool) -> None:
         self._ticked_s, self._is_urgent = now_s, False
         if now_s >= self._next_tick_s:
             self._next_tick_s = now_s + TICK_S
-        for _ in range(len(self._posted)):  # those that are retried wait for the next tick
+        for _ in range(len(self._posted) if takes_posted else 0):  # those that are retried wait for the next tick
             self._posted.popleft()(now_s)
         self._driven.tick(now_s)
 

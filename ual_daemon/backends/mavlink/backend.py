@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
@@ -15,10 +14,10 @@ from ual.types import Limits
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.firmwares.autopilot import HomeUnknownError
+from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.mavlink.dialects.command_long import CommandLong
+from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, LongCommand
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
@@ -33,9 +32,6 @@ from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, defau
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
 from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
-
-HOME_PATIENCE_S = 2.0
-"""A command that needs the position of home waits this long for it: at arming it is forgotten, and asked for again."""
 
 
 class MavlinkBackend(Backend):
@@ -63,7 +59,7 @@ class MavlinkBackend(Backend):
         self._payload = MavlinkPayload(lambda what, make: self._command(what, lambda _: make()), self._payload_messages)
         self._discovery: Discovery | None = None
         self._loop: ReceiveLoop | None = None
-        self._thread: threading.Thread | None = None
+        self._desk: CommandDesk[CommandLong] | None = None
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
@@ -71,11 +67,8 @@ class MavlinkBackend(Backend):
 
     @override
     def close(self) -> None:
-        loop, thread = self._loop, self._thread
-        if loop is not None:
-            loop.close()
-        if thread is not None and thread is not threading.current_thread():
-            thread.join()
+        if self._loop is not None:
+            self._loop.close()
 
     @override
     def info(self) -> VehicleInfo:
@@ -89,7 +82,7 @@ class MavlinkBackend(Backend):
     @override
     def snapshot(self) -> Snapshot:
         now_s = self.clock.now_s()
-        return Snapshot(now_s) if self._loop is None else self._loop.snapshot.at(now_s)
+        return Snapshot(now_s) if self._loop is None else self._loop.loop.newest.at(now_s)
 
     @override
     def send(self, setpoint: Setpoint) -> None:
@@ -140,7 +133,7 @@ class MavlinkBackend(Backend):
     def request_home(self) -> None:
         session, loop = self._session_in_reach(self.clock.now_s()), self._loop
         if session is not None and loop is not None:
-            loop.post(session.request_home)
+            loop.loop.post(session.request_home)
 
     @override
     def utc_s(self) -> float:
@@ -159,43 +152,36 @@ class MavlinkBackend(Backend):
         discovery = self._discovery = Discovery(
             self._settings, connection, self.url, self._setpoints, self._signer, self._payload_messages
         )
-        loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update)
+        name = f"mavlink {self.options.ns}"
+        loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update, name)
+        self._desk = CommandDesk(loop.loop, self.clock, self._reach)
         if self.on_packet is not None:
             tap = PacketTap(self.on_packet, connection, self.clock)
             connection.on_sent, loop.on_received = tap.sent, tap.received
-        self._thread = threading.Thread(target=loop.run, name=f"mavlink {self.options.ns}", daemon=True)
-        self._thread.start()
+        loop.thread.open()
 
     def _use_freshness(self, freshness: Freshness) -> None:
         self.freshness = freshness
 
-    def _command(self, what: str, make: Callable[[Dialect], CommandLong]) -> Future[None]:
+    def _command(self, what: str, make: Callable[[Dialect], LongCommand]) -> Future[None]:
         """Passes a command to the thread that receives; its future ends there."""
-        asked_s = self.clock.now_s()
-        session, loop = self._session_in_reach(asked_s), self._loop
-        if session is None or loop is None:
-            return futures.failed(LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}"))
-        if session.telemetry.conflict:
-            return futures.failed(RejectedByAutopilotError(f"cannot {what}: {session.telemetry.conflict}"))
-        result: Future[None] = Future()
+        session, desk = self._reach(what), self._desk
+        if isinstance(session, UalError) or desk is None:
+            return futures.failed(session if isinstance(session, UalError) else self._unheard(what))
+        return desk.give(what, lambda: make(session.dialect))
 
-        def submit(now_s: float) -> None:
-            if result.cancelled():
-                return
-            try:
-                acknowledged = session.submit(make(session.dialect), now_s, result.cancelled)
-            except UalError as error:
-                if isinstance(error, HomeUnknownError) and now_s - asked_s < HOME_PATIENCE_S:
-                    loop.retry(submit)
-                    return
-                acknowledged = futures.failed(error)
-            acknowledged.add_done_callback(lambda done: futures.end(result, done.exception()))
+    def _reach(self, what: str) -> Session | UalError:
+        """Returns the session that commands go to now, or why there is none."""
+        session = self._session_in_reach(self.clock.now_s())
+        if session is None:
+            return self._unheard(what)
+        conflict = session.telemetry.conflict
+        return RejectedByAutopilotError(f"cannot {what}: {conflict}") if conflict else session
 
-        loop.post(submit)
-        return result
+    def _unheard(self, what: str) -> LinkLostError:
+        return LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}")
 
     def _session_in_reach(self, now_s: float) -> Session | None:
         """The session with the autopilot while its link is up, else None."""
-        session = None if self._discovery is None else self._discovery.session
-        heard_s = None if session is None else session.telemetry.heard_s
-        return session if heard_s is not None and now_s - heard_s <= self.freshness.link_s else None
+        discovery = self._discovery
+        return discovery.session if discovery is not None and discovery.watch.is_up(now_s) else None

@@ -9,7 +9,12 @@ from concurrent.futures import Future
 from typing_extensions import override
 
 from ual.errors import InvalidArgumentError, PermissionDeniedError
-from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, request_message, set_message_interval
+from ual_daemon.backends.mavlink.dialects.command_long import (
+    LongCommand,
+    command_of,
+    request_message,
+    set_message_interval,
+)
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.payload import Payload, PayloadCallback
@@ -49,7 +54,7 @@ class MavlinkPayload(Payload):
     """The payload of one backend. `submit` passes a command to the autopilot, with what it is for people."""
 
     def __init__(
-        self, submit: Callable[[str, Callable[[], CommandLong]], Future[None]], messages: PayloadMessages
+        self, submit: Callable[[str, Callable[[], LongCommand]], Future[None]], messages: PayloadMessages
     ) -> None:
         self._submit = submit
         self._messages = messages
@@ -66,7 +71,7 @@ class MavlinkPayload(Payload):
         if len(params) > _PARAMS_COUNT:
             raise InvalidArgumentError(f"{name} takes at most {_PARAMS_COUNT} parameters, not {len(params)}")
         values = tuple(map(float, params))
-        command = CommandLong(command_id, values, f"obey {name}", group=f"payload {command_id}")
+        command = command_of(command_id, values, f"obey {name}", group=f"payload {command_id}")
         with self._lock:  # one order of the cancelling and the sending for all threads
             replaced = self._newest.get(command_id)
             if replaced is not None:

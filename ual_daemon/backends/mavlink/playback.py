@@ -73,7 +73,7 @@ class Playback:
     def pose(self) -> Sample[object] | None:
         """The newest pose."""
         session = None if self._discovery is None else self._discovery.session
-        return None if session is None else session.telemetry.pose
+        return None if session is None else session.telemetry.pose.sample
 
     def receive(self, packet: Packet) -> None:
         """Takes a packet that was received."""

@@ -139,6 +139,8 @@ class Judge:
         for order in self.orders:
             is_judged = order.command.group == FLYING or order.sent_s
             own = order.own_modes if order.command.group == FLYING else order.own_modes | {order.mode_seen}
+            if not order.sent_s and self.last_own[1] < now_s:
+                own = own | self._own_lately(now_s)  # of a command that left after the asking
             if not is_judged or order.is_over or order.result.done():
                 continue
             if order.command.mode and mode == order.command.mode:
@@ -194,7 +196,9 @@ class Judge:
         """The loop takes an order: it replaces those of its group, and those of our modes sent meanwhile count."""
         order.own_modes |= self._own_lately(now_s)
         for other in self.orders[: self.orders.index(order)]:
-            if other.command.group == order.command.group:
+            follows = other.command.then if other.sent_s else None
+            has_left_group = follows is not None and follows.group != order.command.group  # it may be done already
+            if other.command.group == order.command.group and not has_left_group:
                 other.is_over = True
 
     def on_reboot(self, now_s: float) -> None:

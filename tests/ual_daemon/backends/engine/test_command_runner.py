@@ -19,7 +19,7 @@ from ual_daemon.backends.engine.command import FLYING, ONCE, Command, Verdict
 from ual_daemon.backends.engine.command_runner import EFFECT_S, MOST_TEXTS, CommandRunner, RunnerSettings
 from ual_daemon.backends.engine.limits import SETPOINTS_WAIT_S, UNSENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
-from ual_daemon.backends.values import Control, Mode, Sample, Snapshot
+from ual_daemon.backends.values import Control, LandedState, Mode, Sample, Snapshot
 
 
 class Plain:
@@ -284,6 +284,22 @@ def test_a_command_that_waited_while_others_chose_a_mode_says_so(plain: Plain) -
     assert str(future.exception(0)) == "the command to enter setpoints was not sent: the mode became land"
 
 
+@pytest.mark.parametrize("is_silent", [False, True])
+def test_on_the_ground_a_mode_that_shows_late_was_chosen_before_unless_a_silence_hides_who_chose_it(
+    plain: Plain, *, is_silent: bool
+) -> None:
+    """Armed shows at once, the mode in which the pilot has armed it up to a second later."""
+    plain.known = plain.known._replace(landed=Sample(LandedState.ON_GROUND, plain.now_s))
+    plain.why_late = "no setpoints yet"
+    future = plain.runner.submit(mode_command("setpoints"), plain.now_s)
+    plain.run(0.4, mode="" if is_silent else "manual")
+    plain.run(0.05, mode="hold")
+    plain.why_late = ""
+    plain.run(0.05, mode="hold")
+    assert plain.sent == ([] if is_silent else ["mode setpoints"])
+    assert future.done() is is_silent
+
+
 def test_the_end_of_a_step_is_told_and_the_mode_is_wanted_while_a_command_waits_for_it(plain: Plain) -> None:
     done: list[str] = []
     step = replace(mode_command("hold"), on_done=lambda: done.append("hold"))
@@ -323,6 +339,22 @@ def test_a_pilot_who_takes_over_before_our_thread_has_looked_is_not_overruled() 
     scripted.wait(3.0)
     assert scripted.requests == []
     assert "the mode became land" in str(order.result.exception(0))
+
+
+def test_a_pilot_who_takes_over_while_an_update_takes_long_is_not_overruled() -> None:
+    scripted = Scripted()
+    scripted.wait(0.2)
+    stalls = [0.6]
+
+    def stall(_: Snapshot) -> None:
+        if stalls:
+            scripted.mode = "land"
+            scripted.ask("hold")
+            scripted.clock.now += stalls.pop()
+
+    scripted.loop._on_update = stall
+    scripted.wait(3.0)
+    assert scripted.requests == []
 
 
 def test_a_command_that_our_thread_had_no_time_for_is_not_sent_late() -> None:

@@ -34,7 +34,7 @@ def test_no_setpoint_leaves_while_nothing_is_read(craft: Craft, stall_s: float) 
 @over(
     Can.STALL,
     Can.BE_FLOWN_BY_A_PILOT,
-    red="px4, ardupilot, airsim",
+    red="airsim",
 )
 @pytest.mark.parametrize(("name", "stall_s"), [("land", 0.6), ("land", 1.5), ("take_control", 0.6)])
 def test_a_command_in_a_stall_overrules_no_pilot(craft: Craft, name: str, stall_s: float) -> None:
@@ -49,7 +49,7 @@ def test_a_command_in_a_stall_overrules_no_pilot(craft: Craft, name: str, stall_
     assert craft.uav.state() is State.FLYING_MANUAL
 
 
-@over(Can.STALL, red="px4, ardupilot")
+@over(Can.STALL)
 def test_a_command_that_waits_for_too_long_in_a_stall_is_not_executed(craft: Craft) -> None:
     craft.fly()
     begin_s = craft.play((0.0, lambda: craft.stall(8.0)), (0.5, lambda: craft.command("land")), for_s=12.0)

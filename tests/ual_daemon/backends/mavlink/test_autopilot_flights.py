@@ -20,7 +20,7 @@ from ual.geometry import Pose, Twist, Vector3
 from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.mavlink.session.supervision import LinkState
+from ual_daemon.backends.engine.link_watch import LinkState
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.settings import VehicleSettings
 

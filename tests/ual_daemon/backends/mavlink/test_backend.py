@@ -27,7 +27,7 @@ from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.wire.frames import split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
-from ual_daemon.backends.values import Freshness, PositionSetpoint, Snapshot, VelocitySetpoint
+from ual_daemon.backends.values import PositionSetpoint, Snapshot, VelocitySetpoint
 from ual_daemon.flight.state import estimate
 
 Pair = tuple[MavlinkBackend, "Autopilot"]
@@ -181,9 +181,28 @@ def test_no_setpoint_and_no_command_goes_out_before_an_autopilot_is_heard() -> N
         assert str(error) == f"cannot take off: no autopilot is heard at {backend.url}"
 
 
-def test_no_setpoint_goes_out_while_the_link_is_down(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
+@contextlib.contextmanager
+def speaking(autopilot: Autopilot) -> Iterator[None]:
+    """The autopilot says all the time that it is there: nothing is commanded into a silence."""
+    is_over = threading.Event()
+
+    def speak() -> None:
+        while not is_over.wait(0.02):
+            autopilot.say(heartbeat())
+
+    speaker = threading.Thread(target=speak)
+    speaker.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        speaker.join()
+
+
+def test_no_setpoint_goes_out_while_the_link_is_down(pair: Pair) -> None:
     backend, autopilot = pair
-    monkeypatch.setattr(backend, "freshness", Freshness(link_s=-1.0))
+    assert backend._discovery is not None
+    backend._discovery.watch.lost_s = -1.0
     backend.send(SETPOINT)
     assert autopilot.hears_nothing_of("SET_POSITION_TARGET_LOCAL_NED", 0.2)
     assert isinstance(backend.arm().exception(PATIENCE_S), LinkLostError)
@@ -191,8 +210,9 @@ def test_no_setpoint_goes_out_while_the_link_is_down(pair: Pair, monkeypatch: py
 
 def test_a_command_ends_with_the_autopilots_acknowledgement(pair: Pair) -> None:
     backend, autopilot = pair
-    future = backend.arm()
-    autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
+    with speaking(autopilot):
+        future = backend.arm()
+        autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
     autopilot.say(ack(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_RESULT_ACCEPTED))
     assert future.result(PATIENCE_S) is None
     # and a heartbeat is asked for, so that the state follows at once
@@ -329,12 +349,12 @@ def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_pre
 def test_a_defect_in_the_receiving_thread_is_logged_and_the_link_opened_anew(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    failures = iter([ZeroDivisionError()] * 3)
+    failures = [ZeroDivisionError()] * 3
     tick = Discovery.tick
 
     def failing(self: Discovery, now_s: float) -> None:
-        if self.session is not None and (error := next(failures, None)) is not None:
-            raise error
+        if self.session is not None and failures:
+            raise failures.pop()
         tick(self, now_s)
 
     monkeypatch.setattr(Discovery, "tick", failing)
@@ -344,9 +364,11 @@ def test_a_defect_in_the_receiving_thread_is_logged_and_the_link_opened_anew(
 
         def meets() -> bool:
             autopilot.say(heartbeat(armed=True))
-            return sum("defect" in record.message for record in caplog.records) == 3
+            return not failures
 
         until(meets, "the defects")
+        told = [record for record in caplog.records if record.exc_info and record.exc_info[0] is ZeroDivisionError]
+        assert len(told) == 1
         old = len(seen)
 
         def is_heard() -> bool:

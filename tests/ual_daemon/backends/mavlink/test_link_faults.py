@@ -12,8 +12,8 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, packer, position
 from tests.waiting import until
 from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.engine.link_watch import LinkState
 from ual_daemon.backends.mavlink import MavlinkBackend
-from ual_daemon.backends.mavlink.session.supervision import LinkState
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 

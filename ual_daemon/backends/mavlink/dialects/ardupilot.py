@@ -9,16 +9,17 @@ from dataclasses import replace
 
 from typing_extensions import override
 
+from ual_daemon.backends.engine.command import FLYING, shows_landed
 from ual_daemon.backends.firmwares import ardupilot
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
 from ual_daemon.backends.mavlink.dialects.command_long import (
-    CommandLong,
+    LongCommand,
     arm_or_disarm,
+    command_of,
     land_in,
     pose_streams,
     set_message_interval,
     set_mode,
-    shows_landed,
     slow_streams,
 )
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
@@ -40,7 +41,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
 
     @override
-    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+    def streams(self, pose_rate_hz: float) -> list[LongCommand]:
         return [
             set_message_interval(mavlink.MAVLINK_MSG_ID_HEARTBEAT, 10.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 10.0),
@@ -72,32 +73,30 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
         return encode_vision_position_estimate(measured)
 
     @override
-    def arm(self, snapshot: Snapshot) -> CommandLong:
+    def arm(self, snapshot: Snapshot) -> LongCommand:
         return self._arm_leaving(snapshot, arm_or_disarm(is_arming=True), self._set_mode(_GUIDED, "arm"))
 
     @override
-    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
-        climb = CommandLong(
-            mavlink.MAV_CMD_NAV_TAKEOFF,
-            (0.0,) * 6 + (self.takeoff_altitude_m(height_m, snapshot, is_slower=is_slower),),
-            "take off",
-            group="mode",
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> LongCommand:
+        params = (0.0,) * 6 + (self.takeoff_altitude_m(height_m, snapshot, is_slower=is_slower),)
+        climb = replace(
+            command_of(mavlink.MAV_CMD_NAV_TAKEOFF, params, "take off", FLYING),
             shows=shows_landed(LandedState.TAKING_OFF, LandedState.IN_AIR),
             mode=self.setpoint_mode,
         )
         return replace(self._set_mode(_GUIDED, "take off"), then=climb)
 
     @override
-    def land(self) -> CommandLong:
+    def land(self) -> LongCommand:
         return land_in(self.land_mode)
 
     @override
-    def take_control(self) -> CommandLong:
+    def take_control(self) -> LongCommand:
         return self._set_mode(_GUIDED, "take control")
 
     @override
-    def hold(self) -> CommandLong:
+    def hold(self) -> LongCommand:
         return self._set_mode(_BRAKE, "hold")
 
-    def _set_mode(self, number: int, what: str) -> CommandLong:
+    def _set_mode(self, number: int, what: str) -> LongCommand:
         return set_mode(self.mode(number).name, number, what=what)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ual_daemon.backends.mavlink.dialects.command_long import CommandLong
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
@@ -23,13 +23,13 @@ _GROUPS = {
 """The group of each message that is used, in ArduPilot."""
 
 
-def group_rates_hz(streams: Iterable[CommandLong]) -> dict[int, int]:
+def group_rates_hz(streams: Iterable[LongCommand]) -> dict[int, int]:
     """Returns the groups that have these streams, and the rate of the fastest of them in each."""
     rates_hz: dict[int, int] = {}
     for stream in streams:
-        group = _GROUPS.get(round(stream.params[0]))
+        group = _GROUPS.get(round(stream.request.params[0]))
         if group is not None:
-            rates_hz[group] = max(rates_hz.get(group, 1), round(1e6 / stream.params[1]))
+            rates_hz[group] = max(rates_hz.get(group, 1), round(1e6 / stream.request.params[1]))
     return rates_hz
 
 

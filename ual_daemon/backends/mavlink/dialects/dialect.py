@@ -9,7 +9,7 @@ from dataclasses import replace
 from ual.errors import NotSupportedError
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Autopilot, version_text
 from ual_daemon.backends.firmwares.px4_events import Event
-from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, arm_or_disarm
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, arm_or_disarm
 from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot
@@ -37,7 +37,7 @@ class Dialect(Autopilot):
     """Those of `wanted_messages` that are requested again now and then, as a lost change of them would matter."""
 
     @abstractmethod
-    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+    def streams(self, pose_rate_hz: float) -> list[LongCommand]:
         """Returns the requests for the messages that we need as streams."""
 
     def parameter_value(self, message: Message) -> float | None:
@@ -66,15 +66,15 @@ class Dialect(Autopilot):
         raise NotSupportedError(f"{self.name} takes no poses from outside")
 
     @abstractmethod
-    def arm(self, snapshot: Snapshot) -> CommandLong:
+    def arm(self, snapshot: Snapshot) -> LongCommand:
         """Arms, never by force; from a mode in which it cannot be armed, by way of one in which it can."""
 
-    def disarm(self) -> CommandLong:
+    def disarm(self) -> LongCommand:
         """Disarms, never by force."""
         return arm_or_disarm(is_arming=False)
 
     @abstractmethod
-    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> LongCommand:
         """Climbs to a height above where it stands by this snapshot.
 
         `is_slower`: the climb speed in force is below its own, so it is not to climb all the way by itself.
@@ -86,22 +86,22 @@ class Dialect(Autopilot):
         """
 
     @abstractmethod
-    def land(self) -> CommandLong:
+    def land(self) -> LongCommand:
         """Lands where it is."""
 
     @abstractmethod
-    def take_control(self) -> CommandLong:
+    def take_control(self) -> LongCommand:
         """Changes to the mode in which it follows our setpoints."""
 
     @abstractmethod
-    def hold(self) -> CommandLong:
+    def hold(self) -> LongCommand:
         """Changes to a mode in which it holds its position by itself."""
 
     def version(self, message: Message) -> str:
         """Returns its version, from AUTOPILOT_VERSION."""
         return version_text(message.flight_sw_version)
 
-    def _arm_leaving(self, snapshot: Snapshot, arm: CommandLong, armable_mode: CommandLong) -> CommandLong:
+    def _arm_leaving(self, snapshot: Snapshot, arm: LongCommand, armable_mode: LongCommand) -> LongCommand:
         """Returns `arm`, after `armable_mode` where the present mode forbids it."""
         mode = "" if snapshot.mode is None else snapshot.mode.value.name
         if self.can_be_armed_in(mode):

@@ -14,6 +14,7 @@ from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import (
     CommandLong,
+    LongCommand,
     arm_or_disarm,
     land_in,
     pose_streams,
@@ -47,7 +48,7 @@ class Px4(px4.Px4, Dialect):
     changing_messages = frozenset({mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN})
 
     @override
-    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+    def streams(self, pose_rate_hz: float) -> list[LongCommand]:
         return [
             set_message_interval(mavlink.MAVLINK_MSG_ID_CURRENT_MODE, 20.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 20.0),
@@ -81,34 +82,34 @@ class Px4(px4.Px4, Dialect):
         return encode_odometry(measured)
 
     @override
-    def arm(self, snapshot: Snapshot) -> CommandLong:
+    def arm(self, snapshot: Snapshot) -> LongCommand:
         # PX4 reports the results of its checks when they change; after a refusal it is asked to report them again.
-        check = CommandLong(mavlink.MAV_CMD_RUN_PREARM_CHECKS, (), "check")
+        check = CommandLong(mavlink.MAV_CMD_RUN_PREARM_CHECKS)
         arm = replace(arm_or_disarm(is_arming=True), explain=check)
         return self._arm_leaving(snapshot, arm, self.hold())
 
     @override
-    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> LongCommand:
         return self._enter_offboard("take off")
 
     @override
-    def land(self) -> CommandLong:
+    def land(self) -> LongCommand:
         # Acknowledged once, unlike DO_SET_MODE, and never refused: without a position PX4 descends where it is.
         params = (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan)
         return land_in(self.land_mode, params)
 
     @override
-    def take_control(self) -> CommandLong:
+    def take_control(self) -> LongCommand:
         return self._enter_offboard("take control")
 
     @override
-    def hold(self) -> CommandLong:
+    def hold(self) -> LongCommand:
         return self._set_mode(_AUTO, _SUB_LOITER, "hold")
 
-    def _enter_offboard(self, what: str) -> CommandLong:
-        return replace(self._set_mode(_OFFBOARD, 0, what), needs_setpoints_s=self.setpoints_before_mode_s)
+    def _enter_offboard(self, what: str) -> LongCommand:
+        return replace(self._set_mode(_OFFBOARD, 0, what), setpoints_before_s=self.setpoints_before_mode_s)
 
-    def _set_mode(self, main: int, sub: int, what: str) -> CommandLong:
+    def _set_mode(self, main: int, sub: int, what: str) -> LongCommand:
         command = set_mode(self.mode(main << 16 | sub << 24).name, main, sub, what=what)
         # The first acknowledgement only says that the message was read; the second is the commander's.
-        return replace(command, acks_count=2)
+        return replace(command, accepts_count=2)

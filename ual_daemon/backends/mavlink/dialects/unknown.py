@@ -10,7 +10,7 @@ from ual.errors import NotSupportedError
 from ual.types import Limits
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Board, SimulationVerdict
 from ual_daemon.backends.mavlink.dialects.command_long import (
-    CommandLong,
+    LongCommand,
     pose_streams,
     set_message_interval,
     slow_streams,
@@ -47,7 +47,7 @@ class Unknown(Dialect):
         return EllipsoidProjection(latitude_deg, longitude_deg, altitude_amsl_m)
 
     @override
-    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+    def streams(self, pose_rate_hz: float) -> list[LongCommand]:
         return [
             set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
             set_message_interval(self.estimator_message, 2.0),
@@ -72,27 +72,27 @@ class Unknown(Dialect):
         raise self._refusal()
 
     @override
-    def arm(self, snapshot: Snapshot) -> CommandLong:
+    def arm(self, snapshot: Snapshot) -> LongCommand:
         raise self._refusal()
 
     @override
-    def disarm(self) -> CommandLong:
+    def disarm(self) -> LongCommand:
         raise self._refusal()
 
     @override
-    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> LongCommand:
         raise self._refusal()
 
     @override
-    def land(self) -> CommandLong:
+    def land(self) -> LongCommand:
         raise self._refusal()
 
     @override
-    def take_control(self) -> CommandLong:
+    def take_control(self) -> LongCommand:
         raise self._refusal()
 
     @override
-    def hold(self) -> CommandLong:
+    def hold(self) -> LongCommand:
         raise self._refusal()
 
     def _refusal(self) -> NotSupportedError:
@@ -113,7 +113,7 @@ class Unaddressed(Unknown):
         )
 
     @override
-    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+    def streams(self, pose_rate_hz: float) -> list[LongCommand]:
         return []
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing_extensions import override
 
 from ual_daemon import logs
+from ual_daemon.backends.engine.link_watch import LinkState, LinkWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.dialects.detection import Kind, dialect_of, kind_of, kind_text
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
@@ -16,7 +17,7 @@ from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.session import ALL_SYSTEMS, Session, Successor
-from ual_daemon.backends.mavlink.session.supervision import LinkState, LinkStatistics, Supervision
+from ual_daemon.backends.mavlink.session.supervision import LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
@@ -57,7 +58,8 @@ class Discovery(Selector):
         codec.join(_CALLER_SYSTEM_ID)
         self.sender = Sender(link, codec)
         self.receiver = Receiver(link, codec, self, signer)
-        self.supervision = Supervision(url, Dialect.freshness.link_s)
+        self.watch = LinkWatch(url, Dialect.freshness.link_s, on_lost=self.discard_state, on_anew=self._request_anew)
+        self.supervision = Supervision(self.watch)
         self.session: Session | None = None
         self._settings = settings
         self._link = link
@@ -71,23 +73,26 @@ class Discovery(Selector):
     def reconnected(self) -> None:
         """Starts anew with a new other end of the link, which continues no frame and has received no request."""
         self.receiver.reconnected()
-        if self.session is not None:
-            self.session.restart_setup()
+        self._request_anew()
 
     def discard_state(self) -> None:
         """Discards all that may have changed since it was received."""
         if self.session is not None:
             self.session.discard_state()
 
+    def _request_anew(self) -> None:
+        if self.session is not None:
+            self.session.restart_setup()
+
     def release(self) -> None:
         """Ends the session: the autopilot need not send what was requested any more."""
-        if self.session is not None and self.supervision.state is not LinkState.LOST:
+        if self.session is not None and self.watch.state is not LinkState.LOST:
             self.session.release()
 
     def tick(self, now_s: float) -> None:
         """Does what is due; to be called often."""
         self.receiver.tick(now_s)
-        self.supervision.tick(now_s)
+        self.watch.tick(now_s)
         self._tell_silence(now_s)
         if self.session is not None:
             self.session.tick(now_s)
@@ -111,10 +116,10 @@ class Discovery(Selector):
 
         Empty while it is heard.
         """
-        supervision = self.supervision
-        if supervision.state not in (LinkState.CONNECTING, LinkState.LOST):
+        watch = self.watch
+        if watch.state not in (LinkState.CONNECTING, LinkState.LOST):
             return ""
-        since_s = -math.inf if supervision.heard_s is None else supervision.heard_s
+        since_s = -math.inf if watch.heard_s is None else watch.heard_s
         heard = self.receiver.untaken.text(now_s, since_s)
         return f"heard at {self._url} instead: {heard}" if heard else f"nothing comes to {self._url}"
 
@@ -169,10 +174,10 @@ class Discovery(Selector):
 
     def _tell_silence(self, now_s: float) -> None:
         """Logs once each what is heard instead of the autopilot."""
-        supervision, told = self.supervision, self._told
-        if supervision.state not in (LinkState.CONNECTING, LinkState.LOST) or len(told) >= _MOST_OTHERS:
+        watch, told = self.watch, self._told
+        if watch.state not in (LinkState.CONNECTING, LinkState.LOST) or len(told) >= _MOST_OTHERS:
             return
-        since_s = -math.inf if supervision.heard_s is None else supervision.heard_s
+        since_s = -math.inf if watch.heard_s is None else watch.heard_s
         heard = self.receiver.untaken.text(now_s, since_s, lasts_s=LASTS_S)
         if heard and heard not in told:
             told.add(heard)
@@ -195,7 +200,7 @@ class Discovery(Selector):
             self._setpoints,
             self._payload_messages,
         )
-        self.supervision.lost_s = dialect.freshness.link_s
+        self.watch.lost_s = dialect.freshness.link_s
         where = "" if address is None else f", at {address[0]}:{address[1]}"
         _log.info("connected to %s, %s%s", dialect.name, source_text(source), where)
         return self.session

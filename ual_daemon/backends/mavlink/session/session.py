@@ -11,6 +11,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon import logs
+from ual_daemon.backends.engine.command import FLYING, Verdict
+from ual_daemon.backends.engine.command_runner import Asked, CommandRunner
+from ual_daemon.backends.engine.limits import ANEW_S
+from ual_daemon.backends.engine.link_watch import LinkState
 from ual_daemon.backends.firmwares.autopilot import SimulationVerdict, assumed_text, assumption_text
 from ual_daemon.backends.firmwares.cause_watch import CauseWatch
 from ual_daemon.backends.firmwares.feed_forward import FeedForward
@@ -22,6 +26,7 @@ from ual_daemon.backends.mavlink.dialects.axes import ned_to_enu
 from ual_daemon.backends.mavlink.dialects.command_long import (
     LEAST_RATE_HZ,
     CommandLong,
+    LongCommand,
     default_interval,
     request_message,
     set_message_interval,
@@ -33,7 +38,6 @@ from ual_daemon.backends.mavlink.dialects.detection import Kind, kind_of
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.conversions import channels
 from ual_daemon.backends.mavlink.session.fence_download import FenceDownload
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
@@ -41,7 +45,7 @@ from ual_daemon.backends.mavlink.session.identity import Identity
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.rate_fit import RateFit
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
-from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
+from ual_daemon.backends.mavlink.session.supervision import Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import Frame, Source
@@ -51,8 +55,6 @@ from ual_daemon.backends.values import Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
-SILENCE_S = 3.0
-"""After a silence this long everything is requested anew: the autopilot may have booted, or be another one."""
 OLD_EVENT_S = 1.0
 """An event of PX4 that is this much older than the newest time since boot is a repetition."""
 HOME_REQUEST_S = 0.2
@@ -99,7 +101,7 @@ class Session:
         self.identity = Identity(self.system_id, kind)
         self.successor: Successor | None = None
         """The vehicle that this one has turned out to be, or that has taken its place; None if neither."""
-        self.telemetry = Telemetry(dialect, supervision.begin_boot())
+        self.telemetry = Telemetry(dialect, supervision.watch.begin_boot())
         self.freshness = dialect.freshness
         """As the dialect's, with a shorter `link_s` where the autopilot leaves the mode of our setpoints sooner."""
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
@@ -110,7 +112,9 @@ class Session:
         self._sender = sender
         self._payload_messages = payload_messages or PayloadMessages()
         self._supervision = supervision
-        self._commands = CommandSender(dialect.name, self._send_command, setpoints.duration_s, self.telemetry.snapshot)
+        self._commands = CommandRunner(
+            dialect.name, self._transmit, self.telemetry.snapshot, supervision.watch, setpoints.duration_s
+        )
         self._reported_missing: tuple[str, ...] = ()
         self._fit = RateFit()
         self._unused_ids: set[int] = set()
@@ -175,7 +179,6 @@ class Session:
     ) -> None:
         """Takes a frame of this autopilot, and its content where that is decoded."""
         self._supervision.on_frame(frame.sequence, now_s)
-        self._end_silence(now_s)
         self._identify(frame, message, address, now_s)
         if self.identity.conflict or self.successor is not None:
             self.telemetry.on_frame(frame.sequence, now_s)
@@ -213,14 +216,14 @@ class Session:
             self._fence_download.want()
 
     def submit(
-        self, command: CommandLong, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False
+        self, command: LongCommand, now_s: float, result: Future[None] | None = None, asked: Asked | None = None
     ) -> Future[None]:
-        """Sends a command; see `CommandSender.submit`."""
-        if command.group == "mode":
+        """Sends a command; see `CommandRunner.submit`."""
+        if command.group == FLYING:
             self._causes.on_own_command(command.mode, now_s)
-        future = self._commands.submit(command, now_s, is_withdrawn)
-        future.add_done_callback(lambda _: self._heartbeats.want())  # runs on the thread that this belongs to
-        return future
+        result = self._commands.submit(command, now_s, result, asked)
+        result.add_done_callback(lambda _: self._heartbeats.want())
+        return result
 
     def tick(self, now_s: float) -> None:
         """Does what is due, and what could wait until the last update was published; to be called often."""
@@ -248,9 +251,9 @@ class Session:
         if self._fence_download is not None:
             self._fence_download.tick(now_s, is_armed=self.telemetry.is_armed)
         self._commands.tick(now_s)
-        is_late = self._heartbeats.is_late(now_s) and self._supervision.state is not LinkState.LOST
-        if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.awaits_effect(now_s)):
-            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 0)
+        is_late = self._heartbeats.is_late(now_s) and self._supervision.watch.state is not LinkState.LOST
+        if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.wants_state(now_s)):
+            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT))
         if (
             self.telemetry.is_home_missing or self.telemetry.home_watch.is_wanted
         ) and now_s >= self._next_home_request_s:
@@ -260,14 +263,14 @@ class Session:
         """Requests home: it is not known, it has moved, or a command is about to rely on it."""
         self._next_home_request_s = now_s + HOME_REQUEST_S
         self.telemetry.home_watch.is_wanted = False
-        self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HOME_POSITION), 0)
+        self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HOME_POSITION))
 
     def _update_freshness(self) -> None:
         usual = self.dialect.freshness
         link_s = min(usual.link_s, self.dialect.setpoints_lost_s(self.telemetry.parameters))
         if link_s != self.freshness.link_s:
             self.freshness = replace(usual, link_s=link_s)
-            self._supervision.lost_s = link_s
+            self._supervision.watch.lost_s = link_s
             _log.info(
                 "%s waits %.2g s for setpoints: after so long a gap nothing is sent unasked", self.dialect.name, link_s
             )
@@ -282,7 +285,7 @@ class Session:
     def snapshot(self, now_s: float, updated_s: float = math.inf, scheduling_gap: str = "") -> Snapshot:
         """Returns the newest data as of now. `updated_s` and `scheduling_gap` are those of the snapshot."""
         telemetry, causes = self.telemetry, self._causes
-        armed, mode = telemetry.armed, telemetry.mode
+        armed, mode = telemetry.armed.sample, telemetry.mode.sample
         is_armed = None if armed is None else armed.value
         # All at once: each value that is replaced afterwards copies all others, at each update.
         return telemetry.snapshot(
@@ -290,7 +293,7 @@ class Session:
             updated_s=updated_s,
             scheduling_gap=scheduling_gap,
             held_by=None if mode is None else causes.held_by(mode.value, now_s, is_armed=is_armed),
-            other_sender=self._sender_watch.another(now_s, armed, mode, telemetry.landed),
+            other_sender=self._sender_watch.another(now_s, armed, mode, telemetry.landed.sample),
             health=self._health.report(
                 now_s, telemetry.readiness, causes.failing_sensors, lambda: self._supervision.loss(now_s)
             ),
@@ -346,26 +349,15 @@ class Session:
         uid = bytes(version.uid2).rstrip(b"\0").hex() or f"{version.uid:x}"
         return f"{self.dialect.name} {self.system_id} {uid}"
 
-    def _end_silence(self, now_s: float) -> None:
-        """Checks how long nothing came before the present frame.
-
-        After a silence that counts as a lost link nothing from before it is valid. PX4 may have left OFFBOARD
-        meanwhile, and a setpoint sent because of the old mode would take it back there.
-        """
-        heard_s = self.telemetry.heard_s
-        silence_s = 0.0 if heard_s is None else now_s - heard_s
-        if silence_s > self.freshness.link_s:
-            self.discard_state()
-        if silence_s > SILENCE_S:
-            self.restart_setup()
-
     def _on_decoded(self, frame: Frame, message: Message, now_s: float, utc_now_s: float) -> None:
         telemetry = self.telemetry
         boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
-        if boot_ms > 0 and self._supervision.update_boot_time(boot_ms / 1000.0, now_s):
-            telemetry.discard_boot(self._supervision.begin_boot())
+        if boot_ms > 0 and self._supervision.on_boot_time(boot_ms / 1000.0, now_s):
+            telemetry.discard_boot(self._supervision.watch.begin_boot())
+            self._commands.drop(now_s)
+            self._heartbeats.want()
             self.restart_setup()
-        elif boot_ms > 0 and self._supervision.is_boot_doubtful:
+        elif boot_ms > 0 and self._supervision.watch.is_boot_doubtful:
             telemetry.on_frame(frame.sequence, now_s)
             return
         telemetry.update(message, now_s, utc_now_s)
@@ -388,7 +380,7 @@ class Session:
             self._unused_ids.add(frame.message_id)
         event = self.dialect.event(frame, self.telemetry.mode_name) if frame.message_id == EVENT_ID else None
         # PX4 repeats its last events when any program requests them, and every listener receives the repetitions.
-        if event is not None and event.boot_s >= self._supervision.boot_s - OLD_EVENT_S:
+        if event is not None and event.boot_s >= self._supervision.watch.boot_s - OLD_EVENT_S:
             # PX4 reports arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
             self._heartbeats.want()
             self._causes.on_sign(event.cause, now_s)
@@ -400,7 +392,7 @@ class Session:
                 self._commands.on_text(event.text)
 
     def _learn(self, received_s: float, autopilot_s: float) -> None:
-        pose, velocity = self.telemetry.pose, self.telemetry.velocity
+        pose, velocity = self.telemetry.pose.sample, self.telemetry.velocity.sample
         if self._feed_forward is None or pose is None or velocity is None or pose.time_s != received_s:
             return
         self._feed_forward.learn(autopilot_s, pose.value, velocity.value.linear)
@@ -410,11 +402,12 @@ class Session:
         heard_s, attitude_s = self.telemetry.heard_s, self.telemetry.attitude_time_s
         if heard_s is None or attitude_s is None or now_s < self._next_setup_s:
             return False
-        return now_s - heard_s < SILENCE_S < now_s - attitude_s
+        return now_s - heard_s < ANEW_S < now_s - attitude_s
 
     def _on_ack(self, message: Message, now_s: float, _: float) -> None:
         if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
-            self._commands.on_ack(message, now_s)
+            verdict = _VERDICTS.get(message.result, Verdict.REFUSED)
+            self._commands.on_answer(message.command, verdict, now_s, _result_name(message.result))
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
         self._heartbeats.on_heartbeat(now_s)
@@ -463,13 +456,13 @@ class Session:
         loss, is_armed = self._supervision.loss(now_s), bool(self.telemetry.is_armed)
         if fit.update(now_s, loss, is_armed=is_armed, has_unused=bool(self._unused_ids)):
             streams = self._streams()
-            self._commands.drop_requests(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, now_s)
+            self._commands.drop_requests(lambda request: request.id == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, now_s)
             self._setup.change_streams(streams)
             unused = [set_message_interval(each, UNUSED_RATE_HZ) for each in sorted(self._unused_ids)]
             if not fit.level:
                 unused = [default_interval(each) for each in (*unused, *slow_streams())]
             # Whatever the answer: on an overrun link it would not come.
-            self._paced = deque(each.encode(self.source, 0) for each in (*unused, *streams))
+            self._paced = deque(each.request.encode(self.source, 0) for each in (*unused, *streams))
             logs.event(
                 _log, logging.WARNING, "stream_rates_changed", loss=round(fit.loss, 2), unused=len(unused),
                 position_hz=round(self._position_rate_hz, 1), before_hz=round(before_hz, 1),
@@ -485,12 +478,12 @@ class Session:
         """How often the position is asked for."""
         return max(LEAST_RATE_HZ, self._pose_rate_hz * self._fit.share)
 
-    def _streams(self) -> list[CommandLong]:
+    def _streams(self) -> list[LongCommand]:
         """The requests for all streams, at the rates that the link carries."""
         streams = self.dialect.streams(self._pose_rate_hz)
         if not self._fit.level or not streams:
             return streams
-        usual = {round(each.params[0]): each for each in (*slow_streams(), *streams)}
+        usual = {round(each.request.params[0]): each for each in (*slow_streams(), *streams)}
         return [slower(each, self._fit.share) for each in usual.values()]
 
     @property
@@ -562,7 +555,7 @@ class Session:
         """Requests the default rates of all messages, as nobody needs ours any more; does not wait for answers."""
         unused = (set_message_interval(each, UNUSED_RATE_HZ) for each in self._unused_ids)
         for stream in (*self._streams(), *(unused if self._fit.level else ())):
-            self._send_command(default_interval(stream), 0)
+            self._send_command(default_interval(stream))
 
     def _request_origin(self, now_s: float) -> None:
         request = request_message(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
@@ -570,10 +563,25 @@ class Session:
             self._next_origin_s = now_s + ORIGIN_S
             self._commands.submit(request, now_s)
 
-    def _send_command(self, command: CommandLong, sent_before_count: int) -> None:
-        if self.system_id == ALL_SYSTEMS:
-            return
-        self._sender.send(command.encode(self.source, sent_before_count))
+    def _send_command(self, command: LongCommand) -> None:
+        """Sends a command once, whatever its answer is."""
+        self._transmit(command.request, 0)
+
+    def _transmit(self, request: CommandLong, sent_before_count: int, _: object = None) -> None:
+        if self.system_id != ALL_SYSTEMS:
+            self._sender.send(request.encode(self.source, sent_before_count))
 
     def _request_parameter(self, name: str) -> None:
         self._sender.send(mavlink.MAVLink_param_request_read_message(*self.source, name.encode("ascii"), -1))
+
+
+_VERDICTS = {
+    mavlink.MAV_RESULT_ACCEPTED: Verdict.ACCEPTED,
+    mavlink.MAV_RESULT_IN_PROGRESS: Verdict.IN_PROGRESS,
+}
+"""What the results of COMMAND_ACK mean; all others refuse."""
+
+
+def _result_name(result: int) -> str:
+    entry = mavlink.enums["MAV_RESULT"].get(result)
+    return f"result {result}" if entry is None else str(entry.name).removeprefix("MAV_RESULT_")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 
-from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, request_message
+from ual_daemon.backends.engine.command_runner import CommandRunner
+from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, LongCommand, request_message
 from ual_daemon.backends.mavlink.dialects.data_streams import group_rates_hz
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
 from ual_daemon.backends.mavlink.wire.messages import mavlink, message_name
 
@@ -40,9 +40,9 @@ class SetupRequests:
         self,
         dialect: Dialect,
         telemetry: Telemetry,
-        commands: CommandSender,
+        commands: CommandRunner[CommandLong],
         request_parameter: Callable[[str], None],
-        streams: Iterable[CommandLong],
+        streams: Iterable[LongCommand],
         loss: Callable[[float], float] = lambda _: 0.0,
         on_missing: Callable[[tuple[str, ...]], None] = lambda _: None,
         request_group: Callable[[int, int], None] = lambda *_: None,
@@ -58,8 +58,8 @@ class SetupRequests:
         self._commands = commands
         self._request_parameter = request_parameter
         self._request_group = request_group
-        self._streams: dict[CommandLong, Future[None] | None] = dict.fromkeys(streams)
-        self._unanswered: set[CommandLong] = set()
+        self._streams: dict[LongCommand, Future[None] | None] = dict.fromkeys(streams)
+        self._unanswered: set[LongCommand] = set()
         self._takes_single_requests = False
         self._rounds_count = 0
         self._round_s = 0.0
@@ -94,7 +94,7 @@ class SetupRequests:
             doublings_count = max(0, self._parameter_rounds_count - FAST_PARAMETER_ROUNDS_COUNT)
             self._next_parameters_s = now_s + ROUND_S * 2.0**doublings_count
 
-    def change_streams(self, streams: Iterable[CommandLong]) -> None:
+    def change_streams(self, streams: Iterable[LongCommand]) -> None:
         """Requests these from now on, instead of those before."""
         self._streams = dict.fromkeys(streams)
         self._unanswered.clear()
@@ -127,9 +127,9 @@ class SetupRequests:
             if future is not None and result == "":
                 self._takes_single_requests = True
             elif result and not self._flows(command):
-                self.refused[message_name(round(command.params[0]))] = result
+                self.refused[message_name(round(command.request.params[0]))] = result
 
-    def _result(self, command: CommandLong, future: Future[None] | None) -> str | None:
+    def _result(self, command: LongCommand, future: Future[None] | None) -> str | None:
         """Returns how a request for a stream was answered: empty if accepted, None if it is not answered yet."""
         if future is None or not future.done():
             return "no answer" if command in self._unanswered else None
@@ -144,9 +144,9 @@ class SetupRequests:
         for group, rate_hz in group_rates_hz(silent).items():
             self._request_group(group, rate_hz)
 
-    def _flows(self, command: CommandLong) -> bool:
+    def _flows(self, command: LongCommand) -> bool:
         """Whether the requested stream came in the last round, or need not come."""
-        message_id, interval_us = round(command.params[0]), command.params[1]
+        message_id, interval_us = round(command.request.params[0]), command.request.params[1]
         if message_id in self._dialect.optional_messages:
             return True
         came_count = self._came_count(message_id)
@@ -158,9 +158,9 @@ class SetupRequests:
     def _came_count(self, message_id: int) -> int:
         return self._telemetry.message_counts[message_id] - self._counts_before_round[message_id]
 
-    def _has_dropped(self, command: CommandLong, now_s: float) -> bool:
+    def _has_dropped(self, command: LongCommand, now_s: float) -> bool:
         """Whether the stream came far more slowly in the last round than it did before."""
-        message_id = round(command.params[0])
+        message_id = round(command.request.params[0])
         if self._round_s <= 0.0 or message_id in self._dialect.sparse_messages:
             return False
         counts = self._telemetry.message_counts

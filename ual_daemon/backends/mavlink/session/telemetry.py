@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.plausibility import Plausibility
+from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
 from ual_daemon.backends.firmwares.fence_reader import FenceReader
 from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
@@ -31,6 +32,13 @@ OLDEST_S = 3.0
 """For this long a message with an earlier sequence number is ignored; after that the numbers must be wrong."""
 
 
+class _Home(NamedTuple):
+    """Where home is: its place on Earth may not be known."""
+
+    altitude_amsl_m: float
+    place: GeoPoint | None
+
+
 class Telemetry:
     """The newest of each value that one autopilot sent. Not thread-safe: belongs to the thread that receives.
 
@@ -45,23 +53,24 @@ class Telemetry:
         self.heard_s: float | None = None
         """When its last frame came."""
         self._sequence = SequenceUnwrapper(LATE_S)
-        self._sources: dict[str, tuple[int, float]] = {}
-        """For each value the sequence number of its last message, and when that came."""
         self._stamp_s = self._measured_s = 0.0
-        self.armed: Sample[bool] | None
-        self.mode: Sample[Mode] | None
-        self.landed: Sample[LandedState] | None
-        self._estimator: Sample[Estimator] | None
-        self._attitude: Sample[tuple[Quaternion, Vector3]] | None
-        self.pose: Sample[Pose] | None
-        self.velocity: Sample[Twist] | None
+        readings = self._readings = Readings()
+        # Where a landed state is sure to come, its absence must not be taken for flying.
+        not_landed = Sample(LandedState.UNKNOWN, NEVER_S) if dialect.sends_landed_state else None
+        self.armed: Reading[bool] = readings.add(Lasts.SEEN)
+        self.mode: Reading[Mode] = readings.add(Lasts.SEEN)
+        self.landed: Reading[LandedState] = readings.add(Lasts.SEEN, unknown=not_landed)
+        self._estimator: Reading[Estimator] = readings.add(Lasts.SEEN)
+        self._attitude: Reading[tuple[Quaternion, Vector3]] = readings.add(Lasts.SEEN, limit_s=ATTITUDE_LIMIT_S)
+        self._angles: Reading[None] = readings.add(Lasts.SEEN)
+        """The same from angles: only its order."""
+        self.pose: Reading[Pose] = readings.add(Lasts.SEEN)
+        self.velocity: Reading[Twist] = readings.add(Lasts.SEEN)
         """Came with the pose."""
-        self._position_geo: Sample[GeoPoint] | None
-        self.discard_state()
+        self._position_geo: Reading[GeoPoint] = readings.add(Lasts.SEEN, limit_s=GEO_LIMIT_S)
+        self._home: Reading[_Home] = readings.add(Lasts.BOOT)
         self.origin = LocalOrigin()
         """Where its local frame is on Earth."""
-        self._home_altitude_amsl_m: float | None = None
-        self._home_geo: GeoPoint | None = None
         self.home_watch = HomeWatch()
         """Whether home is to be requested, as it is elsewhere now."""
         self._geoid_separation_m: float | None = None
@@ -108,24 +117,19 @@ class Telemetry:
 
     def discard_state(self) -> None:
         """Discards all that may have changed since it was sent; the vehicle's properties and its frame stay known."""
-        self.armed = self.mode = self._estimator = self._attitude = self.pose = self.velocity = None
-        self._position_geo = None
-        # Where a landed state is sure to come, its absence must not be taken for flying.
-        self.landed = Sample(LandedState.UNKNOWN, NEVER_S) if self._dialect.sends_landed_state else None
+        self._readings.discard_state()
 
     def discard_boot(self, boots_count: int) -> None:
-        """Discards what belongs to the boot before; most sampled values become old by themselves."""
+        """Discards what belongs to the boot before."""
         self._boots_count = boots_count
-        self.pose = self.velocity = self._position_geo = None  # in another local frame
+        self._readings.discard_boot()
         self._gps = None if self._gps is None else GpsInfo(GpsFix.NONE)
         self._clock_offset = ClockOffset()
         self._sequence = SequenceUnwrapper(LATE_S)
-        self._sources.clear()
         self.message_counts.clear()
         self.parameters.clear()
         self.version = None
         self.origin = LocalOrigin()
-        self._home_altitude_amsl_m = self._home_geo = None
 
     @property
     def decoded_ids(self) -> frozenset[int]:
@@ -146,6 +150,7 @@ class Telemetry:
         """Takes note of a frame of the autopilot with this number; its content, if used, is taken next."""
         self.heard_s = now_s
         self._sequence.update(sequence, now_s)
+        self._readings.order = self._sequence.value
 
     def set_armed(self, is_armed: bool, now_s: float) -> None:
         """Takes from a heartbeat, or from an event ahead of it, that it is armed or disarmed.
@@ -153,32 +158,34 @@ class Telemetry:
         Autopilots move home to where they are armed. So the home from before the arming, or from before a time in which
         it may have been armed, is not known any more; and a message from before it does not bring it back.
         """
-        if not self._is_newest("armed", now_s):
+        if not self.armed.is_next(now_s):
             return
-        if is_armed and not (self.armed is not None and self.armed.value):
-            self._home_altitude_amsl_m = self._home_geo = None
-            self._is_newest("home", now_s)
-        self.armed = Sample(is_armed, now_s)
+        if is_armed and not self.is_armed:
+            self._home.discard()
+            self._home.is_next(now_s)
+        self.armed.set(is_armed, now_s)
 
     @property
     def is_home_missing(self) -> bool:
         """Whether it is armed, and the home that it has since is not known."""
-        return self._home_altitude_amsl_m is None and self.armed is not None and self.armed.value
+        return self._home.sample is None and bool(self.armed.value)
 
     @property
     def is_armed(self) -> bool | None:
         """Whether it is armed; None while that is not known."""
-        return None if self.armed is None else self.armed.value
+        return self.armed.value
 
     @property
     def attitude_time_s(self) -> float | None:
         """When the newest attitude came."""
-        return None if self._attitude is None else self._attitude.time_s
+        attitude = self._attitude.sample
+        return None if attitude is None else attitude.time_s
 
     @property
     def mode_name(self) -> str:
         """The name of its mode; empty while it is not known."""
-        return "" if self.mode is None else self.mode.value.name
+        mode = self.mode.sample
+        return "" if mode is None else mode.value.name
 
     @property
     def readiness(self) -> bool | None:
@@ -192,44 +199,32 @@ class Telemetry:
 
     def snapshot(self, now_s: float, **others: Any) -> Snapshot:  # noqa: ANN401  of any field
         """Returns all values as of now, with `others`, which are known elsewhere."""
-        geo = self._position_geo
+        home = self._home.sample
         return Snapshot(
             time_s=now_s,
             heard_s=self.heard_s,
             stamp_s=self._stamp_s,
             measured_s=self._measured_s,
-            armed=self.armed,
-            landed=self.landed,
-            mode=self.mode,
-            estimator=self._estimator,
-            pose=self.pose,
-            velocity=self.velocity,
-            position_geo=None if geo is None or now_s - geo.time_s > GEO_LIMIT_S else geo.value,
+            armed=self.armed.sample,
+            landed=self.landed.sample,
+            mode=self.mode.sample,
+            estimator=self._estimator.sample,
+            pose=self.pose.sample,
+            velocity=self.velocity.sample,
+            position_geo=self._position_geo.fresh(now_s),
             projection=self.origin.projection,
-            home_altitude_amsl_m=self._home_altitude_amsl_m,
+            home_altitude_amsl_m=None if home is None else home.value.altitude_amsl_m,
             geoid_separation_m=self._geoid_separation_m,
             battery=self._battery,
             gps=self._gps,
             status_text=self._status_text.text,
-            home_geo=self._home_geo,
+            home_geo=None if home is None else home.value.place,
             boots_count=self._boots_count,
             has_rangefinder=self._has_rangefinder,
             conflict=self.conflict,
             autopilot_fence=self.fence.limits,
             **others,
         )
-
-    def _is_newest(self, value: str, now_s: float) -> bool:
-        """Whether the present message is newer than the one before that had this value, of whatever kind.
-
-        A late message is ignored. Otherwise a link that reorders messages would show the mode before for a moment, as
-        if the safety pilot had taken the UAV.
-        """
-        number, last = self._sequence.value, self._sources.get(value)
-        if last is not None and number < last[0] and now_s - last[1] < OLDEST_S:
-            return False
-        self._sources[value] = (number, now_s)
-        return True
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
         self.set_armed(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), now_s)
@@ -238,75 +233,72 @@ class Telemetry:
 
     def _on_mode(self, message: Message, now_s: float, _: float) -> None:
         mode = self._dialect.mode(message.custom_mode)
-        if self._is_newest("mode", now_s):
-            self.mode = Sample(mode, now_s)
-        elif self.mode is not None and mode != self.mode.value:
+        if not self.mode.take(mode, now_s) and self.mode.sample is not None and mode != self.mode.value:
             self.is_mode_doubtful = True
 
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
-        if self._is_newest("landed", now_s):
-            self.landed = Sample(landed_state(message.landed_state), now_s)
+        if self.landed.take(landed_state(message.landed_state), now_s):
             self.vtol_state = message.vtol_state
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
-        if not self._is_newest("estimator", now_s):
+        if not self._estimator.is_next(now_s):
             return
         estimator = self._dialect.estimator(message.flags)
-        if estimator.is_regained_after(self._estimator):
-            self.pose = self.velocity = None
-        self._estimator = Sample(estimator, now_s)
+        if estimator.is_regained_after(self._estimator.sample):
+            self.pose.discard()
+            self.velocity.discard()
+        self._estimator.set(estimator, now_s)
 
     def _on_attitude_quaternion(self, message: Message, now_s: float, _: float) -> None:
-        if not self._is_newest("attitude", now_s):
+        if not self._attitude.is_next(now_s):
             return
         w, x, y, z = message.q1, message.q2, message.q3, message.q4
         rates = frd_to_flu(message.rollspeed, message.pitchspeed, message.yawspeed)
         if self.plausibility.accepts_rotation(Quaternion(x, y, z, w)) and self.plausibility.accepts_rates(rates):
-            self._attitude = Sample((orientation_to_enu(w, x, y, z), rates), now_s)
+            self._attitude.set((orientation_to_enu(w, x, y, z), rates), now_s)
 
     def _on_attitude(self, message: Message, now_s: float, _: float) -> None:
-        quaternion, judge = self._sources.get("attitude"), self.plausibility
-        has_quaternion = quaternion is not None and now_s - quaternion[1] <= ATTITUDE_LIMIT_S
-        if has_quaternion or not self._is_newest("angles", now_s):
+        judge, has_quaternion = self.plausibility, self._attitude.was_received_within(ATTITUDE_LIMIT_S, now_s)
+        if has_quaternion or not self._angles.is_next(now_s):
             return
         angles = message.roll, message.pitch, message.yaw
         rates = frd_to_flu(message.rollspeed, message.pitchspeed, message.yawspeed)
         if judge.accepts_angles(*angles) and judge.accepts_rates(rates):
             to_ned = Quaternion.from_euler(*angles)
-            self._attitude = Sample((orientation_to_enu(to_ned.w, to_ned.x, to_ned.y, to_ned.z), rates), now_s)
+            self._attitude.set((orientation_to_enu(to_ned.w, to_ned.x, to_ned.y, to_ned.z), rates), now_s)
 
     def _on_local_position_ned(self, message: Message, now_s: float, utc_now_s: float) -> None:
-        if not self._is_newest("position", now_s):
+        if not self.pose.is_next(now_s):
             return
         measured_s = milli(message.time_boot_ms)
         stamp_s = self._clock_offset.to_utc(measured_s, now_s, utc_now_s)
-        attitude = self._attitude
-        if attitude is None or now_s - attitude.time_s > ATTITUDE_LIMIT_S:
+        attitude = self._attitude.fresh(now_s)
+        if attitude is None:
             return
         place, velocity = ned_to_enu(message.x, message.y, message.z), ned_to_enu(message.vx, message.vy, message.vz)
         if self.plausibility.accepts_position(place) and self.plausibility.accepts_velocity(velocity):
-            orientation, rates = attitude.value
+            orientation, rates = attitude
             self._stamp_s, self._measured_s = stamp_s, measured_s  # of the pose: where it is old, so are they
-            self.pose = Sample(Pose(place, orientation), now_s)
-            self.velocity = Sample(Twist(velocity, rates), now_s)
+            self.pose.set(Pose(place, orientation), now_s)
+            self.velocity.set(Twist(velocity, rates), now_s)
             self.origin.on_position(message.time_boot_ms, place, velocity)
 
     def _on_global_position_int(self, message: Message, now_s: float, _: float) -> None:
         found = geo_point(message, self._geoid_separation_m)
         if found is None:
-            self._position_geo = None
+            self._position_geo.discard()
         elif self.plausibility.accepts_geo_point(found):
-            self._position_geo = Sample(found, now_s)
+            self._position_geo.set(found, now_s)
             self.origin.on_geo(message.time_boot_ms, found)
             self._check_home(milli(message.alt), milli(message.relative_alt))
 
     def _check_home(self, altitude_m: float, above_home_m: float) -> None:
         """Corrects the height of home where a newer message implies another one."""
-        home_m, home = self._home_altitude_amsl_m, self._sources.get("home")
-        if home_m is None or home is None or self._sequence.value < home[0]:
+        home = self._home.sample
+        if home is None or self._readings.order < self._home.order:
             return
-        if self.home_watch.is_contradicted(home_m, altitude_m, above_home_m):
-            self._home_altitude_amsl_m = altitude_m - above_home_m
+        if self.home_watch.is_contradicted(home.value.altitude_amsl_m, altitude_m, above_home_m):
+            self._home.set(home.value._replace(altitude_amsl_m=altitude_m - above_home_m), home.time_s)
 
     def _on_gps_global_origin(self, message: Message, _now_s: float, _: float) -> None:
         latitude_deg, longitude_deg = degrees(message.latitude), degrees(message.longitude)
@@ -316,9 +308,9 @@ class Telemetry:
 
     def _on_home_position(self, message: Message, now_s: float, _: float) -> None:
         altitude_m = milli(message.altitude)
-        if self._is_newest("home", now_s) and self.plausibility.accepts_altitude(altitude_m):
-            self._home_altitude_amsl_m = altitude_m
-            self._home_geo = self._place_of_home(degrees(message.latitude), degrees(message.longitude))
+        if self._home.is_next(now_s) and self.plausibility.accepts_altitude(altitude_m):
+            place = self._place_of_home(degrees(message.latitude), degrees(message.longitude))
+            self._home.set(_Home(altitude_m, place), now_s)
 
     def _place_of_home(self, latitude_deg: float, longitude_deg: float) -> GeoPoint | None:
         if latitude_deg == longitude_deg == 0.0:  # not known: an autopilot may send it before its first fix

@@ -12,9 +12,9 @@ from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, hear
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import Capability, GeoPoint, Limits
+from ual_daemon.backends.engine.limits import ANEW_S
 from ual_daemon.backends.firmwares.ardupilot import LONGEST_LEAD_S, velocity_lead
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
-from ual_daemon.backends.mavlink.session.session import SILENCE_S
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Control, PositionSetpoint, Sample, Snapshot, VelocitySetpoint
@@ -156,8 +156,8 @@ def test_the_height_of_a_take_off_is_above_where_it_stands_not_above_home(
 ) -> None:
     climb = COPTER.take_off(3.0, standing(home_amsl_m)).then
     assert climb is not None
-    assert climb.id == TAKE_OFF
-    assert climb.params[6] == pytest.approx(above_home_m)
+    assert climb.request.id == TAKE_OFF
+    assert climb.request.params[6] == pytest.approx(above_home_m)
 
 
 def test_it_does_not_take_off_before_home_is_known() -> None:
@@ -172,7 +172,7 @@ def test_where_home_or_origin_was_not_heard_yet_its_own_height_above_home_counts
     place = GeoPoint(47.4, 8.5, altitude_amsl_m=488.2, altitude_home_m=0.3)
     climb = COPTER.take_off(3.0, snapshot._replace(position_geo=place)).then
     assert climb is not None
-    assert climb.params[6] == pytest.approx(3.3)
+    assert climb.request.params[6] == pytest.approx(3.3)
 
 
 @pytest.mark.parametrize("altitude_home_m", [30.0, -30.0, None])
@@ -212,9 +212,7 @@ def test_a_take_off_that_is_refused_or_not_in_guided_fails_in_the_autopilots_wor
 
 def test_a_take_off_that_was_withdrawn_is_not_begun() -> None:
     harness = met(armed=True)
-    is_withdrawn = False
-    harness.session.submit(COPTER.take_off(3.0, standing(488.2)), harness.now_s, lambda: is_withdrawn)
-    is_withdrawn = True
+    harness.session.submit(COPTER.take_off(3.0, standing(488.2)), harness.now_s).cancel()
     harness.run(0.1)
     harness.receive(ack(SET_MODE, ACCEPTED))
     harness.run(1.0)
@@ -222,7 +220,10 @@ def test_a_take_off_that_was_withdrawn_is_not_begun() -> None:
 
 
 def test_its_own_hold_is_brake() -> None:
-    assert COPTER.hold().params == (1, BRAKE)  # LOITER would follow the throttle stick, which may be at its bottom
+    assert COPTER.hold().request.params == (
+        1,
+        BRAKE,
+    )  # LOITER would follow the throttle stick, which may be at its bottom
 
 
 OF_4_6 = SHAPING | {"ATC_SLEW_YAW": 6000.0}
@@ -351,7 +352,7 @@ def test_it_is_asked_for_everything_since_nothing_comes_by_itself() -> None:
         for command in harness.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL):
             asked.add(int(command.param1))
             harness.receive(ack(command.command, ACCEPTED))
-    assert asked == {int(command.params[0]) for command in COPTER.streams(50.0)}
+    assert asked == {int(command.request.params[0]) for command in COPTER.streams(50.0)}
     assert mavlink.MAVLINK_MSG_ID_HEARTBEAT in asked
 
 
@@ -364,7 +365,7 @@ def test_it_is_asked_anew_when_it_booted_so_fast_that_its_silence_was_not_notice
     harness.receive(attitude(), position(harness.now_s))
     streamed_s = harness.now_s
     harness.link.sent.clear()
-    while harness.now_s < streamed_s + SILENCE_S + 0.5:
+    while harness.now_s < streamed_s + ANEW_S + 0.5:
         harness.run(0.1)
         harness.receive(beat())  # the only thing it sends unasked
     asked = {sent.param1 for sent in harness.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)}
@@ -380,6 +381,7 @@ def test_its_mode_is_changed_when_somebody_asks_to_arm_it_where_it_cannot_be_arm
     harness.receive(beat(mode, armed=True), beat(mode))
     harness.run(5.0)
     assert harness.commands(SET_MODE) == []
+    harness.receive(beat(mode))
     harness.session.submit(COPTER.arm(harness.snapshot()), harness.now_s)
     assert [sent.param2 for sent in harness.commands(SET_MODE)] == [GUIDED]
     harness.receive(ack(SET_MODE, ACCEPTED))

@@ -81,7 +81,7 @@ def test_forged_times_discard_nothing_and_are_not_logged(caplog: pytest.LogCaptu
                 wild = attitude_at(harness.now_s)
                 wild.time_boot_ms = noise.randrange(1, 1 << 32)
                 harness.receive(wild)
-    assert harness.supervision.reboots_count == 0
+    assert harness.supervision.watch.reboots_count == 0
     assert harness.session.telemetry.parameters["MPC_XY_VEL_MAX"] == 5.0
     assert not [record for record in caplog.records if "rebooted" in record.message]
 
@@ -90,3 +90,11 @@ def attitude_at(now_s: float) -> Message:
     message = attitude()
     message.time_boot_ms = BOOT_MS + int(now_s * 1000)
     return message
+
+
+@pytest.mark.parametrize(("boot_s", "is_reboot"), [(20.0, True), (33.5, True), (45.0, False), (44.0, False)])
+def test_what_ran_for_less_than_the_silence_before_it_has_booted_in_it(boot_s: float, is_reboot: bool) -> None:
+    boot = BootTime()
+    assert not boot.update(10.0, now_s=100.0)
+    believed = [boot.update(boot_s + after_s, now_s=135.0 + after_s) for after_s in (0.0, 0.02, 0.04)]
+    assert believed == [False, False, is_reboot]

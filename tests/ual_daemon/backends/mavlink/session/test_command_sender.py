@@ -5,24 +5,25 @@ from dataclasses import replace
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness as BaseHarness
-from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
+from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat
 from ual.errors import RejectedByAutopilotError
-from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, request_message
-from ual_daemon.backends.mavlink.dialects.px4 import Px4
-from ual_daemon.backends.mavlink.session.command_sender import (
-    EFFECT_S,
-    EXPLAIN_S,
-    MOST_TEXTS,
-    REQUEST_RESEND_S,
-    REQUEST_SENDS_COUNT,
-    RESEND_S,
-    SENDS_COUNT,
-    STALE_ACK_S,
+from ual_daemon.backends.engine.command import FLYING
+from ual_daemon.backends.engine.command_runner import EFFECT_S, MOST_TEXTS, STALE_ANSWER_S, RunnerSettings
+from ual_daemon.backends.engine.limits import UNSENT_S
+from ual_daemon.backends.mavlink.dialects.command_long import (
+    AGAIN,
+    REQUESTED,
+    LongCommand,
+    command_of,
+    request_message,
 )
+from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import COMMAND_PATIENCE_S
 
+RESEND_S, SENDS_COUNT = AGAIN.every_s, AGAIN.most
+EXPLAIN_S = RunnerSettings().explain_s
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 LAND = mavlink.MAV_CMD_NAV_LAND
@@ -41,7 +42,7 @@ class Harness(BaseHarness):
         super().__init__()
         self.receive(heartbeat())
 
-    def submit(self, command: CommandLong) -> Future[None]:
+    def submit(self, command: LongCommand) -> Future[None]:
         return self.session.submit(command, self.now_s)
 
 
@@ -61,12 +62,11 @@ def test_what_was_withdrawn_is_not_sent_by_an_acknowledgement_of_something_else(
     harness = Harness()
     harness.receive(heartbeat(mode, armed=True))
     command = PX4.take_control() if needed == SET_MODE else PX4.arm(harness.snapshot())  # by way of AUTO.LOITER
-    wanted = [True]
     harness.session.submit(request_message(49), harness.now_s)
-    harness.session.submit(command, harness.now_s, lambda: not wanted)
+    future = harness.session.submit(command, harness.now_s)
     assert harness.commands(needed) == []
     harness.setpoints.sent_for_s = 1.0
-    wanted.clear()
+    future.cancel()
     harness.receive(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED), ack(mavlink.MAV_CMD_REQUEST_MESSAGE, ACCEPTED))
     assert harness.commands(needed) == []
 
@@ -94,7 +94,7 @@ def test_a_refusal_soon_after_the_command_before_is_believed_when_it_comes_again
     harness.receive(ack(ARM, ACCEPTED))
     arming = harness.submit(PX4.arm(Snapshot(0.0)))
     harness.receive(ack(ARM, REJECTED))
-    harness.run(STALE_ACK_S + 0.1)
+    harness.run(STALE_ANSWER_S + 0.1)
     assert not arming.done()
     harness.receive(ack(ARM, REJECTED))
     harness.run(EFFECT_S + 0.1)
@@ -130,11 +130,11 @@ def test_what_is_only_asked_for_gives_way_to_the_next_such_request_sooner() -> N
     harness.submit(request_message(242))
     asked: list[float] = []
     for _ in range(8):
-        harness.run(REQUEST_RESEND_S)
+        harness.run(REQUESTED.every_s)
         requests = harness.commands(mavlink.MAV_CMD_REQUEST_MESSAGE)
         asked += [sent.param1 for sent in requests if sent.param1 in (49.0, 242.0)]
-    assert asked[:REQUEST_SENDS_COUNT] == [49.0] * REQUEST_SENDS_COUNT
-    assert asked[REQUEST_SENDS_COUNT] == 242.0
+    assert asked[: REQUESTED.most] == [49.0] * REQUESTED.most
+    assert asked[REQUESTED.most] == 242.0
 
 
 def test_the_effect_of_a_command_ends_it_without_any_acknowledgement() -> None:
@@ -226,7 +226,11 @@ def test_a_refusal_carries_the_result_and_what_the_autopilot_said_around_it() ->
     assert str(error) == (
         "PX4 refused to arm: TEMPORARILY_REJECTED; it said: Arming denied: no battery; it said: Resolve failures first"
     )
-    assert error.metadata == {"result": "TEMPORARILY_REJECTED", "command": "MAV_CMD_COMPONENT_ARM_DISARM"}
+    assert error.metadata == {
+        "result": "TEMPORARILY_REJECTED",
+        "text": "Arming denied: no battery; Resolve failures first",
+        "command": "MAV_CMD_COMPONENT_ARM_DISARM",
+    }
 
 
 def test_a_flood_of_texts_is_not_kept() -> None:
@@ -284,7 +288,9 @@ def test_control_is_taken_only_once_setpoints_have_flowed() -> None:
 def test_without_setpoints_control_is_asked_for_in_the_end_and_the_autopilot_says_what_is_wrong() -> None:
     harness = Harness()
     harness.submit(PX4.take_off(3.0, Snapshot(0.0)))
-    harness.run(3.1)
+    _run_heard(harness, 2.95, heartbeat())
+    assert harness.commands(SET_MODE) == []
+    _run_heard(harness, 0.15, heartbeat())
     assert len(harness.commands(SET_MODE)) == 1
 
 
@@ -382,27 +388,68 @@ def _heartbeats_asked(harness: Harness) -> int:
 
 def test_a_withdrawn_command_is_not_sent_again() -> None:
     harness = Harness()
-    is_withdrawn = False
-    future = harness.session.submit(PX4.arm(Snapshot(0.0)), harness.now_s, lambda: is_withdrawn)
+    future = harness.submit(PX4.arm(Snapshot(0.0)))
     _run_heard(harness, 0.6, heartbeat())
     assert len(harness.commands(ARM)) == 3
-    is_withdrawn = True
+    future.cancel()
     _run_heard(harness, 5.0, heartbeat())
     assert harness.commands(ARM) == []
-    assert not future.done()
 
 
 def test_a_withdrawn_command_that_waits_for_setpoints_is_never_sent() -> None:
     harness = Harness()
-    harness.session.submit(PX4.take_control(), harness.now_s, lambda: True)
-    harness.run(10.0)
+    harness.submit(PX4.take_control()).cancel()
+    harness.setpoints.sent_for_s = 1.0
+    _run_heard(harness, 10.0, heartbeat())
     assert harness.commands(SET_MODE) == []
+
+
+def test_nothing_is_sent_first_into_a_silence_nor_before_the_mode_is_known_after_it() -> None:
+    harness = Harness()
+    harness.run(0.3)
+    harness.link.sent.clear()
+    harness.submit(PX4.hold())
+    harness.run(0.5)
+    assert harness.commands(SET_MODE) == []
+    harness.receive(SOMETHING)
+    harness.run(0.1)
+    requests = harness.link.take("COMMAND_LONG")
+    assert [sent.param1 for sent in requests if sent.command == mavlink.MAV_CMD_REQUEST_MESSAGE][:1] == [0.0]
+    assert [sent for sent in requests if sent.command == SET_MODE] == []
+    harness.receive(heartbeat(IN_POSCTL, armed=True))
+    harness.run(0.05)
+    assert len(harness.commands(SET_MODE)) == 0  # others have chosen POSCTL since
+    harness.submit(PX4.hold())
+    assert len(harness.commands(SET_MODE)) == 1
+
+
+def test_what_could_not_be_sent_says_why() -> None:
+    harness = Harness()
+    harness.run(0.3)
+    future = harness.submit(PX4.hold())
+    harness.run(UNSENT_S + 0.1)
+    assert str(future.exception(0)).startswith("the command to hold was not sent: nothing was heard of the autopilot")
+
+
+def test_a_reboot_ends_what_was_sent_to_the_boot_before() -> None:
+    harness = Harness()
+    harness.receive(attitude(boot_ms=60_000))
+    harness.submit(PX4.arm(Snapshot(0.0)))
+    harness.commands(ARM)
+    harness.now_s += 1.0
+    for boot_ms in (500, 520, 540):
+        harness.receive(attitude(boot_ms=boot_ms), heartbeat())
+    assert harness.supervision.watch.reboots_count == 1
+    _run_heard(harness, 3.0, heartbeat())
+    assert harness.commands(ARM) == []
 
 
 def test_a_command_withdrawn_before_its_turn_is_not_sent_and_replaces_none() -> None:
     harness = Harness()
     holding = harness.submit(PX4.hold())
-    harness.session.submit(PX4.land(), harness.now_s, lambda: True)
+    withdrawn: Future[None] = Future()
+    withdrawn.cancel()
+    harness.session.submit(PX4.land(), harness.now_s, withdrawn)
     assert harness.commands(LAND) == []
     harness.receive(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED))
     assert holding.done()
@@ -421,7 +468,7 @@ IN_POSCTL = 3 << 16
 
 @pytest.mark.parametrize("make", [PX4.take_control, PX4.land, PX4.hold], ids=["take_control", "land", "hold"])
 def test_who_flies_is_not_changed_again_while_nothing_is_heard_nor_before_the_mode_is_known(
-    make: Callable[[], CommandLong],
+    make: Callable[[], LongCommand],
 ) -> None:
     """The pilot may have taken over in the silence: an OFFBOARD that arrives then takes control from the pilot."""
     harness = Harness()
@@ -430,19 +477,19 @@ def test_who_flies_is_not_changed_again_while_nothing_is_heard_nor_before_the_mo
     command = make()
     harness.submit(command)
     _run_heard(harness, 0.6, SOMETHING)
-    assert len(harness.commands(command.id)) == 3  # unanswered, but the autopilot is there
+    assert len(harness.commands(command.request.id)) == 3  # unanswered, but the autopilot is there
     harness.run(0.9)
-    assert len(harness.commands(command.id)) <= 1  # one that was due when the silence began
+    assert len(harness.commands(command.request.id)) <= 1  # one that was due when the silence began
     _run_heard(harness, 0.4, SOMETHING)
-    assert harness.commands(command.id) == []
+    assert harness.commands(command.request.id) == []
     harness.receive(heartbeat(IN_POSCTL, armed=True))
     harness.run(0.05)
-    assert len(harness.commands(command.id)) == 1
+    assert len(harness.commands(command.request.id)) == 1
 
 
 @pytest.mark.parametrize("make", [lambda: PX4.arm(Snapshot(0.0)), PX4.disarm], ids=["arm", "disarm"])
 def test_nothing_is_armed_again_while_nothing_is_heard_nor_before_it_is_known_whether_it_is_armed(
-    make: Callable[[], CommandLong],
+    make: Callable[[], LongCommand],
 ) -> None:
     harness = Harness()
     command = make()
@@ -475,28 +522,28 @@ IN_RTL, IN_LOITER = 4 << 16 | 5 << 24, 4 << 16 | 3 << 24
 
 
 @pytest.mark.parametrize("make", [PX4.take_control, PX4.land, PX4.hold], ids=["take_control", "land", "hold"])
-def test_what_was_sent_is_not_sent_again_once_another_mode_was_chosen(make: Callable[[], CommandLong]) -> None:
+def test_what_was_sent_is_not_sent_again_once_another_mode_was_chosen(make: Callable[[], LongCommand]) -> None:
     harness = Harness()
     harness.setpoints.sent_for_s = 1.0
     harness.receive(heartbeat(IN_POSCTL, armed=True))
     command = make()
     harness.submit(command)
     _run_heard(harness, 0.1, heartbeat(IN_POSCTL, armed=True))
-    assert len(harness.commands(command.id)) == 1
+    assert len(harness.commands(command.request.id)) == 1
     harness.receive(heartbeat(IN_RTL, armed=True), heartbeat(IN_POSCTL, armed=True))  # in one batch
     _run_heard(harness, 3.0, heartbeat(IN_POSCTL, armed=True))
-    assert harness.commands(command.id) == []
+    assert harness.commands(command.request.id) == []
 
 
 def test_what_follows_a_change_of_the_mode_is_not_sent_once_another_mode_was_chosen() -> None:
     """ArduPilot takes off in other modes than GUIDED, too."""
     harness = Harness()
     harness.receive(heartbeat(IN_POSCTL, armed=True))
-    climb = CommandLong(mavlink.MAV_CMD_NAV_TAKEOFF, (), "climb", group="mode", mode="AUTO.LOITER")
+    climb = replace(command_of(mavlink.MAV_CMD_NAV_TAKEOFF, (), "climb", FLYING), mode="AUTO.LOITER")
     harness.submit(replace(PX4.hold(), then=climb))
     harness.receive(ack(SET_MODE, ACCEPTED), heartbeat(IN_RTL, armed=True), ack(SET_MODE, ACCEPTED))
     _run_heard(harness, 3.0, heartbeat(IN_RTL, armed=True))
-    assert harness.commands(climb.id) == []
+    assert harness.commands(climb.request.id) == []
 
 
 def test_the_mode_of_the_command_before_may_still_be_seen_first() -> None:

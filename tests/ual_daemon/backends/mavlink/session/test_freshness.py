@@ -21,7 +21,7 @@ def stale_per_hour(rate_hz: float, limit_s: float, *, fails: float = FAILS) -> f
 
 
 def rates_hz(dialect: Dialect) -> dict[int, float]:
-    return {int(command.params[0]): 1e6 / command.params[1] for command in dialect.streams(50.0)}
+    return {int(command.request.params[0]): 1e6 / command.request.params[1] for command in dialect.streams(50.0)}
 
 
 @pytest.mark.parametrize("dialect", [Px4(), ArduCopter()])

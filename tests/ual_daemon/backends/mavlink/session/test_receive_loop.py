@@ -8,10 +8,11 @@ from typing_extensions import override
 from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, attitude, heartbeat, packer, position
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.engine.loop import TICK_S
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.links import Address, Chunk, Connection
 from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.receive_loop import TICK_S, ReceiveLoop
+from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import Snapshot
@@ -62,7 +63,7 @@ class Flood(EndlessLink):
             self.loop.close()
         posted_s = self._clock.time_s
         if self.batches_count % 7 == 0:
-            self.loop.post(lambda called_s: self.called_s.append((posted_s, called_s)))
+            self.loop.loop.post(lambda called_s: self.called_s.append((posted_s, called_s)))
         self._clock.time_s += BATCH_S
         said: list[Message] = [heartbeat()]
         if self._moves:
@@ -79,7 +80,7 @@ def test_a_flood_that_never_ends_keeps_no_update_tick_or_command_waiting(garbage
     discovery = Discovery(MavlinkSettings(), connection, "test", SetpointMonitor())
     updates: list[Snapshot] = []
     flood.loop = ReceiveLoop(connection, discovery, clock, lambda _: None, updates.append)
-    flood.loop.run()
+    flood.loop.thread.run()
     gaps = [later.time_s - earlier.time_s for earlier, later in itertools.pairwise(updates)]
     assert max(gaps) <= (BATCH_S if moves else TICK_S + BATCH_S) + 1e-9
     assert len(updates) >= BATCHES_COUNT * BATCH_S / (TICK_S + BATCH_S)
@@ -110,6 +111,6 @@ def test_what_is_known_is_as_old_as_what_was_received_and_not_as_its_snapshot() 
         take(data, address, now_s, utc_now_s)
 
     discovery.receiver.receive = slow  # type: ignore[method-assign]
-    flood.loop.run()
+    flood.loop.thread.run()
     assert updates[0].updated_s == pytest.approx(received_s[0])
     assert updates[0].time_s > received_s[0] + 0.2

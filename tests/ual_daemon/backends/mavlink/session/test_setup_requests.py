@@ -14,7 +14,7 @@ import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, UTC_S, Harness, ack, attitude, heartbeat, position
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
-from ual_daemon.backends.mavlink.dialects.command_long import CommandLong
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
@@ -31,12 +31,12 @@ def asked(dialect: Dialect, rates_hz: Mapping[int, float], duration_s: float = 6
     found: Counter[int] = Counter()
 
     class Acknowledged:
-        def is_under_way(self, _: CommandLong) -> bool:
+        def is_under_way(self, _: LongCommand) -> bool:
             return False
 
-        def submit(self, command: CommandLong, _: float) -> Future[None]:
-            if command.id == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
-                found[round(command.params[0])] += 1
+        def submit(self, command: LongCommand, _: float) -> Future[None]:
+            if command.request.id == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+                found[round(command.request.params[0])] += 1
             done: Future[None] = Future()
             done.set_result(None)
             return done
@@ -75,7 +75,7 @@ def test_px4s_mode_flows_when_it_comes_twice_a_second_and_not_by_its_own_rate() 
 
 @pytest.mark.parametrize("dialect", [Px4(), ArduCopter()])
 def test_what_flows_as_asked_is_not_asked_for_again(dialect: Dialect) -> None:
-    rates_hz = {round(each.params[0]): 1e6 / each.params[1] for each in dialect.streams(50.0)}
+    rates_hz = {round(each.request.params[0]): 1e6 / each.request.params[1] for each in dialect.streams(50.0)}
     assert set(asked(dialect, rates_hz).values()) == {1}
 
 
@@ -211,7 +211,7 @@ def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_fo
     harness.receive(young, young_position)
     assert harness.snapshot().projection is None
     assert harness.snapshot().stamp_s == pytest.approx(UTC_S + harness.now_s)
-    assert harness.supervision.reboots_count == 1
+    assert harness.supervision.watch.reboots_count == 1
     assert _asked_streams(harness, until_s=20.0) == STREAMS
 
 

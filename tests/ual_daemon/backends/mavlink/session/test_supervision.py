@@ -1,17 +1,13 @@
 import logging
-from typing import Any
 
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, attitude, heartbeat, packer
+from ual_daemon.backends.engine.link_watch import LinkState, LinkWatch
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import HEARTBEAT_LATE_S
-from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
+from ual_daemon.backends.mavlink.session.supervision import Supervision
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import mavlink
-
-
-def state(watch: Supervision) -> LinkState:
-    return watch.state
 
 
 def beat(watch: Supervision, begin_s: float, end_s: float, rate_hz: float = 10.0, first: int = 0) -> int:
@@ -19,41 +15,11 @@ def beat(watch: Supervision, begin_s: float, end_s: float, rate_hz: float = 10.0
     count = round((end_s - begin_s) * rate_hz)
     for index in range(count):
         watch.on_frame((first + index) % 256, begin_s + index / rate_hz)
-        watch.tick(begin_s + index / rate_hz)
     return first + count
 
 
-def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back() -> None:
-    watch = Supervision("udp", lost_s=1.0)
-    watch.tick(100.0)
-    assert state(watch) is LinkState.CONNECTING
-    beat(watch, 100.0, 102.0)  # the last at 101.9
-    assert state(watch) is LinkState.CONNECTED
-    watch.tick(102.35)
-    assert state(watch) is LinkState.CONNECTED
-    watch.tick(102.45)
-    assert state(watch) is LinkState.STALE
-    watch.tick(102.95)
-    assert state(watch) is LinkState.LOST
-    watch.on_frame(0, 110.0)
-    assert state(watch) is LinkState.CONNECTED
-    assert watch.statistics(110.0).lost_count == 1
-
-
-def test_each_change_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
-    watch = Supervision("udp", lost_s=1.0)
-    with caplog.at_level(logging.INFO):
-        beat(watch, 0.0, 2.0)
-        for tick in range(20, 100):
-            watch.tick(tick / 10)
-        watch.on_frame(0, 10.0)
-    told: list[Any] = caplog.records
-    assert [record.ual_fields["new"] for record in told] == ["connected", "lost", "connected"]
-    assert told[2].ual_fields["silence_s"] == 8.1
-
-
 def test_rate_and_loss_are_those_of_the_last_seconds() -> None:
-    watch = Supervision("udp", lost_s=1.0)
+    watch = Supervision(LinkWatch("udp", 1.0))
     for index in range(2000):
         if index % 4 or index < 1000:
             watch.on_frame(index % 256, index / 100)
@@ -64,25 +30,10 @@ def test_rate_and_loss_are_those_of_the_last_seconds() -> None:
 
 
 def test_a_silence_is_not_counted_as_lost_messages() -> None:
-    watch = Supervision("udp", lost_s=1.0)
+    watch = Supervision(LinkWatch("udp", 1.0))
     following = beat(watch, 0.0, 2.0, rate_hz=100.0)
     beat(watch, 5.0, 6.0, rate_hz=100.0, first=following + 300)
     assert watch.statistics(6.0).loss == 0.0
-
-
-def test_a_boot_time_that_runs_back_is_a_reboot() -> None:
-    watch = Supervision("udp", lost_s=1.0)
-    told = [(100.0, 0.0), (100.5, 0.5), (100.2, 0.6), (101.0, 1.0), (3.0, 1.1), (3.1, 1.2), (3.2, 1.3), (3.3, 1.4)]
-    assert [watch.update_boot_time(boot_s, now_s) for boot_s, now_s in told] == [False] * 6 + [True, False]
-    assert watch.statistics(0.0).reboots_count == 1
-
-
-@pytest.mark.parametrize(("boot_s", "is_reboot"), [(20.0, True), (33.5, True), (45.0, False), (44.0, False)])
-def test_what_ran_for_less_than_the_silence_before_it_has_booted_in_it(boot_s: float, is_reboot: bool) -> None:
-    watch = Supervision("udp", lost_s=1.0)
-    assert not watch.update_boot_time(10.0, now_s=100.0)
-    believed = [watch.update_boot_time(boot_s + after_s, now_s=135.0 + after_s) for after_s in (0.0, 0.02, 0.04)]
-    assert believed == [False, False, is_reboot]
 
 
 # --- In the session ---------------------------------------------------------------------------------------------------
@@ -94,7 +45,7 @@ def test_only_the_chosen_autopilot_counts() -> None:
     harness.now_s = 0.9
     harness.receive(data=packer(2)(heartbeat()) + packer(1, 154)(attitude()))
     harness.run(0.2)
-    assert harness.supervision.state is LinkState.LOST
+    assert harness.supervision.watch.state is LinkState.LOST
 
 
 def test_timesync_is_asked_and_answered() -> None:
@@ -120,7 +71,7 @@ def test_a_reboot_is_seen_in_any_message_that_tells_the_time_since_boot() -> Non
     harness.now_s += 1.0
     young = attitude(boot_ms=BOOT_MS // 10)
     harness.receive(young, young, young)
-    assert harness.supervision.reboots_count == 1
+    assert harness.supervision.watch.reboots_count == 1
 
 
 def test_another_autopilot_is_told_once_with_the_ids_and_how_to_choose(caplog: pytest.LogCaptureFixture) -> None:
