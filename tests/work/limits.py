@@ -35,18 +35,18 @@ SETPOINTS = {
     "mavros": Most(137, 430, 26),
     "crazyflie": Most(117, 400, 20),
     "airsim": Most(103, 380, 20),
-    "dji": Most(161, 450, 32),
+    "dji": Most(124, 450, 24),
 }
 """`UAL.set_velocity` 0.8 m above the ground, beside a corner or between holes of a fence, with each backend."""
 
 SAMPLES = {
     "light": 410,
-    "mavlink-px4": 998,
-    "mavlink-ardupilot": 833,
-    "mavros": 1314,
-    "crazyflie": 512,
+    "mavlink-px4": 1022,
+    "mavlink-ardupilot": 854,
+    "mavros": 1198,
+    "crazyflie": 560,
     "airsim": 764,
-    "dji": 855,
+    "dji": 1067,
 }
 """Calls of functions from one sample to the next in the same flights. What was received is decoded, the velocity is
 flown on, and the sample is made for one subscriber.

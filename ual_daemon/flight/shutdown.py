@@ -52,9 +52,10 @@ class Shutdown:
 
     def _begin_hold(self, snapshot: Snapshot) -> bool:
         """Sends the hold command if that is still to do. Returns whether this call sent it."""
+        if not self._is_flown_by_us() or self._state(snapshot) is not State.FLYING_AUTO:
+            return False
         with self._lock:  # the caller of the shutdown and the updates come from different threads
-            is_due = self._hold is None and self._is_flown_by_us() and self._state(snapshot) is State.FLYING_AUTO
-            if not is_due:
+            if self._hold is not None:
                 return False
             hold = self._hold = AutopilotCommand("hold its position", snapshot.time_s)
         logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")

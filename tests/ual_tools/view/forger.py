@@ -52,7 +52,7 @@ class Forger:
 
     def read_until_text(self, text: str) -> None:
         """Reads until an element has a text with these words."""
-        until(lambda: text in str(self.elements), text, seen=lambda: self.elements, between=self._read)
+        until(lambda: self._has(text), text, seen=lambda: self.elements, between=self._read)
 
     def read_until_lines(self, name: str) -> list[tuple[float, ...]]:
         """Reads until lines of this name are drawn, and returns their points."""
@@ -61,6 +61,9 @@ class Forger:
 
     def _find(self, label: str) -> str:
         return next((key for key, each in self.elements.items() if each.get("label") == label), "")
+
+    def _has(self, text: str) -> bool:
+        return any(text in str(value) for each in self.elements.values() for value in each.values())
 
     def _labels(self) -> list[object]:
         return [each.get("label") for each in self.elements.values()]

@@ -309,7 +309,7 @@ class Session:
         """Ends a landing, once the flight may have become another's unseen.
 
         The landing goes on in a silence, and waits above the ground for its confirmation. If the mode and the authority
-        still are those of our landing after a short silence, it is confirmed: within that time nobody takes over, hands
+        still are those of our landing after a short silence, it is confirmed. Within that time nobody takes over, hands
         over to another program, and lands with it. After a long one it waits for the pilot.
         """
         landing = self._landing

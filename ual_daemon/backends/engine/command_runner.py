@@ -24,7 +24,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Verdict
 from ual_daemon.backends.engine.limits import OWN_MODE_S, SETPOINTS_WAIT_S, UNSENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
-from ual_daemon.backends.values import LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import Mode, Sample, Snapshot
 
 _log = logging.getLogger(__name__)
 
@@ -310,20 +310,10 @@ class CommandRunner(Generic[R]):
         for pending in self._those_left(judged):
             if pending.command.leads_to(mode.value):
                 pending.shown_mode = mode.value.name
-            elif not (pending.from_mode or pending.shown_mode) or self._is_readied(pending, snapshot):
+            elif not pending.from_mode and not pending.shown_mode:
                 pending.from_mode = mode.value.name
             elif pending.shown_mode or not _may_still_show(pending, mode):
                 self._overtake(pending, mode.value.name, now_s)
-
-    def _is_readied(self, pending: _Pending[R], snapshot: Snapshot) -> bool:
-        """Whether a command was not sent yet, and others ready the vehicle on the ground, which was heard ever since.
-
-        A pilot who arms chooses a mode for that, and whoever waits for the arming takes off at once: armed may show
-        before the mode does.
-        """
-        landed = snapshot.landed
-        stands = landed is not None and landed.value is LandedState.ON_GROUND
-        return stands and not pending.sends_count and self._watch.spoken_s <= pending.asked_s
 
     def _overtake(self, pending: _Pending[R], mode: str, now_s: float) -> None:
         """Ends a command because of a mode of others. What one that was sent does, is judged by the vehicle's state."""

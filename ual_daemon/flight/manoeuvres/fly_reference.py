@@ -40,8 +40,8 @@ class ReferenceRules:
     def may_send(self, snapshot: Snapshot, raw: Estimate, *, is_begun: bool) -> bool:
         """Returns whether a reference may be sent now, and lets the authority note who flies.
 
-        On the ground, a reference that has begun goes on while the autopilot follows UAL (a descent that has touched
-        down must not lose its stream before the autopilot disarms), but none begins.
+        On the ground none begins. One that has begun goes on while the autopilot follows UAL: a descent that has
+        touched down must not lose its stream before the autopilot disarms.
         """
         may_send = raw.state is State.FLYING_AUTO
         if not may_send and is_begun and raw.state is State.LANDED_ARMED:

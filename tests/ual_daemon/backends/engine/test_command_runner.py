@@ -284,20 +284,22 @@ def test_a_command_that_waited_while_others_chose_a_mode_says_so(plain: Plain) -
     assert str(future.exception(0)) == "the command to enter setpoints was not sent: the mode became land"
 
 
-@pytest.mark.parametrize("is_silent", [False, True])
-def test_on_the_ground_a_mode_that_shows_late_was_chosen_before_unless_a_silence_hides_who_chose_it(
-    plain: Plain, *, is_silent: bool
+@pytest.mark.parametrize("is_armed_anew", [False, True])
+def test_on_the_ground_a_mode_that_shows_late_is_that_of_the_arming_and_any_other_is_a_take_over(
+    plain: Plain, *, is_armed_anew: bool
 ) -> None:
     """Armed shows at once, the mode in which the pilot has armed it up to a second later."""
     plain.known = plain.known._replace(landed=Sample(LandedState.ON_GROUND, plain.now_s))
+    if is_armed_anew:
+        plain.now_s += 0.05
+        plain.known = plain.known._replace(armed=Sample(True, plain.now_s))
     plain.why_late = "no setpoints yet"
     future = plain.runner.submit(mode_command("setpoints"), plain.now_s)
-    plain.run(0.4, mode="" if is_silent else "manual")
     plain.run(0.05, mode="hold")
     plain.why_late = ""
     plain.run(0.05, mode="hold")
-    assert plain.sent == ([] if is_silent else ["mode setpoints"])
-    assert future.done() is is_silent
+    assert plain.sent == (["mode setpoints"] if is_armed_anew else [])
+    assert future.done() is not is_armed_anew
 
 
 def test_the_end_of_a_step_is_told_and_the_mode_is_wanted_while_a_command_waits_for_it(plain: Plain) -> None:

@@ -360,6 +360,7 @@ def test_a_go_to_out_of_a_zone_that_could_not_be_read_ends_within_10_s_with_its_
     flight.autopilot.parameters.update({"FENCE_ENABLE": 1, "FENCE_TYPE": 4})
     flight.autopilot.fence.refusal = mavlink.MAV_MISSION_UNSUPPORTED
     flight.take_off()
+    flight.uav.go_to_waypoint(Pose.at(0.0, 30.0, HEIGHT_M))  # over home the return would land at once
     flight.autopilot.set_fence((False, [(0.0, 0.0)], 60.0))
     flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "RTL", "its return")
     flight.uav.recover_from_manual(force=True)
