@@ -56,8 +56,8 @@ def lines(results: Results) -> Iterator[Line]:
             yield _ratio(results, f"telemetry_ms_{count}", STREAM, MAVSDK_GRPC, statistic, what, limit)
     yield _ratio(results, "telemetry_ms_1", CLASS, NATIVE, p50, "telemetry in the process, 1 subscriber, p50", 2.0)
     memory = "resident memory after a flight"
-    yield _most(results, "memory_mib", memory, 55.0, "MiB", lambda way: way.startswith("UAL") and "fence" not in way)
-    yield _most(results, "memory_mib", f"{memory}, in a fence", 75.0, "MiB", lambda way: STREAM_FENCE.name in way)
+    yield _most(results, "memory_mib", memory, 60.0, "MiB", lambda way: way.startswith("UAL") and "fence" not in way)
+    yield _most(results, "memory_mib", f"{memory}, in a fence", 80.0, "MiB", lambda way: STREAM_FENCE.name in way)
     for text in ("with", "without"):
         way = f"UAL, {text} an autopilot"
         yield _most(results, "start_s", f"start to health answering, {text} autopilot", 0.4, "s", way.__eq__)
