@@ -261,6 +261,9 @@ class RosbridgeLink:
             while not self._closing.is_set():
                 self._serve(connections)
             end = connections.close if self.is_up else connections.abort
+        except OSError as error:
+            self._lost(error)  # before the state changes: other threads say why
+            raise
         finally:
             self._connections = None
             self._forget()

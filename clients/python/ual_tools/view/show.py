@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -26,6 +27,8 @@ from ual_tools.view.picture import Picture as Looker
 from ual_tools.view.scene import Scene
 from ual_tools.view.server import serving
 from ual_tools.view.shown import MODEL_NAMES
+
+_log = logging.getLogger(__name__)
 
 _PERIOD_S = 1.0 / RATE_HZ
 _PANEL_WIDTH_PX = 420.0
@@ -109,9 +112,19 @@ class Viewer:
         """Draws until Ctrl-C."""
         due_s = time.monotonic()
         for number in count():
-            self.draw(with_panels=number % _PANEL_EVERY == 0)
+            self._try_to_draw(with_panels=number % _PANEL_EVERY == 0)
             due_s = max(due_s + _PERIOD_S, time.monotonic())
             time.sleep(max(0.0, due_s - time.monotonic()))
+
+    def _try_to_draw(self, *, with_panels: bool) -> None:
+        """Draws one picture. One that fails does not end the view: the next one is drawn.
+
+        viser wakes its event loop from this thread, and raises where that loop begins to wait in the same moment.
+        """
+        try:
+            self.draw(with_panels=with_panels)
+        except RuntimeError:
+            _log.warning("a picture was not drawn as a whole", exc_info=True)
 
     def draw(self, *, with_panels: bool) -> None:
         """Draws one picture."""
