@@ -110,6 +110,8 @@ class CommandQueue:
 
     def _begin(self, proposal: Proposal, uav: Uav) -> None:
         task = proposal.order.begin(uav)
+        if task is not None:  # it may end before any sample of the telemetry has it
+            self._member(proposal.ns).running[task.id] = None
         self._report(proposal.ns, f"{proposal.order.what}: {'accepted' if task is not None else 'done'}")
 
     def _start(self, ns: str, what: str, do: Callable[[Uav], None], free: threading.Semaphore) -> None:

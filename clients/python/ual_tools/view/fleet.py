@@ -6,14 +6,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 from ual import Uav
 from ual.discovery import Registration
 from ual.errors import UalError
 from ual.interface import Lease
-from ual.types import Frame, Geofence, Info, Route, Telemetry
+from ual.types import Frame, Geofence, Info, Route, TaskStatus, Telemetry
 from ual_tools.output import error_text
 from ual_tools.selection import chosen_daemons
 from ual_tools.session import Session
@@ -43,7 +43,8 @@ class Member:
     uav: Uav
     info: Info
     frames: Sequence[Frame] | None = None
-    task_id: str = ""
+    running: dict[str, None] = field(default_factory=dict)
+    """The identifiers of the tasks whose end is still to be written down."""
     fence: Geofence | None = None
     fence_due_s: float = 0.0
     route: Route | None = None
@@ -137,9 +138,16 @@ class Fleet:
 
     def _look_at_task(self, ns: str, member: Member, telemetry: Telemetry | None) -> None:
         """Writes down how a task ended: the telemetry has only the one that runs."""
-        before, member.task_id = member.task_id, _task_id(telemetry)
-        if before and before != member.task_id:
-            self._journal.ended(ns, member.uav.task(before).info(), time.time())
+        present = _task_id(telemetry)
+        for task_id in set(member.running) - {present}:
+            del member.running[task_id]
+            info = member.uav.task(task_id).info()
+            if info.status is TaskStatus.RUNNING:  # the telemetry is older than the order
+                member.running[task_id] = None
+            else:
+                self._journal.ended(ns, info, time.time())
+        if present:
+            member.running[present] = None
 
     def _look_at_route(self, member: Member, telemetry: Telemetry | None, now_s: float) -> None:
         """Asks for the way that is flown: of a task once, to a goal that moves again and again."""
