@@ -134,16 +134,14 @@ class Loop:
         """Publishes what is new (a pose) at once, and otherwise every `TICK_S`; then does what is due."""
         if has_news or now_s - self._published_s >= TICK_S:
             self.publish(now_s)
-            if self._clock.now_s() - now_s > SILENT_S:
-                return  # those above kept this thread: what came meanwhile is read before anything is done
         self._is_urgent = self._is_urgent or has_news or self._driven.is_urgent
         is_due = now_s - self._ticked_s >= (FAST_TICK_S if self._is_urgent else TICK_S)
         # After a new pose the rest waits for the next round: the thread that was just notified needs the GIL now.
         if (has_news or not is_due) and now_s < self._next_tick_s and not self._posted:
             return
         tick_s = self._clock.now_s()
-        # Where the update took long, what came meanwhile is read before any command is taken.
-        self._tick(tick_s, takes_posted=tick_s - now_s <= SILENT_S)
+        if tick_s - now_s <= SILENT_S:  # else this thread was kept: what came meanwhile is read before anything is done
+            self._tick(tick_s)
 
     def publish(self, now_s: float) -> None:
         """Publishes the newest data. An error of the layers above does not end the exchange with the autopilot."""
@@ -155,11 +153,11 @@ class Loop:
         except Exception as error:  # noqa: BLE001 - a defect of the layers above
             self._failures.log(error)
 
-    def _tick(self, now_s: float, *, takes_posted: bool) -> None:
+    def _tick(self, now_s: float) -> None:
         self._ticked_s, self._is_urgent = now_s, False
         if now_s >= self._next_tick_s:
             self._next_tick_s = now_s + TICK_S
-        for _ in range(len(self._posted) if takes_posted else 0):  # those that are retried wait for the next tick
+        for _ in range(len(self._posted)):  # those that are retried wait for the next tick
             self._posted.popleft()(now_s)
         self._driven.tick(now_s)
 
