@@ -56,6 +56,11 @@ def flying(daemon: DaemonProcess, height_m: float = 2.0) -> ual_pb2_grpc.UalServ
     return stub
 
 
+def let_time_stand_still(daemon: DaemonProcess) -> None:
+    simulation = simulation_pb2_grpc.SimulationServiceStub(daemon.channel())
+    simulation.SetSpeedFactor(simulation_pb2.SetSpeedFactorRequest(speed_factor=0.0), timeout=LIMIT_S)
+
+
 # --- Starting ---------------------------------------------------------------------------------------------------------
 
 
@@ -367,7 +372,7 @@ def test_a_take_off_ends_before_a_signal_ends_the_daemon(daemon: DaemonProcess) 
     simulation = simulation_pb2_grpc.SimulationServiceStub(daemon.channel())
     rising = stub.TakeOff.future(pb.TakeOffRequest(height_m=2.0))
     daemon.wait_for("state", new="TAKING_OFF")
-    simulation.SetSpeedFactor(simulation_pb2.SetSpeedFactorRequest(speed_factor=0.0), timeout=LIMIT_S)
+    let_time_stand_still(daemon)
     health_stub: Any = health_pb2_grpc.HealthStub(daemon.channel())  # its types know no Watch
     health = health_stub.Watch(health_pb2.HealthCheckRequest(), timeout=LIMIT_S)
     assert next(health).status == health_pb2.HealthCheckResponse.SERVING
@@ -406,8 +411,7 @@ def test_a_daemon_that_leaves_a_uav_in_motion_has_an_exit_status_of_its_own_and_
     daemon.wait_for("state", new="LANDED_ARMED")
     stub_of(daemon).TakeOff(pb.TakeOffRequest(height_m=100.0, non_blocking=True), timeout=LIMIT_S)
     daemon.wait_for("state", new="TAKING_OFF")
-    simulation = simulation_pb2_grpc.SimulationServiceStub(daemon.channel())
-    simulation.SetSpeedFactor(simulation_pb2.SetSpeedFactorRequest(speed_factor=0.0), timeout=LIMIT_S)
+    let_time_stand_still(daemon)
     daemon.signal(signal.SIGTERM)
     assert daemon.wait() == 3
     left = daemon.wait_for("leaving_in_flight", state="TAKING_OFF", task="take_off")
@@ -418,8 +422,11 @@ def test_a_daemon_that_leaves_a_uav_in_motion_has_an_exit_status_of_its_own_and_
 
 
 def test_a_second_signal_ends_it_at_once(daemon: DaemonProcess) -> None:
+    """Time stands still, so that the first signal waits for the take-off until the second comes."""
     daemon.wait_for("state", new="LANDED_ARMED")
-    stub_of(daemon).TakeOff(pb.TakeOffRequest(height_m=119.0, non_blocking=True), timeout=LIMIT_S)
+    stub_of(daemon).TakeOff(pb.TakeOffRequest(height_m=100.0, non_blocking=True), timeout=LIMIT_S)
+    daemon.wait_for("state", new="TAKING_OFF")
+    let_time_stand_still(daemon)
     daemon.signal(signal.SIGTERM)
     daemon.wait_for("signal")
     daemon.signal(signal.SIGTERM)

@@ -221,7 +221,8 @@ def test_a_second_signal_ends_all_at_once(start_daemon: StartDaemon) -> None:
     pids = list(workers_of(daemon))
     with ual.Uav("uav_1") as uav:
         uav.take_off(100.0, blocking=False)
-    daemon.wait_for("state", ns="uav_1", new="TAKING_OFF")
+        daemon.wait_for("state", ns="uav_1", new="TAKING_OFF")
+        uav.simulation.set_speed_factor(0.0)  # the first signal waits until the second comes
     daemon.signal(signal.SIGTERM)
     daemon.wait_for("waiting_to_end", ns="uav_1")
     daemon.signal(signal.SIGTERM)
