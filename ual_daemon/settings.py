@@ -149,7 +149,7 @@ def convert(values: Mapping[str, Any], kind: type[S], section: str = "") -> S:
             key = f"{key}.{name}".lstrip(".")
             message = "there is no such setting" + did_you_mean(key, keys(kind))
         else:
-            message = in_words(message, kind, key)
+            message = human_readable(message, kind, key)
         raise ConfigError(message, ".".join(part for part in (section, key) if part)) from None
     _refuse_not_finite(values, section)
     return settings
@@ -181,7 +181,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(alike)}?" if alike else ""
 
 
-def in_words(message: str, kind: type[Settings], key: str) -> str:
+def human_readable(message: str, kind: type[Settings], key: str) -> str:
     """Returns the message of msgspec about the value of a key (``frames[0].frame_id``), as a person reads it."""
     if pattern := _PATTERN.fullmatch(message):
         length = re.search(r"\{0,(\d+)\}", pattern[1])

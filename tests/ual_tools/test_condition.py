@@ -36,7 +36,7 @@ def test_a_battery_is_low_and_critical_in_words(battery: Battery | None, level: 
     assert condition.battery_text(battery) == text
     how = condition.of_telemetry(dataclasses.replace(FLYING, battery=battery))
     assert how.level is level
-    assert how.words == ("" if level is Level.FINE else f"battery {text}")
+    assert how.text == ("" if level is Level.FINE else f"battery {text}")
     assert how.note == ""
 
 
@@ -69,7 +69,7 @@ def test_a_battery_is_low_and_critical_in_words(battery: Battery | None, level: 
 )
 def test_each_trouble_has_its_urgency_and_words(changes: dict[str, object], level: Level, words: str) -> None:
     how = condition.of_telemetry(dataclasses.replace(FLYING, **changes))  # type: ignore[arg-type]  # of several kinds
-    assert (how.level, how.words) == (level, words)
+    assert (how.level, how.text) == (level, words)
 
 
 def test_what_is_not_the_present_is_lost_however_well_it_was() -> None:

@@ -93,7 +93,7 @@ _FAILSAFES = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """The autopilot's mode: its name, for people, and what controls the vehicle in it.
+    """The autopilot's mode: its name, human-readable, and what controls the vehicle in it.
 
     `is_autonomous` is whether the autopilot surely flies by itself in it, without sticks (hold, return): a landing may
     replace such a mode, and never one that the pilot flies.
@@ -139,7 +139,7 @@ class Zone(NamedTuple):
     """A polygon or a circle on Earth of an autopilot's own fence: to be kept inside (an inclusion) or outside of.
 
     `points` are latitude and longitude in degrees: the corners of a polygon in order (its last side leads back to the
-    first), or the centre of a circle, which has a radius. `name` is for people: ``inclusion polygon 1 of 2``.
+    first), or the centre of a circle, which has a radius. `name` is human-readable: ``inclusion polygon 1 of 2``.
     """
 
     name: str
@@ -153,7 +153,7 @@ class AutopilotFence(NamedTuple):
 
     `zones` are anywhere on Earth: it stays outside all exclusions, and inside all inclusions, or with
     `unites_inclusions` inside at least one.
-    `unread` says for people what else it has that is not known here, such as a polygon; empty if there is nothing.
+    `unread` says what else it has that is not known here, such as a polygon; empty if there is nothing.
     `is_cut_by_unread` is whether it surely has that: a goal that is admitted may then lie beyond it.
     """
 
@@ -209,21 +209,21 @@ class Snapshot(NamedTuple):
     does not send it. Altitudes above home are relative to `home_altitude_amsl_m`; `home_geo` is where home lies, if the
     autopilot says so (its altitude is the former). `autopilot_fence` is the autopilot's own; None if it has no limit.
     `geoid_separation_m` is the height above the ellipsoid minus the height above mean sea level, at this place.
-    `has_rangefinder` says whether the autopilot uses a distance sensor that looks down. `conflict` says for people why
+    `has_rangefinder` says whether the autopilot uses a distance sensor that looks down. `conflict` says why
     it is not sure that the values are those of one vehicle; nothing may be flown then. `updated_s` is when the backend
     last looked for data, which every backend says: what came later is not in the values, and while that is long ago no
-    setpoint is sent. `scheduling_gap` says for people
+    setpoint is sent. `scheduling_gap` says, human-readable,
     that it had no time for that lately. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
     its own, whose place on Earth only a `projection` of that boot says. The `projection` is None while it may be that
     of an earlier frame. `boots_in_frame_count` changes when the autopilot has rebooted and its local frame is the same:
     something outside lays it (motion capture).
-    `link_trouble` says for people what is wrong with the link, or what is heard instead of the autopilot; empty while
+    `link_trouble` says what is wrong with the link, or what is heard instead of the autopilot; empty while
     nothing is wrong. It ends the reason of the state while nothing is heard from the autopilot.
-    `refused` says for people which requests for data the autopilot has refused; it ends the reason of the state while
+    `refused` says which requests for data the autopilot has refused; it ends the reason of the state while
     that data is missing.
-    `other_sender` says for people what shows that another program sends setpoints, too; empty if nothing does.
+    `other_sender` says, human-readable, what shows that another program sends setpoints, too; empty if nothing does.
     `failsafe` is the failsafe that is active, whatever the mode. `held_by` is who or what holds the control in the
     present mode, where that is not UAL: None where the backend cannot say (it is then taken for the safety pilot).
     `health` has the rest of what the autopilot says of itself; its `failsafe` and `held_by` are filled in above.
@@ -315,7 +315,7 @@ class Takes(Flag):
 
 
 class SetpointLoss(Enum):
-    """What the vehicle does when setpoints stop in the mode that takes them; the value is for people."""
+    """What the vehicle does when setpoints stop in the mode that takes them; the value is human-readable."""
 
     HOLDS = "holds its position"
     """By itself, or by a failsafe that ends in a safe mode (PX4, ArduPilot, the light simulation)."""
@@ -377,7 +377,7 @@ class VehicleInfo:
     speed at which the autopilot itself flies to a goal, where nobody asks for another one. `acceleration_share` is the
     part of the autopilot's acceleration limits that `limits` have: references on the way use no more, a stop uses all.
     `clearance_m` is how far its body, and the air under it, need the ground to be where it does not land.
-    `limitation` says for people why it has fewer capabilities than others, and `note` what is unusual about it
+    `limitation` says, human-readable, why it has fewer capabilities than others, and `note` what is unusual about it
     (limits that are assumed, a link that carries little); both end the reason of the state.
     `drops_positions_beyond_fence` says that the autopilot ignores positions beyond its own fence, silently, also those
     that lead back inside; it follows velocities there (ArduPilot).

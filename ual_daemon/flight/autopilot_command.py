@@ -57,8 +57,8 @@ class AutopilotCommand:
         """Returns the error of a command whose vehicle is not seen any more before it has shown its effect."""
         if self._ack is None or self.is_answered:
             return lost
-        words = f"the command to {self.what} was not answered: if it had left, it may still be executed"
-        return type(lost)(f"{lost.message}; {words}", lost.metadata)
+        text = f"the command to {self.what} was not answered: if it had left, it may still be executed"
+        return type(lost)(f"{lost.message}; {text}", lost.metadata)
 
     def _error(self) -> BaseException | None:
         return None if self._ack is None or not self.is_answered else self._ack.exception()

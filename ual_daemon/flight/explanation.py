@@ -37,7 +37,7 @@ class Explanation:
         estimator = snapshot.estimator
         if found.state is not State.UNINITIALIZED or estimator is None or estimator.value.is_good:
             return found
-        silence = self.external_silence.words(snapshot.time_s)
+        silence = self.external_silence.text(snapshot.time_s)
         return replace(found, why=found.why + silence) if silence else found
 
     def update(self, snapshot: Snapshot) -> None:

@@ -28,8 +28,8 @@ class ExternalSilence:
         """Returns how long ago that was; infinity if it never was."""
         return math.inf if self._last_s is None else now_s - self._last_s
 
-    def words(self, now_s: float) -> str:
-        """Returns what the reason of UNINITIALIZED adds, for people; empty while poses come, and if none ever came."""
+    def text(self, now_s: float) -> str:
+        """Returns what the reason of UNINITIALIZED adds; empty while poses come, and if none ever came."""
         passed_s, (dropped_s, why) = self.passed_s(now_s), self._dropped
         if passed_s <= _NOTICED_S:
             return ""

@@ -14,7 +14,7 @@ _SCHEDULING_GAP_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The state, why it is that state (for people), and whether anything is heard from the autopilot."""
+    """The state, why it is that state (human-readable), and whether anything is heard from the autopilot."""
 
     state: State
     why: str

@@ -1,4 +1,4 @@
-"""Writes the daemon's logs to a stream, as text for people or as one JSON object a line.
+"""Writes the daemon's logs to a stream, as human-readable text or as one JSON object a line.
 
 A thread of its own writes the lines, so that a blocked stream (a full pipe, a slow disk) never delays flying. Lines
 that do not fit into the queue, or that cannot be written, are counted, and their number is logged.

@@ -96,7 +96,7 @@ class Calls:
         """Returns the role that a method needs."""
         return self._roles.get(method) or needed_role(method)
 
-    def take(self, call: Call) -> None:
+    def on_call(self, call: Call) -> None:
         """Begins to answer a call, on the transport's thread."""
         try:
             who = self._access.identify(call)

@@ -112,7 +112,7 @@ class Server:
         )
         self._health = health.HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)
-        self._server = transport.server(_OPTIONS, observed(calls.take, observers) if observers else calls.take)
+        self._server = transport.server(_OPTIONS, observed(calls.on_call, observers) if observers else calls.on_call)
         registry = cast("grpc.aio.Server", calls)
         ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), registry)
         if simulation is not None:

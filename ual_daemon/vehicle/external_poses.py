@@ -56,7 +56,7 @@ class ExternalPoses:
             UalError: As `ual.interface.Uav.set_external_pose`, also for a pose that is old.
 
         """
-        return self._take(measured, is_stream=False)
+        return self._on_pose(measured, is_stream=False)
 
     def offer(self, measured: ExternalPose) -> str:
         """Gives the autopilot a pose of a stream. Returns why it was dropped (also for its age), or an empty text.
@@ -65,9 +65,9 @@ class ExternalPoses:
             UalError: As `set`, but not for a pose that is old.
 
         """
-        return self._take(measured, is_stream=True)
+        return self._on_pose(measured, is_stream=True)
 
-    def _take(self, measured: ExternalPose, *, is_stream: bool) -> str:
+    def _on_pose(self, measured: ExternalPose, *, is_stream: bool) -> str:
         try:
             self._preconditions.require_flying_allowed(_NAME)
             self._preconditions.require_capability(Capability.EXTERNAL_POSE, _NAME)

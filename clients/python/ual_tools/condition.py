@@ -38,13 +38,13 @@ STYLES: Mapping[Level, str] = {Level.FINE: "", Level.WARNING: "bold yellow", Lev
 class Condition:
     """How a UAV is.
 
-    `state` is its state in one word, ``LOST`` where nothing true is known of it. `words` say all that is wrong, and
+    `state` is its state in one word, ``LOST`` where nothing true is known of it. `text` says all that is wrong, and
     `note` the same without the battery, where that is shown beside it.
     """
 
     level: Level = Level.FINE
     state: str = ""
-    words: str = ""
+    text: str = ""
     note: str = ""
 
 
@@ -53,11 +53,11 @@ def of_telemetry(t: Telemetry) -> Condition:
     found = [*_of_health(t), *_of_state(t)]
     battery = battery_level(t.battery)
     others = sorted(found, key=lambda each: -each[0])
-    note = "; ".join(words for _, words in others)
+    note = "; ".join(text for _, text in others)
     if battery is not Level.FINE:
         others = sorted([*found, (battery, f"battery {battery_text(t.battery)}")], key=lambda each: -each[0])
-    words = "; ".join(words for _, words in others)
-    return Condition(max((level for level, _ in others), default=Level.FINE), t.state.name, words, note)
+    text = "; ".join(text for _, text in others)
+    return Condition(max((level for level, _ in others), default=Level.FINE), t.state.name, text, note)
 
 
 def of_seen(seen: Seen, now_s: float, lost_after_s: float) -> Condition:
@@ -93,8 +93,8 @@ def battery_text(battery: Battery | None) -> str:
         return ""
     if battery.remaining_percent is None:
         return "" if battery.voltage_v is None else f"{battery.voltage_v:.1f} V"
-    words = {Level.WARNING: " LOW", Level.ALARM: " CRITICAL"}.get(battery_level(battery), "")
-    return f"{battery.remaining_percent:.0f} %{words}"
+    text = {Level.WARNING: " LOW", Level.ALARM: " CRITICAL"}.get(battery_level(battery), "")
+    return f"{battery.remaining_percent:.0f} %{text}"
 
 
 def battery_level(battery: Battery | None) -> Level:

@@ -72,7 +72,7 @@ def _fields(each: _Known) -> dict[str, object]:
         "reason": each.found.reason if isinstance(each.found, UalError) else each.found.state_reason,
         "battery_percent": None if battery is None else battery.remaining_percent,
         "level": each.how.level,
-        "wrong": each.how.words,
+        "wrong": each.how.text,
         "backend": each.daemon.backend,
         "address": each.daemon.address,
         "pid": each.daemon.pid,
@@ -89,8 +89,8 @@ def _cells(each: _Known) -> tuple[str, ...]:
 def _print_trouble(known: Sequence[_Known]) -> None:
     """Prints what is wrong with each, and how many there are of each state."""
     for each in known:
-        if each.how.words:
-            click.secho(f"{each.daemon.ns}: {each.how.words}", **_COLOURS[each.how.level])
+        if each.how.text:
+            click.secho(f"{each.daemon.ns}: {each.how.text}", **_COLOURS[each.how.level])
     click.echo(f"{len(known)} UAV{'s' * (len(known) > 1)}: {condition.summary(each.how for each in known)}")
 
 

@@ -58,7 +58,7 @@ class Roster:
         session: Its options are those of each connection.
         board: Where the samples go.
         rate_hz: How many samples of each come in a second; 0: every one.
-        say: Takes what goes wrong, for people.
+        say: Takes what goes wrong, human-readable.
         choose: Returns the daemons. When not given, they are those of this computer that were chosen.
         attend: Is called with each UAV once it is subscribed to, and returns when the event is set.
 

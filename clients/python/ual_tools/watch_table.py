@@ -142,7 +142,7 @@ def _rest(seen: Seen, how: Condition, columns: Sequence[_Column], note_width: in
     """Returns what stands behind the name."""
     telemetry = seen.telemetry
     if telemetry is None or how.state == "LOST":
-        return _clip(how.words, width)
+        return _clip(how.text, width)
     note = how.note or _note(telemetry)
     if how.note and len(how.note) > note_width:
         columns = [column for column in columns if column in _OF_TROUBLE]

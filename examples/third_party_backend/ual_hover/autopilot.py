@@ -37,7 +37,7 @@ class Answer:
     """What it sends after a command: the command, and ``ok``, or the reason of a refusal."""
 
     command: str
-    words: str
+    text: str
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ class HoverBackend(Backend):
         has_paused = self._loop.woke(now_s) > 0.0
         has_pose = False
         while message is not None and not has_paused:
-            self._session.take(message, now_s)
+            self._session.on_message(message, now_s)
             has_pose = has_pose or isinstance(message, Packet)
             message = self._autopilot.receive(0.0)
         self._loop.step(now_s, has_news=has_pose)

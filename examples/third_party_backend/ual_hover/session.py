@@ -59,12 +59,12 @@ class Session:
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 
-    def take(self, message: Packet | Answer, now_s: float) -> None:
+    def on_message(self, message: Packet | Answer, now_s: float) -> None:
         """Takes what the autopilot has sent."""
         self.watch.on_heard(now_s)
         if isinstance(message, Answer):
-            verdict = Verdict.ACCEPTED if message.words == "ok" else Verdict.REFUSED
-            self.runner.on_answer(message.command, verdict, now_s, message.words)
+            verdict = Verdict.ACCEPTED if message.text == "ok" else Verdict.REFUSED
+            self.runner.on_answer(message.command, verdict, now_s, message.text)
             return
         self._readings.order = message.time_s
         if self.watch.on_boot_time(message.time_s, now_s):
@@ -72,7 +72,7 @@ class Session:
             self._readings.discard_boot()
             self.runner.drop(now_s)
         if not self.watch.is_boot_doubtful and self._plausibility.accepts_motion(_pose(message), _twist(message)):
-            self._packet.take(message, now_s)
+            self._packet.on_value(message, now_s)
             self.runner.on_state(now_s)
 
     def _discard_state(self) -> None:

@@ -27,7 +27,7 @@ async def serving(
     """Serves what is registered, by ``add_..._to_server``, until the block ends. A channel to it, and the address."""
     for register in registered:
         register(cast("grpc.aio.Server", calls))
-    async with taking(choice, calls.take, options) as address, grpc.aio.insecure_channel(address) as channel:
+    async with taking(choice, calls.on_call, options) as address, grpc.aio.insecure_channel(address) as channel:
         yield channel, address
 
 

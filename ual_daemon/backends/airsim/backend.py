@@ -106,7 +106,7 @@ class AirsimBackend(Backend):
             self._settings.vehicle_name,
             self._settings.rate_hz,
             self._renew,
-            self._take,
+            self._on_report,
             self._update,
         )
         self._commands = CommandQueue(self._address, f"airsim commands {options.ns}")
@@ -277,7 +277,7 @@ class AirsimBackend(Backend):
         self._commands.disconnect()
         self._sender.disconnect()
 
-    def _take(self, report: Report) -> None:
+    def _on_report(self, report: Report) -> None:
         """Takes what the simulator reports; runs on the link's thread."""
         assert self._link.simulator is not None
         now_s = self._clock.advance(report.time_s)
@@ -323,5 +323,5 @@ class AirsimBackend(Backend):
         return Future() if not self._link.is_up else self._commands.submit(action)
 
 
-def _refusal(words: str) -> Future[None]:
-    return futures.failed(RejectedByAutopilotError(f"refused: {words}", {"text": words}))
+def _refusal(text: str) -> Future[None]:
+    return futures.failed(RejectedByAutopilotError(f"refused: {text}", {"text": text}))

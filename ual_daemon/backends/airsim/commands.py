@@ -21,7 +21,7 @@ Action = Callable[[Connection], None]
 
 
 class RefusedError(Exception):
-    """The simulator refused a command; the message says why, for people."""
+    """The simulator refused a command; the message says why, human-readable."""
 
 
 class CommandQueue:

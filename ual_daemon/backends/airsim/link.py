@@ -39,7 +39,7 @@ class Simulator(msgspec.Struct, frozen=True):
 
 
 class WrongVehicleError(Exception):
-    """The simulator has no such vehicle, or several; the message says it, for people."""
+    """The simulator has no such vehicle, or several; the message says it, human-readable."""
 
 
 class SimulatorLink:
@@ -110,9 +110,9 @@ class SimulatorLink:
 
     def _log_failure(self, error: Exception) -> None:
         """Logs an error with its traceback, unless it is the same as the last one."""
-        words = repr(error)
-        if words != self._failure:
-            self._failure = words
+        text = repr(error)
+        if text != self._failure:
+            self._failure = text
             _log.error("the link to AirSim failed; this is a defect of UAL, please report it", exc_info=error)
 
     def _connect_and_poll(self) -> None:

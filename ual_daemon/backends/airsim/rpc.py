@@ -100,7 +100,7 @@ class Connection:
             raise TimeoutError(f"the simulator has not answered for {timeout_s:g} s")
         found = self._answers.pop(number)
         if found.error is not None:
-            raise RemoteError(_words(found.error))
+            raise RemoteError(_text(found.error))
         result: T = _decoder(cast("Hashable", kind)).decode(found.result)
         return result
 
@@ -125,10 +125,10 @@ class Connection:
         if not data:
             raise ConnectionResetError("the simulator closed the connection")
         self._received += data
-        self._take_messages()
+        self._on_messages()
         return True
 
-    def _take_messages(self) -> None:
+    def _on_messages(self) -> None:
         begin = 0
         while (end := message_end(self._received, begin)) is not None:
             if end == begin:
@@ -144,7 +144,7 @@ class Connection:
             raise ConnectionResetError("the simulator sends a message without end")
 
 
-def _words(error: object) -> str:
+def _text(error: object) -> str:
     """Returns what the simulator said, without rpclib's introduction."""
     text = str(error)
     return text.rpartition("exception contained this information: ")[2].strip().rstrip(".")

@@ -42,7 +42,7 @@ Steps = Generator[Sequence[Request], list[bytes], "Firmware"]
 
 
 class UnfitError(Exception):
-    """A firmware cannot be flown by UAL; says why, for people."""
+    """A firmware cannot be flown by UAL; says why, human-readable."""
 
 
 @dataclass(frozen=True, slots=True)

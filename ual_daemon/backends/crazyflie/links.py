@@ -34,7 +34,7 @@ _EXTRA = "install the extra: pip install 'ual-daemon[crazyflie]'"
 
 
 class LinkError(Exception):
-    """The link cannot be opened, or is gone; says why, for people."""
+    """The link cannot be opened, or is gone; says why, human-readable."""
 
 
 class Link(ABC):
@@ -223,8 +223,8 @@ class CflibLink(Link):
         except Exception as error:  # noqa: BLE001  USB errors of several libraries; the link is opened anew
             self._on_error(str(error) or repr(error))
 
-    def _on_error(self, words: str) -> None:
-        self._broken = words.splitlines()[0] if words else "the link failed"
+    def _on_error(self, text: str) -> None:
+        self._broken = text.splitlines()[0] if text else "the link failed"
 
 
 def load_cflib() -> Any:  # noqa: ANN401  a module without types

@@ -64,7 +64,7 @@ class Requests:
                 pending.due_s = now_s + pending.repeat_s
                 pending.repeat_s = min(2.0 * pending.repeat_s, pending.longest_s)
 
-    def take(self, packet: Packet) -> bool:
+    def on_packet(self, packet: Packet) -> bool:
         """Takes an answer. Returns False if it answers nothing that was asked, or is a second answer."""
         for index, pending in enumerate(self._pending):
             if _answers(packet, pending.request):

@@ -204,7 +204,7 @@ class Session:
 
     def snapshot(self, now_s: float, updated_s: float, scheduling_gap: str) -> Snapshot:
         """Returns the newest data, and what is wrong with the link."""
-        trouble = "" if self.is_connected else self._supervision.words
+        trouble = "" if self.is_connected else self._supervision.text
         snapshot = self.telemetry.snapshot(now_s, self.commander.mode, trouble)
         return snapshot._replace(updated_s=updated_s, scheduling_gap=scheduling_gap, link_trouble=trouble)
 
@@ -221,7 +221,7 @@ class Session:
         now_s = self._clock.now_s()
         if self.loop.woke(now_s):
             received = []
-        self._take_all(received, now_s)
+        self._on_packets(received, now_s)
         self._talk(now_s, was_connected=was_connected)
         if self.commander.has_answered:
             self.loop.publish(now_s)  # a command ends once its effect can be seen
@@ -262,24 +262,24 @@ class Session:
             self._supervision.reopen(str(error), self._clock.now_s())
             return []
 
-    def _take_all(self, received: list[Packet], now_s: float) -> None:
+    def _on_packets(self, received: list[Packet], now_s: float) -> None:
         for packet in received:
             self.telemetry.heard_s = now_s
             try:
-                self._take(packet, now_s)
+                self._on_packet(packet, now_s)
             except (ValueError, LookupError, struct.error) as error:  # it may be in the air: the others still count
                 self._failures.log(error)
 
-    def _take(self, packet: Packet, now_s: float) -> None:
+    def _on_packet(self, packet: Packet, now_s: float) -> None:
         if packet.port == LOG and packet.channel == LOG_DATA_CHANNEL:
             if self._supervision.state is not LinkState.CONNECTING:  # they may be of another boot, whose blocks are new
-                self._reader.take(packet.data, now_s, self._clock.utc_s())
+                self._reader.on_data(packet.data, now_s, self._clock.utc_s())
         elif packet.port == CONSOLE:
             self.telemetry.on_console(packet.data)
-        elif not self._requests.take(packet) and packets.refuses_arming(packet):
-            words = self.telemetry.words or "its supervisor does not allow it"
-            self._runner.on_text(words)
-            self._runner.on_answer(ARMING, Verdict.REFUSED, now_s, words)
+        elif not self._requests.on_packet(packet) and packets.refuses_arming(packet):
+            text = self.telemetry.text or "its supervisor does not allow it"
+            self._runner.on_text(text)
+            self._runner.on_answer(ARMING, Verdict.REFUSED, now_s, text)
 
     def _use(self, firmware: Firmware, is_new: bool) -> None:
         """Uses what was learned of a firmware."""
@@ -289,9 +289,9 @@ class Session:
             self.commander.encoder = Encoder(firmware.protocol, firmware.parameters)
             self._reader.use(firmware.blocks)
             self._describe("")
-            self._requests.add(ASK_VERSION, self._take_version)
+            self._requests.add(ASK_VERSION, self._on_version)
 
-    def _take_version(self, data: bytes) -> None:
+    def _on_version(self, data: bytes) -> None:
         self._describe(data[1:].split(b"\0")[0].decode("ascii", "replace"))
 
     def _describe(self, version: str) -> None:

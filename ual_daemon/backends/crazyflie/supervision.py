@@ -23,7 +23,7 @@ RETRY_S = 1.0
 
 
 class LinkState(Enum):
-    """The state of the link; the value is for people."""
+    """The state of the link; the value is human-readable."""
 
     OPENING = "opening the link"
     CONNECTING = "connecting"
@@ -46,8 +46,8 @@ class Supervision:
         on_connected: Callable[[Firmware, bool], None],
     ) -> None:
         self.state = LinkState.OPENING
-        self.words = LinkState.OPENING.value
-        """What it is doing, for people."""
+        self.text = LinkState.OPENING.value
+        """What it is doing, human-readable."""
         self._link = link
         self._requests = requests
         self._make_steps = make_steps
@@ -58,9 +58,9 @@ class Supervision:
         self._opening: Future[None] | None = None
         self._due_s = 0.0
 
-    def tell(self, words: str) -> None:
+    def tell(self, text: str) -> None:
         """Notes what is being done."""
-        self.words = words
+        self.text = text
 
     def step(self, now_s: float, *, is_flowing: bool) -> None:
         """Does what is due. `is_flowing` is whether values of the pose come."""
@@ -147,13 +147,13 @@ class Supervision:
         self._on_connected(firmware, is_new)
 
     def _change(self, state: LinkState, why: str) -> None:
-        words = f"{state.value}: {why}" if why else state.value
-        if (state, words) != (self.state, self.words):
+        text = f"{state.value}: {why}" if why else state.value
+        if (state, text) != (self.state, self.text):
             level = (
                 logging.INFO if state in (LinkState.CONNECTING, LinkState.CONNECTED) and not why else logging.WARNING
             )
             logs.event(_log, level, "crazyflie_link", state=state.value, why=why or None)
-        self.state, self.words = state, words
+        self.state, self.text = state, text
 
 
 def _open(link: Link, opening: Future[None]) -> None:

@@ -160,7 +160,7 @@ class Telemetry:
             self.rssi_dbm = -values["radio.rssi"]
 
     def _judge_estimator(self, values: Mapping[str, float]) -> Estimator:
-        decks = [words for name, words in _DECKS.items() if self.parameters.get(name)]
+        decks = [text for name, text in _DECKS.items() if self.parameters.get(name)]
         if self.parameters.get(ESTIMATOR) == _COMPLEMENTARY:
             return Estimator(False, f"its estimator knows no position: set {ESTIMATOR}=2 (Kalman)")
         variances = [values[name] for name in _VARIANCES if name in values]
@@ -185,7 +185,7 @@ class Telemetry:
 
         Another deck beside it does not show that there is a position from outside: its base stations may be off.
         """
-        return any(words == _FLOW and self.parameters.get(name) for name, words in _DECKS.items())
+        return any(text == _FLOW and self.parameters.get(name) for name, text in _DECKS.items())
 
     @property
     def is_on_ground(self) -> bool:
@@ -198,12 +198,12 @@ class Telemetry:
         return Supervisor(0) if self.info is None else self.info.value
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """What it says of itself: what keeps it from flying, or else the last line of its console."""
         return "; ".join(troubles(self.supervisor, self.power_state)) or self._console.line
 
     def snapshot(self, now_s: float, mode: Mode, connecting: str) -> Snapshot:
-        """Returns all values as of now. `connecting` says for people what is missing of the connection."""
+        """Returns all values as of now. `connecting` says, human-readable, what is missing of the connection."""
         info = self.info
         found = troubles(self.supervisor, self.power_state)
         is_heard = self.heard_s is not None and now_s - self.heard_s <= HEARD_S
@@ -219,7 +219,7 @@ class Telemetry:
             pose=self.pose,
             velocity=self.velocity,
             battery=self._battery,
-            status_text=connecting or self.words,
+            status_text=connecting or self.text,
             boots_count=self.boots_count,
             boots_in_frame_count=self.boots_in_frame_count,
             conflict=connecting if is_heard else "",

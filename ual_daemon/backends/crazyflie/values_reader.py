@@ -35,7 +35,7 @@ class ValuesReader:
         self._motion_ident = blocks[0].ident
         self.is_boot_open = self._motion_ident in self._times
 
-    def take(self, data: bytes, now_s: float, utc_s: float) -> None:
+    def on_data(self, data: bytes, now_s: float, utc_s: float) -> None:
         """Takes a packet of values."""
         block = self._blocks.get(log_blocks.block_of(data)) if len(data) >= log_blocks.HEADER else None
         values = None if block is None else block.decode(data)

@@ -224,5 +224,5 @@ class DjiBackend(Backend):
         self._loop.step(self.clock.now_s(), has_news=has_news)
 
 
-def _refusal(words: str) -> Future[None]:
-    return futures.failed(RejectedByAutopilotError(f"refused: {words}", {"text": words}))
+def _refusal(text: str) -> Future[None]:
+    return futures.failed(RejectedByAutopilotError(f"refused: {text}", {"text": text}))

@@ -67,7 +67,7 @@ class Reply(NamedTuple):
     """What an answer says; see `CommandRunner.on_answer`."""
 
     verdict: Verdict
-    words: str = ""
+    text: str = ""
 
 
 def read_answer(answer: Future[Message]) -> Reply:
@@ -79,10 +79,10 @@ def read_answer(answer: Future[Message]) -> Reply:
         return Reply(Verdict.REFUSED, str(error))
     values = answer.result()
     is_done = values.get("success", values.get("result", False))
-    return Reply(Verdict.ACCEPTED) if is_done else Reply(Verdict.REFUSED, _words_of(values))
+    return Reply(Verdict.ACCEPTED) if is_done else Reply(Verdict.REFUSED, _text_of(values))
 
 
-def _words_of(values: Message) -> str:
+def _text_of(values: Message) -> str:
     """Returns why a service has refused, as far as its answer says it."""
     numbers = [f"{name} {values[name]}" for name in ("cmd_set", "cmd_id", "ack_data") if name in values]
     return str(values.get("message") or "") or (f"DJI's answer is {', '.join(numbers)}" if numbers else "")

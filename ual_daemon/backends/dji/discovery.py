@@ -28,7 +28,7 @@ class Discovery:
         self._question: Future[Message] | None = None
         self._ask_s = float("-inf")
         self.why_not = ""
-        """Why none was found, for people."""
+        """Why none was found, human-readable."""
 
     def find(self, now_s: float) -> Wrapper | None:
         """Asks, where it is time to, and returns the wrapper that was found."""

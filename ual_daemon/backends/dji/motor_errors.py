@@ -89,8 +89,8 @@ _WORDS: Mapping[int, str] = {
 
 
 def motor_error_text(number: int) -> str:
-    """Returns a motor start error for people; empty for 0, which is none."""
+    """Returns a human-readable motor start error; empty for 0, which is none."""
     if not number:
         return ""
-    words = _WORDS.get(number)
-    return f"motor start error {number}: {words}" if words else f"motor start error {number}"
+    text = _WORDS.get(number)
+    return f"motor start error {number}: {text}" if text else f"motor start error {number}"

@@ -22,7 +22,7 @@ class ObstacleWatch:
         self._since_s: float | None = None
 
     def observe(self, wanted: Vector3, flown: Vector3, yaw_rad: float, now_s: float) -> str:
-        """Returns what brakes it, for people; empty if nothing seems to."""
+        """Returns what brakes it, human-readable; empty if nothing seems to."""
         speed = wanted.horizontal_norm()
         along = (wanted.x * flown.x + wanted.y * flown.y) / speed if speed > _WANTED_M_S else math.inf
         if along > _SHARE * speed:

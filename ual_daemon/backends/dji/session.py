@@ -159,18 +159,18 @@ class Session:
                 topic.name,
                 topic.kind,
                 # Every node logs there: that is no sign of life of the aircraft.
-                partial(self._on_log, telemetry) if is_log else partial(self._take, telemetry, topic.taken_by),
+                partial(self._on_log, telemetry) if is_log else partial(self._on_message, telemetry, topic.handler),
                 queue_length=10 if is_log else 1,
                 silence_s=math.inf if is_log else _SILENCE_S,
             )
         if wrapper.setpoint_topic:
             self._link.advertise(wrapper.setpoint_topic, JOY)
 
-    def _take(self, telemetry: Telemetry, name: str, message: Message, now_s: float) -> None:
+    def _on_message(self, telemetry: Telemetry, name: str, message: Message, now_s: float) -> None:
         """Takes the message of a topic that the wrapper alone publishes."""
         self._note_gap(self.watch.on_heard(now_s), now_s)
         poses_count = telemetry.poses_count
-        telemetry.take(name, message, now_s)
+        telemetry.on_message(name, message, now_s)
         self.has_news = self.has_news or telemetry.poses_count != poses_count
         self._withdraw_setpoint(telemetry)
         if telemetry.is_authority_known:
@@ -180,10 +180,10 @@ class Session:
 
     def _on_log(self, telemetry: Telemetry, message: Message, now_s: float) -> None:
         """Takes what any node logs: the wrapper writes there what DJI's SDK answered."""
-        words = telemetry.words_of(message)
-        if words:
-            telemetry.say(words, now_s)
-            self.runner.on_text(words)
+        text = telemetry.text_of(message)
+        if text:
+            telemetry.say(text, now_s)
+            self.runner.on_text(text)
 
     def _withdraw_setpoint(self, telemetry: Telemetry) -> None:
         """Withdraws the setpoint that may wait in a full socket, once the authority is lost."""
@@ -286,13 +286,13 @@ class Session:
         verdict = reply.verdict if self._link.is_up or reply.verdict is Verdict.ACCEPTED else Verdict.LOST
         if verdict is Verdict.LOST:
             self._tell_open(call)
-        reasons = (reply.words, telemetry.why_not_start, telemetry.wrapper.reasons)
+        reasons = (reply.text, telemetry.why_not_start, telemetry.wrapper.reasons)
         self.runner.on_answer(key, verdict, self._clock.now_s(), "; ".join(filter(None, reasons)))
 
     def _tell_open(self, call: Call) -> None:
-        words = f"{call.service} was not answered: it may still be executed"
-        logs.event(_log, logging.WARNING, "call_open", why=words)
-        self._found().say(words, self._clock.now_s())
+        text = f"{call.service} was not answered: it may still be executed"
+        logs.event(_log, logging.WARNING, "call_open", why=text)
+        self._found().say(text, self._clock.now_s())
 
     # --- Landings by the aircraft itself ------------------------------------------------------------------------------
 

@@ -79,8 +79,8 @@ class Telemetry:
 
     # --- One method for each topic ------------------------------------------------------------------------------------
 
-    def take(self, name: str, message: Message, now_s: float) -> None:
-        """Takes the message of a topic that the wrapper alone publishes (`wrappers.Topic.taken_by`).
+    def on_message(self, name: str, message: Message, now_s: float) -> None:
+        """Takes the message of a topic that the wrapper alone publishes (`wrappers.Topic.handler`).
 
         One that a newer one has overtaken is dropped. What is said of the state counts from when it was said: after a
         stall of the bridge some comes that was said before.
@@ -114,31 +114,31 @@ class Telemetry:
         self.authority.grant(is_granted=False)
         self._granted_s = -math.inf
 
-    def take_attitude(self, message: Message, now_s: float) -> None:
+    def on_attitude(self, message: Message, now_s: float) -> None:
         """Takes the rotation from forward, left, up to east, north, up."""
         rotation = quaternion(message["quaternion"])
         if self._plausibility.accepts_rotation(rotation):
             self._orientation.set(rotation.normalized(), now_s)
 
-    def take_velocity(self, message: Message, now_s: float) -> None:
+    def on_velocity(self, message: Message, now_s: float) -> None:
         """Takes the velocity: east, north, up."""
         velocity = vector(message["vector"])
         if self._plausibility.accepts_velocity(velocity):
             self._velocity.set(velocity, now_s)
 
-    def take_rates(self, message: Message, _: float) -> None:
+    def on_rates(self, message: Message, _: float) -> None:
         """Takes the angular velocity about east, north, up; only that about up is used."""
-        self._take_rates(Vector3(0.0, 0.0, number(message["vector"]["z"])))
+        self._on_angular_velocity(Vector3(0.0, 0.0, number(message["vector"]["z"])))
 
-    def take_body_rates(self, message: Message, _: float) -> None:
+    def on_body_rates(self, message: Message, _: float) -> None:
         """Takes the angular velocity about the axes of the body."""
-        self._take_rates(vector(message["vector"]))
+        self._on_angular_velocity(vector(message["vector"]))
 
-    def _take_rates(self, rates: Vector3) -> None:
+    def _on_angular_velocity(self, rates: Vector3) -> None:
         if self._plausibility.accepts_rates(rates):
             self._rates = rates
 
-    def take_position(self, message: Message, now_s: float) -> None:
+    def on_position(self, message: Message, now_s: float) -> None:
         """Takes the fused position, which makes a pose."""
         latitude_deg, longitude_deg, altitude_m = (number(message[name]) for name in _PLACE)
         if latitude_deg == longitude_deg == 0.0:
@@ -166,32 +166,32 @@ class Telemetry:
         altitude = self._altitude.sample
         return min(now_s, attitude_s, now_s if altitude is None else altitude.time_s)
 
-    def take_altitude(self, message: Message, now_s: float) -> None:
+    def on_altitude(self, message: Message, now_s: float) -> None:
         """Takes the fused altitude above mean sea level."""
         altitude_m = number(message["data"])
         if self._plausibility.accepts_altitude(altitude_m):
             self._altitude.set(altitude_m, now_s)
 
-    def take_rtk_info(self, message: Message, _: float) -> None:
+    def on_rtk_info(self, message: Message, _: float) -> None:
         """Takes the quality of RTK."""
         self._is_rtk_fixed = message["data"] == _RTK_FIXED
 
-    def take_rtk_position(self, message: Message, now_s: float) -> None:
+    def on_rtk_position(self, message: Message, now_s: float) -> None:
         """Takes the position by RTK."""
         place = number(message["latitude"]), number(message["longitude"])
         self.frame.note_rtk(*place, now_s, is_fixed=self._is_rtk_fixed and self._plausibility.accepts_place(*place))
 
-    def take_gps_level(self, message: Message, now_s: float) -> None:
+    def on_gps_level(self, message: Message, now_s: float) -> None:
         """Takes how good the position is, 0 to 5."""
         self._level.set(int(number(message["data"])), now_s)
 
-    def take_flight_status(self, message: Message, now_s: float) -> None:
+    def on_flight_status(self, message: Message, now_s: float) -> None:
         """Takes whether it stands, runs its motors on the ground, or flies."""
         status = int(number(message.get("flight_status", message.get("data"))))
         self._status.set(status, now_s)
         self.authority.note_status(status, now_s)
 
-    def take_display_mode(self, message: Message, now_s: float) -> None:
+    def on_display_mode(self, message: Message, now_s: float) -> None:
         """Takes the mode."""
         mode = int(number(message.get("display_mode", message.get("data"))))
         if self._is_still_landing(mode, now_s):
@@ -211,7 +211,7 @@ class Telemetry:
             self._left_landing.set(None, now_s)
         return left is None or now_s - left.time_s < _SKEW_S
 
-    def take_control_mode(self, message: Message, now_s: float) -> None:
+    def on_control_mode(self, message: Message, now_s: float) -> None:
         """Takes who controls the aircraft."""
         is_ours = message["device_mode"] == _OURS and bool(message["control_auth"])
         other = _APP if message["device_mode"] == _APP else _REMOTE
@@ -221,11 +221,11 @@ class Telemetry:
             return
         self._device.set(_OURS if is_ours else other, now_s)
 
-    def take_rc_connection(self, message: Message, _: float) -> None:
+    def on_rc_connection(self, message: Message, _: float) -> None:
         """Takes whether the remote controller is connected."""
         self._has_rc = bool(message["air_or_ground_disconnected"])
 
-    def take_battery(self, message: Message, _: float) -> None:
+    def on_battery(self, message: Message, _: float) -> None:
         """Takes the battery; its current is negative while it discharges."""
         scale = self.wrapper
         self._battery = Battery(
@@ -234,17 +234,17 @@ class Telemetry:
             -number(message["current"]) * scale.volt_scale,
         )
 
-    def take_height(self, message: Message, now_s: float) -> None:
+    def on_height(self, message: Message, now_s: float) -> None:
         """Takes the height above the ground, or above where it took off."""
         self.height.set(number(message["data"]), now_s)
 
-    def take_home(self, message: Message, _: float) -> None:
+    def on_home(self, message: Message, _: float) -> None:
         """Takes where it would return to, in radians: the wrapper passes DJI's own numbers on."""
         home = GeoPoint(*(math.degrees(number(message[name])) for name in ("latitude", "longitude")))
         is_near = self._plausibility.accepts_geo_point(home) and self._is_near(home)
         self._home = home if is_near else None
 
-    def take_home_status(self, message: Message, _: float) -> None:
+    def on_home_status(self, message: Message, _: float) -> None:
         """Takes whether its home is set; what it says of it before counts for nothing."""
         self._is_home_set = bool(message["data"])
 
@@ -262,24 +262,24 @@ class Telemetry:
         self._is_home_rejected = True
         return False
 
-    def take_motor_error(self, message: Message, _: float) -> None:
+    def on_motor_error(self, message: Message, _: float) -> None:
         """Takes why the motors would not start; 0: they would."""
         self._motor_error = int(number(message["data"]))
 
-    def take_obstacles(self, message: Message, _: float) -> None:
+    def on_obstacles(self, message: Message, _: float) -> None:
         """Takes the distances of obstacles."""
         names = [name for name in ("front", "left", "back", "right") if message[f"{name}_health"]]
         self.obstacles.distances_m = {name: number(message[name]) for name in names}
 
-    def words_of(self, message: Message) -> str:
+    def text_of(self, message: Message) -> str:
         """Returns what the wrapper has logged as a warning or an error; empty if it is neither, or another node's."""
         least = _WARNING_ROS2 if "stamp" in message else _WARNING_ROS1
         is_ours = self.wrapper.logger in str(message.get("name"))
         return str(message["msg"]) if is_ours and int(number(message["level"])) >= least else ""
 
-    def say(self, words: str, now_s: float) -> None:
+    def say(self, text: str, now_s: float) -> None:
         """Tells people something for a while: in the status text."""
-        self._said = Sample(words, now_s)
+        self._said = Sample(text, now_s)
 
     # --- What they say together ---------------------------------------------------------------------------------------
 
@@ -332,11 +332,11 @@ class Telemetry:
 
     @property
     def why_not_start(self) -> str:
-        """Returns why it would not start its motors, for people; empty if it does not say."""
+        """Returns why it would not start its motors, human-readable; empty if it does not say."""
         return motor_error_text(self._motor_error)
 
     def note_setpoint(self, wanted: Vector3, now_s: float) -> str:
-        """Notes what was sent. Returns what brakes it, for people; empty if nothing seems to."""
+        """Notes what was sent. Returns what brakes it, human-readable; empty if nothing seems to."""
         self.authority.note_setpoint(now_s)
         pose, velocity = self._pose.value, self._velocity.value
         if pose is None or velocity is None:
@@ -349,7 +349,7 @@ class Telemetry:
         """Returns the topics on which nothing came for long, and without which it cannot be flown."""
         self._begun_s = min(self._begun_s, now_s)
         taken_s, never_s, oldest_s = self._taken_s, self._begun_s, now_s - _MISSING_S
-        return tuple([topic for topic in self._required if taken_s.get(topic.taken_by, never_s) < oldest_s])
+        return tuple([topic for topic in self._required if taken_s.get(topic.handler, never_s) < oldest_s])
 
     def _status_text(self, missing: str, now_s: float) -> str:
         """Returns the most important thing to say now."""
@@ -361,7 +361,7 @@ class Telemetry:
         return said.value if said is not None and now_s - said.time_s <= _SAID_S else ""
 
     def snapshot(self, now_s: float, missing: str = "") -> Snapshot:
-        """Returns what is known. `missing` says for people which topics do not come."""
+        """Returns what is known. `missing` says, human-readable, which topics do not come."""
         status, velocity, device = self._status.sample, self._velocity.sample, self._device.sample
         mode = _mode(self._display.sample, device)
         return Snapshot(
@@ -398,12 +398,12 @@ class Telemetry:
         return Sample(Estimator(not why, why), now_s if missing or level is None else level.time_s)
 
     def _why_bad(self, missing: str, now_s: float) -> str:
-        """Returns why the position is not good, for people; empty if it is."""
+        """Returns why the position is not good, human-readable; empty if it is."""
         if missing:
             return missing
         velocity = self._velocity.sample
         if velocity is None or now_s - velocity.time_s > _VELOCITY_S:
-            return f"no velocity comes ({self.wrapper.topic_of('take_velocity')})"
+            return f"no velocity comes ({self.wrapper.topic_of('on_velocity')})"
         quality = self._level.value
         least = self._settings.least_gps_level
         return "" if self._is_good(now_s) else f"the quality of the position is {quality} of 5, and {least} is needed"
@@ -455,7 +455,7 @@ _GRANT_SHOWS_S = 0.3
 """What is published of the authority within this time may be from before we were given it, until it shows as ours."""
 _SKEW_S = 0.1
 """Messages of one moment come within this time."""
-_OF_STATE = frozenset(("take_flight_status", "take_display_mode", "take_control_mode"))
+_OF_STATE = frozenset(("on_flight_status", "on_display_mode", "on_control_mode"))
 
 
 def _mode(display: Sample[int] | None, device: Sample[int] | None) -> Sample[Mode] | None:

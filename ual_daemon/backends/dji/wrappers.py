@@ -18,7 +18,7 @@ class Topic(NamedTuple):
 
     name: str
     kind: str
-    taken_by: str
+    handler: str
     is_required: bool = False
     """Whether it cannot be flown without it."""
 
@@ -56,14 +56,14 @@ class Wrapper:
     logger: str
     """Part of the names of its nodes in /rosout, where it logs what DJI's SDK answers."""
     reasons: str = ""
-    """Where DJI's reasons are, for people, where the wrapper does not pass them on."""
+    """Where DJI's reasons are, human-readable, where the wrapper does not pass them on."""
     battery_scale: float = 1.0
     """Turns its percentage into 0 to 1, its voltage into volts by `volt_scale`."""
     volt_scale: float = 1.0
 
-    def topic_of(self, taken_by: str) -> str:
+    def topic_of(self, handler: str) -> str:
         """Returns the topic that a method of `Telemetry` takes."""
-        return next(topic.name for topic in self.topics if topic.taken_by == taken_by)
+        return next(topic.name for topic in self.topics if topic.handler == handler)
 
     def setpoint(self, setpoint: VelocitySetpoint) -> Message:
         """Returns the message (or the arguments of the service) of a velocity."""
@@ -83,25 +83,25 @@ class PsdkRos2(Wrapper):
     says_authority = has_sea_level = True
     setpoint_topic = "psdk_ros2/flight_control_setpoint_ENUvelocity_yawrate"
     topics = (
-        Topic("psdk_ros2/attitude", "geometry_msgs/QuaternionStamped", "take_attitude", is_required=True),
-        Topic("psdk_ros2/velocity_ground_fused", "geometry_msgs/Vector3Stamped", "take_velocity", is_required=True),
-        Topic("psdk_ros2/angular_rate_ground_fused", "geometry_msgs/Vector3Stamped", "take_rates"),
-        Topic("psdk_ros2/gps_position_fused", "sensor_msgs/NavSatFix", "take_position", is_required=True),
-        Topic("psdk_ros2/altitude_sea_level", "std_msgs/Float32", "take_altitude", is_required=True),
-        Topic("psdk_ros2/rtk_position", "sensor_msgs/NavSatFix", "take_rtk_position"),
-        Topic("psdk_ros2/rtk_position_info", "std_msgs/UInt8", "take_rtk_info"),
-        Topic("psdk_ros2/gps_control_level", "std_msgs/UInt8", "take_gps_level", is_required=True),
-        Topic("psdk_ros2/flight_status", "psdk_interfaces/FlightStatus", "take_flight_status", is_required=True),
-        Topic("psdk_ros2/display_mode", "psdk_interfaces/DisplayMode", "take_display_mode", is_required=True),
-        Topic("psdk_ros2/control_mode", "psdk_interfaces/ControlMode", "take_control_mode", is_required=True),
-        Topic("psdk_ros2/rc_connection_status", "psdk_interfaces/RCConnectionStatus", "take_rc_connection"),
-        Topic("psdk_ros2/battery", "sensor_msgs/BatteryState", "take_battery"),
-        Topic("psdk_ros2/height_above_ground", "std_msgs/Float32", "take_height"),
-        Topic("psdk_ros2/home_point", "sensor_msgs/NavSatFix", "take_home"),
-        Topic("psdk_ros2/home_point_status", "std_msgs/Bool", "take_home_status"),
-        Topic("psdk_ros2/motor_start_error", "std_msgs/UInt16", "take_motor_error"),
-        Topic("psdk_ros2/relative_obstacle_info", "psdk_interfaces/RelativeObstacleInfo", "take_obstacles"),
-        Topic("/rosout", "rcl_interfaces/Log", "take_log"),
+        Topic("psdk_ros2/attitude", "geometry_msgs/QuaternionStamped", "on_attitude", is_required=True),
+        Topic("psdk_ros2/velocity_ground_fused", "geometry_msgs/Vector3Stamped", "on_velocity", is_required=True),
+        Topic("psdk_ros2/angular_rate_ground_fused", "geometry_msgs/Vector3Stamped", "on_rates"),
+        Topic("psdk_ros2/gps_position_fused", "sensor_msgs/NavSatFix", "on_position", is_required=True),
+        Topic("psdk_ros2/altitude_sea_level", "std_msgs/Float32", "on_altitude", is_required=True),
+        Topic("psdk_ros2/rtk_position", "sensor_msgs/NavSatFix", "on_rtk_position"),
+        Topic("psdk_ros2/rtk_position_info", "std_msgs/UInt8", "on_rtk_info"),
+        Topic("psdk_ros2/gps_control_level", "std_msgs/UInt8", "on_gps_level", is_required=True),
+        Topic("psdk_ros2/flight_status", "psdk_interfaces/FlightStatus", "on_flight_status", is_required=True),
+        Topic("psdk_ros2/display_mode", "psdk_interfaces/DisplayMode", "on_display_mode", is_required=True),
+        Topic("psdk_ros2/control_mode", "psdk_interfaces/ControlMode", "on_control_mode", is_required=True),
+        Topic("psdk_ros2/rc_connection_status", "psdk_interfaces/RCConnectionStatus", "on_rc_connection"),
+        Topic("psdk_ros2/battery", "sensor_msgs/BatteryState", "on_battery"),
+        Topic("psdk_ros2/height_above_ground", "std_msgs/Float32", "on_height"),
+        Topic("psdk_ros2/home_point", "sensor_msgs/NavSatFix", "on_home"),
+        Topic("psdk_ros2/home_point_status", "std_msgs/Bool", "on_home_status"),
+        Topic("psdk_ros2/motor_start_error", "std_msgs/UInt16", "on_motor_error"),
+        Topic("psdk_ros2/relative_obstacle_info", "psdk_interfaces/RelativeObstacleInfo", "on_obstacles"),
+        Topic("/rosout", "rcl_interfaces/Log", "on_log"),
     )
     obtain = (_trigger("obtain_ctrl_authority"),)
     release = _trigger("release_ctrl_authority")
@@ -115,18 +115,18 @@ class PsdkRos2(Wrapper):
 
 _CONSOLE = "DJI's reason is on the console of the node"
 _OSDK_TOPICS = (
-    Topic("dji_osdk_ros/attitude", "geometry_msgs/QuaternionStamped", "take_attitude", is_required=True),
-    Topic("dji_osdk_ros/velocity", "geometry_msgs/Vector3Stamped", "take_velocity", is_required=True),
-    Topic("dji_osdk_ros/angular_velocity_fused", "geometry_msgs/Vector3Stamped", "take_body_rates"),
-    Topic("dji_osdk_ros/gps_position", "sensor_msgs/NavSatFix", "take_position", is_required=True),
-    Topic("dji_osdk_ros/rtk_position", "sensor_msgs/NavSatFix", "take_rtk_position"),
-    Topic("dji_osdk_ros/rtk_info_position", "std_msgs/UInt8", "take_rtk_info"),
-    Topic("dji_osdk_ros/gps_health", "std_msgs/UInt8", "take_gps_level", is_required=True),
-    Topic("dji_osdk_ros/flight_status", "std_msgs/UInt8", "take_flight_status", is_required=True),
-    Topic("dji_osdk_ros/display_mode", "std_msgs/UInt8", "take_display_mode", is_required=True),
-    Topic("dji_osdk_ros/battery_state", "sensor_msgs/BatteryState", "take_battery"),
-    Topic("dji_osdk_ros/height_above_takeoff", "std_msgs/Float32", "take_height"),
-    Topic("/rosout", "rosgraph_msgs/Log", "take_log"),
+    Topic("dji_osdk_ros/attitude", "geometry_msgs/QuaternionStamped", "on_attitude", is_required=True),
+    Topic("dji_osdk_ros/velocity", "geometry_msgs/Vector3Stamped", "on_velocity", is_required=True),
+    Topic("dji_osdk_ros/angular_velocity_fused", "geometry_msgs/Vector3Stamped", "on_body_rates"),
+    Topic("dji_osdk_ros/gps_position", "sensor_msgs/NavSatFix", "on_position", is_required=True),
+    Topic("dji_osdk_ros/rtk_position", "sensor_msgs/NavSatFix", "on_rtk_position"),
+    Topic("dji_osdk_ros/rtk_info_position", "std_msgs/UInt8", "on_rtk_info"),
+    Topic("dji_osdk_ros/gps_health", "std_msgs/UInt8", "on_gps_level", is_required=True),
+    Topic("dji_osdk_ros/flight_status", "std_msgs/UInt8", "on_flight_status", is_required=True),
+    Topic("dji_osdk_ros/display_mode", "std_msgs/UInt8", "on_display_mode", is_required=True),
+    Topic("dji_osdk_ros/battery_state", "sensor_msgs/BatteryState", "on_battery"),
+    Topic("dji_osdk_ros/height_above_takeoff", "std_msgs/Float32", "on_height"),
+    Topic("/rosout", "rosgraph_msgs/Log", "on_log"),
 )
 
 

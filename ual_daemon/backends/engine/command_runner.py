@@ -189,7 +189,7 @@ class CommandRunner(Generic[R]):
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 
-    def on_answer(self, key: Hashable, verdict: Verdict, now_s: float, words: str = "", by: str = "") -> None:
+    def on_answer(self, key: Hashable, verdict: Verdict, now_s: float, text: str = "", by: str = "") -> None:
         """Takes an answer: to what, what it says, in whose words, and who refuses where it is not the autopilot."""
         pending = self._in_flight.get(key)
         if pending is None or (pending.refusal and pending.command.refusal_is_final):
@@ -205,7 +205,7 @@ class CommandRunner(Generic[R]):
         elif verdict is Verdict.ACCEPTED:
             self._accept(pending, now_s)
         else:
-            self._refuse(pending, now_s, words, by)
+            self._refuse(pending, now_s, text, by)
 
     def on_text(self, text: str) -> None:
         """Takes a text of the autopilot, which may explain a refusal."""
@@ -401,9 +401,9 @@ class CommandRunner(Generic[R]):
         if pending.accepts_count >= pending.command.accepts_count:
             self._finish(pending, now_s)
 
-    def _refuse(self, pending: _Pending[R], now_s: float, words: str, by: str) -> None:
+    def _refuse(self, pending: _Pending[R], now_s: float, text: str, by: str) -> None:
         command = pending.command
-        pending.refusal, pending.refuser = words or "no reason was given", by
+        pending.refusal, pending.refuser = text or "no reason was given", by
         if not command.refusal_is_final:
             return
         may_be_done = pending.sends_count > 1 and command.shows is not None
@@ -455,11 +455,11 @@ class CommandRunner(Generic[R]):
         self._send_waiting(now_s)
 
     def _refused(self, pending: _Pending[R]) -> UalError:
-        words = "".join(f"; it said: {text}" for text in pending.texts)
-        said = {"text": "; ".join(pending.texts)} if pending.texts else {}
+        said = "".join(f"; it said: {text}" for text in pending.texts)
+        texts = {"text": "; ".join(pending.texts)} if pending.texts else {}
         return RejectedByAutopilotError(
-            f"{pending.refuser or self._name} refused to {pending.command.what}: {pending.refusal}{words}",
-            {"result": pending.refusal, **said, **dict(pending.command.details)},
+            f"{pending.refuser or self._name} refused to {pending.command.what}: {pending.refusal}{said}",
+            {"result": pending.refusal, **texts, **dict(pending.command.details)},
         )
 
     def _lost(self, pending: _Pending[R]) -> UalError:

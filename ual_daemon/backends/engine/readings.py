@@ -57,7 +57,7 @@ class Reading(Generic[T]):
         """Takes a value that is to be believed, and when it was received."""
         self.sample = Sample(value, time_s)
 
-    def take(self, value: T, now_s: float) -> bool:
+    def on_value(self, value: T, now_s: float) -> bool:
         """Takes a value unless its message is late. Returns whether it was taken."""
         if not self.is_next(now_s):
             return False

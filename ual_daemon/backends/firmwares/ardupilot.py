@@ -342,7 +342,7 @@ class ArduCopter(Autopilot):
 
 
 def _unread(total: int, found: FoundZones) -> str:
-    """Returns for people what of its polygons and circles is not known, by its FENCE_TOTAL."""
+    """Returns, human-readable, what of its polygons and circles is not known, by its FENCE_TOTAL."""
     if found.why:
         return f"its polygons and circles: {found.why}"
     return f"its polygons and circles (FENCE_TOTAL {total})" if found.zones is None and total else ""

@@ -167,7 +167,7 @@ class Autopilot(ABC):
         return [name for name in self.parameters if not any(each in known for each in self.names_of(name))]
 
     def missing_parameters(self, known: Container[str]) -> tuple[str, ...]:
-        """Returns for people the names of those that it should have, and that are not known."""
+        """Returns, human-readable, the names of those that it should have, and that are not known."""
         needed = [name for name in self.absent_parameters(known) if name not in self.optional_parameters]
         return tuple(sorted({" or ".join(self.names_of(name)) for name in needed}))
 
@@ -234,14 +234,14 @@ _RELEASE_STEP = 64
 
 
 def version_text(number: int) -> str:
-    """Returns a version number of MAVLink (FIRMWARE_VERSION_TYPE in the lowest byte) for people: ``1.17.0 rc``."""
+    """Returns the text of a version number of MAVLink (FIRMWARE_VERSION_TYPE in the lowest byte): ``1.17.0 rc``."""
     major, minor, patch, release = number >> 24, number >> 16 & 0xFF, number >> 8 & 0xFF, number & 0xFF
     kind = _RELEASE[min(-(-release // _RELEASE_STEP), len(_RELEASE) - 1)]
     return f"{major}.{minor}.{patch} {kind}".rstrip()
 
 
 def assumed_text(limits: Limits) -> str:
-    """Returns for people what is assumed instead of parameters that the autopilot does not send."""
+    """Returns, human-readable, what is assumed instead of parameters that the autopilot does not send."""
     return (
         f"at most {limits.horizontal_speed_m_s:.3g} m/s, {limits.climb_speed_m_s:.3g} m/s up and "
         f"{limits.descent_speed_m_s:.3g} m/s down, {limits.horizontal_acceleration_m_s2:.3g} m/s^2 and vertically "
@@ -254,7 +254,7 @@ _MOST_NAMED = 3
 
 
 def assumption_text(missing: Sequence[str], limits: Limits) -> str:
-    """Returns for people that parameters did not come, and what is assumed; empty where none is missing."""
+    """Returns, human-readable, that parameters did not come, and what is assumed; empty where none is missing."""
     if not missing:
         return ""
     more_count = len(missing) - _MOST_NAMED

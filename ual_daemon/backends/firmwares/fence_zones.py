@@ -51,7 +51,7 @@ class FenceItem(NamedTuple):
 
 
 class FoundZones(NamedTuple):
-    """The zones that were read; None while they were not. `why` says for people why they cannot be told."""
+    """The zones that were read; None while they were not. `why` says, human-readable, why they cannot be told."""
 
     zones: tuple[Zone, ...] | None = None
     why: str = ""
@@ -61,7 +61,7 @@ UNREAD = FoundZones()
 
 
 class MalformedFenceError(Exception):
-    """The items make no fence. Says for people why."""
+    """The items make no fence. Says why, human-readable."""
 
 
 def find_zones(items: Sequence[FenceItem]) -> FoundZones:

@@ -21,7 +21,7 @@ class Vehicle(Protocol):
 
     @property
     def label(self) -> str:
-        """What it is, for people."""
+        """What it is, human-readable."""
         ...
 
     def judge_simulation(self) -> SimulationVerdict:

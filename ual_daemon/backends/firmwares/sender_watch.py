@@ -70,7 +70,7 @@ class SenderWatch:
         mode: Sample[Mode] | None,
         landed: Sample[LandedState] | None,
     ) -> str:
-        """Returns what shows another sender, for people; empty while nothing does."""
+        """Returns what shows another sender, human-readable; empty while nothing does."""
         if not _is_flown_by_setpoints(armed, mode, landed):
             self._flies_since_s, self._found = math.inf, ""
             return ""

@@ -51,7 +51,7 @@ _IDS: dict[str, int] = {kind.msgname: message_id for message_id, kind in mavlink
 
 
 class MavlinkPayload(Payload):
-    """The payload of one backend. `submit` passes a command to the autopilot, with what it is for people."""
+    """The payload of one backend. `submit` passes a command to the autopilot, with a human-readable name."""
 
     def __init__(
         self, submit: Callable[[str, Callable[[], LongCommand]], Future[None]], messages: PayloadMessages

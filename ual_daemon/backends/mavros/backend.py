@@ -56,7 +56,7 @@ class MavrosBackend(Backend):
         self._on_update = on_update
         link = self._link = self._make_link()
         link.advertise(self._setpoint_topic, topics.SETPOINT_TYPE)
-        discovery = self._discovery = Discovery(link, self._settings, self._sent, self._take, self.utc_s)
+        discovery = self._discovery = Discovery(link, self._settings, self._sent, self._on_message, self.utc_s)
         self._loop = Loop(discovery, self.clock, self._update, discovery.watch)
         self._desk = CommandDesk(self._loop, self.clock, self._reach)
         link.open()
@@ -144,7 +144,7 @@ class MavrosBackend(Backend):
         if self._loop is not None:
             self._loop.step(self.clock.now_s(), has_news=has_news)
 
-    def _take(self, session: Session, topic: str, message: Message, now_s: float) -> None:
+    def _on_message(self, session: Session, topic: str, message: Message, now_s: float) -> None:
         """Takes a message of MAVROS for the session; one with a field that is missing is logged by the link."""
         was_ours = session.takes_setpoints
         session.on_message(topic, message, now_s)

@@ -101,7 +101,7 @@ class Reply(NamedTuple):
     """What an answer says; see `CommandRunner.on_answer`."""
 
     verdict: Verdict
-    words: str = ""
+    text: str = ""
     by: str = ""
 
 

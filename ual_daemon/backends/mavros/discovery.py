@@ -65,7 +65,7 @@ class Discovery:
 
     @property
     def why_not(self) -> str:
-        """Why no autopilot can be flown, for people; empty if one can."""
+        """Why no autopilot can be flown, human-readable; empty if one can."""
         if self._link.why_not:
             return self._link.why_not
         if self._trouble:

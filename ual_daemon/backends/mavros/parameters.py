@@ -55,10 +55,10 @@ class ParameterReader:
             self._begin_round(now_s)
         if ros is Ros.ROS2:
             names, self._queue = self._queue, []
-            call(topics.GET_PARAMETERS_ROS2, {"names": names}, lambda answer: self._take_all(names, answer), 3.0)
+            call(topics.GET_PARAMETERS_ROS2, {"names": names}, lambda answer: self._on_values(names, answer), 3.0)
         else:
             name = self._queue.pop(0)
-            call(topics.GET_PARAMETER_ROS1, {"param_id": name}, lambda answer: self._take_one(name, answer), 3.0)
+            call(topics.GET_PARAMETER_ROS1, {"param_id": name}, lambda answer: self._on_answer(name, answer), 3.0)
         return True
 
     def _begin_round(self, now_s: float) -> None:
@@ -76,14 +76,14 @@ class ParameterReader:
         asked, self._optional_asked = self._optional_asked, True
         return [] if asked else absent
 
-    def _take_all(self, names: list[str], answer: Message) -> None:
+    def _on_values(self, names: list[str], answer: Message) -> None:
         for name, value in zip(names, answer["values"], strict=False):
             field = _FIELDS.get(int(value["type"]))
             if field is not None:
-                self._take(name, number(value[field]))
+                self._on_value(name, number(value[field]))
         self._on_read()
 
-    def _take_one(self, name: str, answer: Message) -> None:
+    def _on_answer(self, name: str, answer: Message) -> None:
         if not answer["success"]:
             self._failed.add(name)
             is_optional = name in self._autopilot.optional_parameters
@@ -91,9 +91,9 @@ class ParameterReader:
                 self._queue = []  # MAVROS has not fetched them yet: it would log an error for each
             return
         value = answer["value"]
-        self._take(name, float(int(value["integer"])) or number(value["real"]))
+        self._on_value(name, float(int(value["integer"])) or number(value["real"]))
         self._on_read()
 
-    def _take(self, name: str, value: float) -> None:
+    def _on_value(self, name: str, value: float) -> None:
         if self._judge.accepts_parameter(name, value):
             self._parameters[name] = value

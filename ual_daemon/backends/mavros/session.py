@@ -115,7 +115,7 @@ class Session:
 
     @property
     def label(self) -> str:
-        """What it is, for people."""
+        """What it is, human-readable."""
         return f"{self.autopilot.name} (system {self.description.system_id})"
 
     @property
@@ -268,7 +268,7 @@ class Session:
         def take(answer: Answer) -> None:
             reply = read_answer(call, answer)
             self._requested_s[_HEARTBEAT_ID] = -math.inf  # its effect may show at once
-            self.runner.on_answer(key, reply.verdict, self._now_s, reply.words, reply.by)
+            self.runner.on_answer(key, reply.verdict, self._now_s, reply.text, reply.by)
 
         answer = self._call(call.service, call.arguments, take, CALL_S)
         self._command_calls.append(answer)

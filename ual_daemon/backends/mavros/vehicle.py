@@ -35,7 +35,7 @@ class VehicleDescription(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What it is, for people."""
+        """What it is, human-readable."""
         return f"autopilot {self.firmware} on a vehicle of type {self.kind} (MAV_AUTOPILOT, MAV_TYPE)"
 
 

@@ -118,9 +118,9 @@ class Player:
                     self._closing.wait(wait_s)
             if self._closing.is_set():
                 return
-            self._take(event, event.time_s + self._offset_s, is_shown=is_shown)
+            self._on_event(event, event.time_s + self._offset_s, is_shown=is_shown)
 
-    def _take(self, event: Event, time_s: float, *, is_shown: bool) -> None:
+    def _on_event(self, event: Event, time_s: float, *, is_shown: bool) -> None:
         """Takes an event. What was before the wanted beginning is decoded, but not shown."""
         self.clock.time_s = time_s
         playback = self.playback

@@ -15,10 +15,10 @@ from ual_daemon.backends.rosbridge.operations import Message
 class ServiceError(Exception):
     """A service was not executed: `words` says why, in the words of the other side."""
 
-    def __init__(self, service: str, words: str) -> None:
-        super().__init__(f"{service}: {words}")
+    def __init__(self, service: str, text: str) -> None:
+        super().__init__(f"{service}: {text}")
         self.service = service
-        self.words = words
+        self.text = text
 
 
 class ServiceTimeoutError(ServiceError):
@@ -87,19 +87,19 @@ class Calls:
                 _end(call, ServiceTimeoutError(call.service, "the service has not answered"))
         return late
 
-    def refuse(self, ident: str, words: str, error: type[ServiceError] = ServiceError) -> None:
+    def refuse(self, ident: str, text: str, error: type[ServiceError] = ServiceError) -> None:
         """Ends a call that was not sent, or with another `error` one of which that is not known."""
         call = self._take(ident)
         if call is not None:
-            _end(call, error(call.service, words))
+            _end(call, error(call.service, text))
 
-    def fail_all(self, words: str) -> None:
+    def fail_all(self, text: str) -> None:
         """Ends all calls: the connection is lost."""
         with self._lock:
             self._unanswered_since_s, self._is_concurrent = math.inf, False
             calls, self._open = list(self._open.values()), {}
         for call in calls:
-            _end(call, ServiceTimeoutError(call.service, words))
+            _end(call, ServiceTimeoutError(call.service, text))
 
     def _take(self, ident: str) -> _Call | None:
         with self._lock:

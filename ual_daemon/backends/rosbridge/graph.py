@@ -32,7 +32,7 @@ class Graph(NamedTuple):
     topics: Mapping[str, str]
 
     def fault(self, topic: str, kind: str) -> str:
-        """Returns why a topic of a type cannot be subscribed to, for people; empty if it can."""
+        """Returns why a topic of a type cannot be subscribed to, human-readable; empty if it can."""
         found = self.topics.get(topic)
         if found is None:
             return f"nobody publishes {topic}"

@@ -125,7 +125,7 @@ class RosbridgeLink:
         self.graph: Graph | None = None
         """What rosapi says; None before the first answer of a connection."""
         self.why_not = ""
-        """Why the link is not up, for people; empty if it is."""
+        """Why the link is not up, human-readable; empty if it is."""
         self.connections_count = 0
 
     # --- For any thread -----------------------------------------------------------------------------------------------
@@ -198,7 +198,7 @@ class RosbridgeLink:
         return answer
 
     def faults(self) -> tuple[str, ...]:
-        """Returns what is wrong with the topics that were subscribed to, for people."""
+        """Returns what is wrong with the topics that were subscribed to, human-readable."""
         return tuple(each.fault for each in self._subscriptions.values() if each.fault)
 
     # --- For the link's thread ----------------------------------------------------------------------------------------
@@ -290,7 +290,7 @@ class RosbridgeLink:
         received = connections.receive(TICK_S)
         self._is_old = self._on_woke() > 0.0
         for data in received:
-            self._take(data)
+            self._on_data(data)
         now_s = self._clock.now_s()
         self._supervise(connections, connections.supervise(now_s))
         self._supervise_calls(now_s)
@@ -400,7 +400,7 @@ class RosbridgeLink:
                 connections.publisher.send(operations.advertise(topic, graph.ros.spell(kind)))
                 self._announced.add(topic)
 
-    def _take(self, data: str | bytes) -> None:
+    def _on_data(self, data: str | bytes) -> None:
         try:
             self._execute(operations.decode(data))
         except (OperationError, KeyError, TypeError, ValueError) as error:
@@ -452,9 +452,9 @@ class RosbridgeLink:
             logs.event(_log, logging.WARNING, event, url=str(self.url), why=why)
 
 
-def _refused(service: str, words: str) -> Future[Message]:
+def _refused(service: str, text: str) -> Future[Message]:
     answer: Future[Message] = Future()
-    answer.set_exception(ServiceError(service, words))
+    answer.set_exception(ServiceError(service, text))
     return answer
 
 

@@ -82,7 +82,7 @@ class Arrival:
         return max(0.0, abs(wrap_angle(motion.yaw_rad - self._yaw_rad)) - self._tolerance.heading_rad)
 
     def error_text(self) -> str:
-        """Returns the mean errors, for people."""
+        """Returns the mean errors, human-readable."""
         mean = self._mean()
         return (
             f"{mean.position_error.norm():.2f} m and {abs(mean.heading_error_rad):.2f} rad off, "

@@ -26,7 +26,7 @@ class Flown(NamedTuple):
 class Onward(NamedTuple):
     """The rest of a way, planned anew: `passed_count` waypoints of the trajectory before it are not in it any more.
 
-    `why` says for people what has changed.
+    `why` says, human-readable, what has changed.
     """
 
     trajectory: Trajectory

@@ -266,8 +266,8 @@ def _longest_s(trajectory: Trajectory) -> float:
 
 def _ended_by_world(error: UalError) -> Step:
     """Returns the step of a manoeuvre that cannot go on in a world that has changed."""
-    words = f"{error.message}; this has changed in flight: the UAV stops and holds its position"
-    return Step(has_ended=True, error=type(error)(words, error.metadata), is_to_stop=True)
+    text = f"{error.message}; this has changed in flight: the UAV stops and holds its position"
+    return Step(has_ended=True, error=type(error)(text, error.metadata), is_to_stop=True)
 
 
 def _nothing() -> None:

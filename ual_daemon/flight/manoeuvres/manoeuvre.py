@@ -170,7 +170,7 @@ def guarded(manoeuvre: Manoeuvre, act: Callable[P, T], *args: P.args, **kwargs: 
 
 
 def no_way(during: str, stuck_s: float, left: str, snapshot: Snapshot) -> Step:
-    """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left, for people."""
+    """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left."""
     said = f"the autopilot says: {snapshot.status_text}" if snapshot.status_text else ""
     why = "".join(f"; {each}" for each in (breach_text(snapshot), said) if each)
     return failed(

@@ -87,8 +87,8 @@ class ProgressWatch:
         self.expect(slowest_m_s)
         self._furthest_m: float | None = None
         self._since_s = 0.0
-        self.words = ""
-        """That it is stuck, and what can be done, for people; empty while it is not."""
+        self.text = ""
+        """That it is stuck, and what can be done, human-readable; empty while it is not."""
 
     def observe(self, z_m: float, now_s: float, *, is_there: bool = False) -> None:
         """Takes a height. `is_there`: there is no way left, so it is not stuck."""
@@ -96,8 +96,8 @@ class ProgressWatch:
             self._furthest_m, self._since_s = z_m, now_s
         stuck_s = now_s - self._since_s
         is_stuck = stuck_s > self._patience_s and not is_there
-        self.words = f"it has not {self._verb} for {stuck_s:.0f} s: {self._advice}" if is_stuck else ""
-        self._task.note = self.words
+        self.text = f"it has not {self._verb} for {stuck_s:.0f} s: {self._advice}" if is_stuck else ""
+        self._task.note = self.text
 
     def expect(self, slowest_m_s: float) -> None:
         """Takes the least speed that it is to have now."""

@@ -170,7 +170,7 @@ class TakeOff(Manoeuvre):
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
         is_there = self._height_m - climbed_m <= self._tolerance_m
         self._climb_watch.observe(motion.position.z, snapshot.time_s, is_there=is_there)
-        if self._climb_watch.words:
+        if self._climb_watch.text:
             return self._given_up(climbed_m)
         if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):
             return Step(setpoint, has_ended=True, next_reference=self._top)
@@ -195,7 +195,7 @@ class TakeOff(Manoeuvre):
     def _given_up(self, climbed_m: float) -> Step:
         """Returns the step that ends a climb that makes no way: it must not begin later, when nobody expects it."""
         error = UalTimeoutError(
-            f"take_off: at {climbed_m:.2f} m, not at {self._height_m:g} m: {self._climb_watch.words}; the autopilot is "
+            f"take_off: at {climbed_m:.2f} m, not at {self._height_m:g} m: {self._climb_watch.text}; the autopilot is "
             "to hold by itself now",
             {"by": "no way"},
         )
@@ -233,9 +233,9 @@ class TakeOff(Manoeuvre):
         try:
             geofence.require_goal_inside(highest, self.name, snapshot)
         except GeofenceError as error:
-            words = f"{error.message}; this has changed in flight: the UAV stops and holds"
+            text = f"{error.message}; this has changed in flight: the UAV stops and holds"
             is_ours = self._on_setpoints or self._climb is not None
-            changed = GeofenceError(words, error.metadata)
+            changed = GeofenceError(text, error.metadata)
             return Step(has_ended=True, error=changed, is_to_stop=is_ours, is_autopilot_to_hold=not is_ours)
         except UalError:  # it is not known where the geofence lies
             return None

@@ -32,9 +32,9 @@ class Authority:
         self.is_ground_theirs = False
         """Whether others have flown the UAV since it was disarmed, and UAL has not been commanded since."""
         self.given_up = ""
-        """Why UAL has given the flight up by itself, for people; empty if it has not."""
+        """Why UAL has given the flight up by itself, human-readable; empty if it has not."""
         self.taken = ""
-        """Who took the UAV from UAL in this flight, for people; empty if nobody has."""
+        """Who took the UAV from UAL in this flight, human-readable; empty if nobody has."""
         self._has_flown = False
         """Whether UAL was commanded in this flight."""
         self._heard_s: float | None = None

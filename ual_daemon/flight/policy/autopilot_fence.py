@@ -17,7 +17,7 @@ autopilot takes the UAV away (RTL)."""
 
 
 class Beyond(NamedTuple):
-    """How a point lies beyond the fence: `where` and beyond which `limit`, for people, and as metadata of an error."""
+    """How a point lies beyond the fence: `where` and beyond which `limit`, and as metadata of an error."""
 
     where: str
     limit: str
@@ -98,14 +98,14 @@ def beyond_zone(name: str) -> Beyond | None:
 
 
 def text(beyond: Beyond, reserve_m: float = 0.0) -> str:
-    """Returns it for people: "45.0 m from its home, beyond the autopilot's own fence (...)"."""
+    """Returns it, human-readable: "45.0 m from its home, beyond the autopilot's own fence (...)"."""
     where = f"{beyond.where}, " if beyond.where else ""
     reserve = f"; UAL stays {reserve_m:g} m inside" if reserve_m else ""
     return f"{where}beyond the autopilot's own fence ({beyond.limit}{reserve})"
 
 
 def breach_text(snapshot: Snapshot) -> str:
-    """Returns that the UAV is beyond the fence, for people; empty if it is not, or if that is not known."""
+    """Returns that the UAV is beyond the fence, human-readable; empty if it is not, or if that is not known."""
     if snapshot.pose is None:
         return ""
     point = snapshot.pose.value.position

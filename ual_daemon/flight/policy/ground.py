@@ -18,7 +18,7 @@ _SAME_ORIGIN_M = 0.01
 
 
 class Datum(NamedTuple):
-    """The ground: its z in the local frame, its name for people, and how far it may be off."""
+    """The ground: its z in the local frame, its human-readable name, and how far it may be off."""
 
     z_m: float
     name: str

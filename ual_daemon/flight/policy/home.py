@@ -10,7 +10,7 @@ from ual_daemon.flight.policy.ground import Ground
 
 
 class HomePlace(NamedTuple):
-    """Home in the local frame, on the ground, and what it follows from, for people."""
+    """Home in the local frame, on the ground, and what it follows from, human-readable."""
 
     position: Vector3
     what: str

@@ -39,7 +39,7 @@ class Jump(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What has jumped and by how much, for people."""
+        """What has jumped and by how much, human-readable."""
         distance_m = self.offset.norm()
         return f"position jumped by {distance_m:.1f} m" if distance_m else f"heading jumped by {self._yaw_deg:.0f} deg"
 

@@ -81,7 +81,7 @@ class _SelfTest:
 
     async def serve(self) -> int:
         """Starts the server. Returns its port."""
-        self._server = self._transport.server(_SERVER_OPTIONS, self._take)
+        self._server = self._transport.server(_SERVER_OPTIONS, self._on_call)
         port = self._server.listen("127.0.0.1:0")
         await self._server.start()
         return port
@@ -139,7 +139,7 @@ class _SelfTest:
         if self._channel is not None:
             self._channel.close()  # the caller need not wait for its time limit
 
-    def _take(self, call: Call) -> None:
+    def _on_call(self, call: Call) -> None:
         self._methods[call.method](call)
 
     def _echo(self, call: Call) -> None:

@@ -99,7 +99,7 @@ class Observer:
     @contextmanager
     def open(self) -> Iterator[Observer]:
         """Subscribes for as long as the block runs."""
-        with self.uav.subscribe(self._take):
+        with self.uav.subscribe(self._on_telemetry):
             yield self
 
     def caught_up(self) -> list[Telemetry]:
@@ -117,7 +117,7 @@ class Observer:
             require(there, f"no telemetry came for {_NO_SAMPLE_S:g} s")
             yield self.samples[number]
 
-    def _take(self, telemetry: Telemetry) -> None:
+    def _on_telemetry(self, telemetry: Telemetry) -> None:
         now_s = time.monotonic()
         with self._changed:
             if self._came_s is not None:
@@ -466,7 +466,7 @@ def speed(sample: Telemetry) -> float:
 
 
 def describe(sample: Telemetry) -> str:
-    """Describes a sample in a few words, for people."""
+    """Describes a sample in a few words, human-readable."""
     if sample.odometry is None:
         return f"state {sample.state.name} ({sample.state_reason})"
     p = position(sample)

@@ -101,7 +101,7 @@ class Mapper:
     def skip(self) -> None:
         """Leaves out what is asked for: the device has no such axis or button."""
         if self.question is not None:
-            self._take(None)
+            self._on_answer(None)
 
     def back(self) -> None:
         """Asks the last question again."""
@@ -136,7 +136,7 @@ class Mapper:
         elif (used := self._user(found[0])) is not None:
             self.note = f"that is {used} already: another one, or skip it"
         else:
-            self._take(found[0])
+            self._on_answer(found[0])
 
     def _found(self, target: Axis | Button, seen: _Seen) -> list[str]:
         """Returns the bindings that may be meant. Some triggers are an axis and a button at once."""
@@ -164,7 +164,7 @@ class Mapper:
                 return str(question.target.value)
         return None
 
-    def _take(self, answer: str | None) -> None:
+    def _on_answer(self, answer: str | None) -> None:
         self._answers.append(answer)
         self.note = ""
 

@@ -48,7 +48,7 @@ class Route:
     `leg_speeds_m_s` is empty or has one for each waypoint (0: none given). So has `holds_s`: how long to hold there (0:
     no stop).
 
-    `left_out` lists, as text for people, what else is in the file and is not flown.
+    `left_out` lists, as human-readable text, what else is in the file and is not flown.
     """
 
     waypoints: Sequence[PoseStamped] | Sequence[GeoWaypoint]

@@ -110,7 +110,7 @@ class Listener:
         if self.worker.is_delayed():
             self._group.separate_slow(self.worker)
         with self._lock:
-            self._take(sample)
+            self._on_sample(sample)
             is_new, self._is_busy = not self._is_busy, True
         if is_new:
             self._group.schedule(self)
@@ -123,7 +123,7 @@ class Listener:
             self.put(sample)
             return
         with self._lock:
-            self._take(sample)
+            self._on_sample(sample)
 
     def call(self) -> None:
         """Calls back with the newest sample, unless that is done already or another thread is about to do it."""
@@ -169,7 +169,7 @@ class Listener:
             self._logged_failure = text
             _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
 
-    def _take(self, sample: Telemetry) -> None:
+    def _on_sample(self, sample: Telemetry) -> None:
         if self._newest is not None:
             self._missed_count += self._newest.missed_count + 1
         self._newest = sample

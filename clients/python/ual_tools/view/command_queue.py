@@ -34,7 +34,7 @@ class Proposal:
 
     @property
     def text(self) -> str:
-        """What would happen, for people."""
+        """What would happen, human-readable."""
         return f"{self.ns}: {self.order.what}: {self.answer}"
 
 

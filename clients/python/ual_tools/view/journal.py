@@ -24,7 +24,7 @@ class Journal:
         self._lock = threading.Lock()
         self._lines: deque[tuple[str, str]] = deque(maxlen=_MOST_LINES)
         self._states: dict[str, str] = {}
-        self._words: dict[str, str] = {}
+        self._text: dict[str, str] = {}
         self._levels: dict[str, Level] = {}
 
     def look(self, uav: Shown, seen: Seen, utc_s: float) -> None:
@@ -37,7 +37,7 @@ class Journal:
             return
         reason = f" ({telemetry.state_reason})" if telemetry.state_reason else ""
         self._note_state(uav.ns, telemetry.state.name, f"{telemetry.state.name}{reason}", utc_s)
-        self._note_words(uav.ns, telemetry, utc_s)
+        self._note_text(uav.ns, telemetry, utc_s)
         self._note_alarm(uav, utc_s)
 
     def ended(self, ns: str, task: TaskInfo, utc_s: float) -> None:
@@ -73,10 +73,10 @@ class Journal:
         before = self._levels.get(uav.ns, Level.FINE)
         self._levels[uav.ns] = uav.how.level
         if uav.how.level > before:
-            self.write(uav.ns, f"{uav.how.level.name}: {uav.how.words}", utc_s)
+            self.write(uav.ns, f"{uav.how.level.name}: {uav.how.text}", utc_s)
 
-    def _note_words(self, ns: str, telemetry: Telemetry, utc_s: float) -> None:
-        words = telemetry.status_text
-        if words and self._words.get(ns) != words:
-            self.write(ns, f"the autopilot says: {words}", utc_s)
-        self._words[ns] = words
+    def _note_text(self, ns: str, telemetry: Telemetry, utc_s: float) -> None:
+        text = telemetry.status_text
+        if text and self._text.get(ns) != text:
+            self.write(ns, f"the autopilot says: {text}", utc_s)
+        self._text[ns] = text

@@ -74,7 +74,7 @@ def seen_by(client: viser.ClientHandle) -> Camera | None:
 
 def _wanted(uav: Shown, top_m: float) -> Wanted:
     assert uav.body is not None
-    text = uav.ns if uav.how.level is Level.FINE else f"{uav.ns}: {uav.how.words}"
+    text = uav.ns if uav.how.level is Level.FINE else f"{uav.ns}: {uav.how.text}"
     text = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
     above = uav.body.position + Vector3(0.0, 0.0, top_m)
     return Wanted(uav.ns, text, above, is_urgent=uav.how.level is not Level.FINE)

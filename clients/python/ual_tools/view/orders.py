@@ -19,7 +19,7 @@ _HOLDER = "ual view"
 
 @dataclass(frozen=True)
 class Order:
-    """What is asked about first: what it is, for people; the question, which returns what would happen; and what begins
+    """What is asked about first: its name; the question, which returns what would happen; and what begins
     it.
 
     `way` is where a straight flight ends, in `map`.

@@ -35,8 +35,8 @@ def curtain(utc_s: float) -> str:
 
     It is the browser that counts: the page may be old because `ual view` hangs, or because nothing gets through.
     """
-    words = f"NO NEWS since {clock_text(utc_s)}: this is not the present"
-    return f"{_CURTAIN_STYLE}<div class='ual-curtain'><b>{words}</b></div>"
+    text = f"NO NEWS since {clock_text(utc_s)}: this is not the present"
+    return f"{_CURTAIN_STYLE}<div class='ual-curtain'><b>{text}</b></div>"
 
 
 def details(uav: Shown, seen: Seen, *, now_s: float) -> str:

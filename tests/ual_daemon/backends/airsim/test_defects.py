@@ -44,9 +44,9 @@ def backend() -> AirsimBackend:
 
 
 def test_an_orientation_of_all_zeros_is_no_pose(backend: AirsimBackend) -> None:
-    backend._take(report())
+    backend._on_report(report())
     assert backend._snapshot.pose is not None
-    backend._take(report(Rotation(0.0, 0.0, 0.0, 0.0)))
+    backend._on_report(report(Rotation(0.0, 0.0, 0.0, 0.0)))
     assert backend._snapshot.pose is None
 
 

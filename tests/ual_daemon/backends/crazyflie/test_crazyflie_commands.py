@@ -51,7 +51,7 @@ def test_arms_and_disarms(tmp_path: Path, protocol: int) -> None:
         ("charging", "it is charging"),
     ],
 )
-def test_refuses_to_arm_in_plain_words(tmp_path: Path, trouble: str, words: str) -> None:
+def test_refuses_to_arm_in_plain_words(tmp_path: Path, trouble: str, text: str) -> None:
     flown = Flown(tmp_path)
     flown.ready()
     if trouble == "locked":
@@ -61,12 +61,12 @@ def test_refuses_to_arm_in_plain_words(tmp_path: Path, trouble: str, words: str)
     else:
         setattr(flown.crazyflie, trouble, True)
     flown.run(0.3)
-    with pytest.raises(RejectedByAutopilotError, match=words):
+    with pytest.raises(RejectedByAutopilotError, match=text):
         flown.arm()
     health = flown.backend.snapshot().health
     assert health is not None
-    assert words in "; ".join(health.failing_checks)
-    assert words in flown.backend.snapshot().status_text
+    assert text in "; ".join(health.failing_checks)
+    assert text in flown.backend.snapshot().status_text
 
 
 def test_arms_again_soon_after_it_was_disarmed_on_landing(tmp_path: Path) -> None:
@@ -449,7 +449,7 @@ def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> N
     flying = place, Vector3()
     commander.step(requests, 0.0, flying)
     requests.step(0.0)
-    assert requests.take(Packet(sent[0].port, sent[0].channel, sent[0].data[:3] + bytes(1)))
+    assert requests.on_packet(Packet(sent[0].port, sent[0].channel, sent[0].data[:3] + bytes(1)))
     told_s = []
     for step in range(100):
         now_s = step * 0.01

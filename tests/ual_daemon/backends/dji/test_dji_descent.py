@@ -44,7 +44,7 @@ def test_a_velocity_that_has_stopped_does_not_say_that_it_is_held_above_the_grou
         while backend.aircraft.height_m > 0.0:
             told.add(task.info().description)
             wait(backend, 0.1)
-        assert not [words for words in told if "has not descended" in words]
+        assert not [text for text in told if "has not descended" in text]
 
 
 def test_a_position_that_comes_back_leads_it_over_the_place_again() -> None:

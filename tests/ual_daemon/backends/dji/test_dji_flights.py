@@ -279,10 +279,10 @@ def test_a_landing_that_is_held_above_the_ground_asks_for_the_pilot() -> None:
         (LockstepOsdkVehicle, "DJI's reason is on the console of the node"),
     ],
 )
-def test_a_refusal_is_told_in_the_words_of_the_firmware(kind: type[LockstepDji], words: str) -> None:
+def test_a_refusal_is_told_in_the_words_of_the_firmware(kind: type[LockstepDji], text: str) -> None:
     with ready(kind) as (uav, backend):
         backend.aircraft.refusal = "Could not turn on motors. In a no-fly zone. Error code is: 68719476736"
-        with pytest.raises(RejectedByAutopilotError, match=words):
+        with pytest.raises(RejectedByAutopilotError, match=text):
             uav.arm()
 
 
@@ -291,8 +291,8 @@ def test_the_aircraft_itself_is_asked_whether_its_motors_start() -> None:
         backend.aircraft.motor_error = 1
         until(lambda: "compass" in str(backend.snapshot().health))
         backend.aircraft.refusal = "Could not turn on motors"
-        words = "motor start error 1: the compass.*it said: Could not turn on motors"
-        with pytest.raises(RejectedByAutopilotError, match=words):
+        text = "motor start error 1: the compass.*it said: Could not turn on motors"
+        with pytest.raises(RejectedByAutopilotError, match=text):
             uav.arm()
         backend.aircraft.refusal = ""
         uav.arm()

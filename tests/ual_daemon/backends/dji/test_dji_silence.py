@@ -194,8 +194,8 @@ def test_a_call_into_a_beginning_silence_may_still_be_executed() -> None:
         wait(backend, 0.7)
         answer.cancel()
         wait(backend, 0.1)
-        words = "obtain_ctrl_authority was not answered: it may still be executed"
-        assert words in backend.snapshot().status_text
+        text = "obtain_ctrl_authority was not answered: it may still be executed"
+        assert text in backend.snapshot().status_text
 
 
 def test_a_call_that_is_never_answered_may_still_be_executed() -> None:

@@ -90,9 +90,9 @@ def test_motors_that_have_just_started_are_no_other_mode() -> None:
 def given() -> Telemetry:
     """An aircraft on the ground whose control authority the wrapper gives us at 1 s."""
     telemetry = Telemetry(WRAPPERS[0], DjiSettings())
-    telemetry.take_flight_status({"flight_status": modes.ON_GROUND}, 0.9)
-    telemetry.take_display_mode({"display_mode": modes.P_GPS}, 0.9)
-    telemetry.take_control_mode(REMOTE, 0.9)
+    telemetry.on_flight_status({"flight_status": modes.ON_GROUND}, 0.9)
+    telemetry.on_display_mode({"display_mode": modes.P_GPS}, 0.9)
+    telemetry.on_control_mode(REMOTE, 0.9)
     telemetry.note_granted(0.95, 1.0)
     return telemetry
 
@@ -106,28 +106,28 @@ def control(telemetry: Telemetry, now_s: float) -> Control:
 def test_authority_that_was_given_counts_before_it_is_published() -> None:
     telemetry = given()
     assert control(telemetry, 1.0) is Control.REFERENCES
-    telemetry.take_control_mode(REMOTE, 1.02)  # said before
-    telemetry.take_display_mode({"display_mode": modes.AUTO_TAKE_OFF}, 1.04)
+    telemetry.on_control_mode(REMOTE, 1.02)  # said before
+    telemetry.on_display_mode({"display_mode": modes.AUTO_TAKE_OFF}, 1.04)
     assert control(telemetry, 1.04) is Control.TAKE_OFF
 
 
 def test_authority_that_does_not_show_is_lost() -> None:
     telemetry = given()
-    telemetry.take_control_mode(REMOTE, 1.32)
+    telemetry.on_control_mode(REMOTE, 1.32)
     assert control(telemetry, 1.32) is Control.OTHER
 
 
 def test_authority_that_has_shown_is_lost_at_once() -> None:
     telemetry = given()
-    telemetry.take_control_mode(OURS, 1.02)
-    telemetry.take_control_mode(REMOTE, 1.04)
+    telemetry.on_control_mode(OURS, 1.02)
+    telemetry.on_control_mode(REMOTE, 1.04)
     assert control(telemetry, 1.04) is Control.OTHER
 
 
 def test_an_answer_that_comes_after_the_authority_was_lost_gives_nothing() -> None:
     telemetry = given()
-    telemetry.take_control_mode(OURS, 2.0)
-    telemetry.take_control_mode(REMOTE, 2.5)
+    telemetry.on_control_mode(OURS, 2.0)
+    telemetry.on_control_mode(REMOTE, 2.5)
     telemetry.note_granted(1.9, 3.0)
     assert control(telemetry, 3.0) is Control.OTHER
     telemetry.note_granted(3.1, 3.2)
@@ -137,6 +137,6 @@ def test_an_answer_that_comes_after_the_authority_was_lost_gives_nothing() -> No
 def test_what_a_silence_may_hide_is_lost_at_once() -> None:
     telemetry = given()
     telemetry.discard_state()
-    telemetry.take_display_mode({"display_mode": modes.P_GPS}, 1.1)
-    telemetry.take_control_mode(REMOTE, 1.1)
+    telemetry.on_display_mode({"display_mode": modes.P_GPS}, 1.1)
+    telemetry.on_control_mode(REMOTE, 1.1)
     assert control(telemetry, 1.1) is Control.OTHER

@@ -32,7 +32,7 @@ def told(**messages: Message) -> Snapshot:
     }
     telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
     for name, message in {**usual, **messages}.items():
-        telemetry.take(name, message, NOW_S)
+        telemetry.on_message(name, message, NOW_S)
     return telemetry.snapshot(NOW_S)
 
 
@@ -87,30 +87,30 @@ def test_impossible_rates_are_not_taken() -> None:
 )
 def test_why_its_motors_do_not_start_is_told_in_words(number: int, text: str) -> None:
     telemetry = Telemetry(WRAPPERS[0], DjiSettings())
-    telemetry.take_motor_error({"data": number}, 0.0)
+    telemetry.on_motor_error({"data": number}, 0.0)
     assert telemetry.why_not_start == text
 
 
 def test_the_mode_of_the_ground_may_come_before_the_ground() -> None:
     telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
-    telemetry.take_flight_status({"data": modes.IN_AIR}, 1.0)
+    telemetry.on_flight_status({"data": modes.IN_AIR}, 1.0)
     for mode, now_s in ((modes.AUTO_LANDING, 1.0), (modes.SDK_CONTROL, 1.02), (modes.AUTO_LANDING, 1.04)):
-        telemetry.take_display_mode({"data": mode}, now_s)  # the second one has come late
+        telemetry.on_display_mode({"data": mode}, now_s)  # the second one has come late
     for now_s in (5.0, 5.05):
-        telemetry.take_display_mode({"data": modes.P_GPS}, now_s)
+        telemetry.on_display_mode({"data": modes.P_GPS}, now_s)
     assert telemetry.is_landing
-    telemetry.take_flight_status({"data": modes.STOPPED}, 5.06)
-    telemetry.take_display_mode({"data": modes.P_GPS}, 5.07)
+    telemetry.on_flight_status({"data": modes.STOPPED}, 5.06)
+    telemetry.on_display_mode({"data": modes.P_GPS}, 5.07)
     assert not telemetry.is_landing
 
 
 def test_a_landing_that_is_ended_in_the_air_is_told_soon() -> None:
     telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
-    telemetry.take_flight_status({"data": modes.IN_AIR}, 1.0)
-    telemetry.take_display_mode({"data": modes.AUTO_LANDING}, 1.0)
-    telemetry.take_display_mode({"data": modes.P_GPS}, 2.0)
+    telemetry.on_flight_status({"data": modes.IN_AIR}, 1.0)
+    telemetry.on_display_mode({"data": modes.AUTO_LANDING}, 1.0)
+    telemetry.on_display_mode({"data": modes.P_GPS}, 2.0)
     assert telemetry.is_landing
-    telemetry.take_display_mode({"data": modes.P_GPS}, 2.11)
+    telemetry.on_display_mode({"data": modes.P_GPS}, 2.11)
     assert not telemetry.is_landing
 
 
@@ -145,14 +145,14 @@ class _Vanishing(Reading[Any]):
 )
 def test_what_is_discarded_while_another_thread_reads_it(wrapper: Wrapper, read: Callable[[Telemetry], object]) -> None:
     telemetry = Telemetry(wrapper, DjiSettings())
-    telemetry.take_attitude({"quaternion": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}, NOW_S)
-    telemetry.take_gps_level({"data": 5}, NOW_S)
-    telemetry.take_altitude({"data": 20.0}, NOW_S)
-    telemetry.take_velocity({"vector": {"x": 1.0, "y": 0.0, "z": 0.0}}, NOW_S)
-    telemetry.take_position({"latitude": 37.0, "longitude": -6.0, "altitude": 20.0}, NOW_S)
-    telemetry.take_flight_status({"data": modes.IN_AIR}, NOW_S)
-    telemetry.take_display_mode({"data": modes.SDK_CONTROL}, NOW_S)
-    telemetry.take_control_mode({"device_mode": 4, "control_auth": 1}, NOW_S)
+    telemetry.on_attitude({"quaternion": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}, NOW_S)
+    telemetry.on_gps_level({"data": 5}, NOW_S)
+    telemetry.on_altitude({"data": 20.0}, NOW_S)
+    telemetry.on_velocity({"vector": {"x": 1.0, "y": 0.0, "z": 0.0}}, NOW_S)
+    telemetry.on_position({"latitude": 37.0, "longitude": -6.0, "altitude": 20.0}, NOW_S)
+    telemetry.on_flight_status({"data": modes.IN_AIR}, NOW_S)
+    telemetry.on_display_mode({"data": modes.SDK_CONTROL}, NOW_S)
+    telemetry.on_control_mode({"device_mode": 4, "control_auth": 1}, NOW_S)
     for name, reading in list(vars(telemetry).items()):
         if isinstance(reading, Reading):
             vanishing = _Vanishing(telemetry._readings, math.inf, None)

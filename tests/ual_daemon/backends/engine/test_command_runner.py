@@ -61,8 +61,8 @@ class Plain:
                 self.hear(mode)
             self.runner.tick(self.now_s)
 
-    def answer(self, verdict: Verdict, words: str = "", by: str = "") -> None:
-        self.runner.on_answer(self.keys[-1], verdict, self.now_s, words, by)
+    def answer(self, verdict: Verdict, text: str = "", by: str = "") -> None:
+        self.runner.on_answer(self.keys[-1], verdict, self.now_s, text, by)
 
     def _transmit(self, request: str, sent_before_count: int, key: object) -> Callable[[], object]:
         del sent_before_count
@@ -209,9 +209,9 @@ def test_who_refuses_is_named_and_a_flood_of_texts_is_not_kept(plain: Plain) -> 
         plain.runner.on_text(f"text {number}")
     plain.answer(Verdict.REFUSED, "no such service", by="the bridge")
     plain.run(0.2)
-    words = str(future.exception(0))
-    assert words.startswith("the bridge refused to enter hold: no such service; it said: text 0")
-    assert words.count("it said") == MOST_TEXTS
+    text = str(future.exception(0))
+    assert text.startswith("the bridge refused to enter hold: no such service; it said: text 0")
+    assert text.count("it said") == MOST_TEXTS
 
 
 def test_modes_of_ones_own_may_have_several_names(plain: Plain) -> None:

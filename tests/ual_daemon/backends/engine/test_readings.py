@@ -12,7 +12,7 @@ from ual_daemon.backends.values import NEVER_S, LandedState, Sample
 def test_a_value_is_a_sample_with_the_time_of_its_reception() -> None:
     reading: Reading[bool] = Readings().add(Lasts.SEEN, limit_s=0.5)
     assert (reading.sample, reading.value, reading.fresh(1.0)) == (None, None, None)
-    assert reading.take(True, 1.0)
+    assert reading.on_value(True, 1.0)
     assert reading.sample == Sample(True, 1.0)
     assert reading.fresh(1.5) is True
     assert reading.fresh(1.6) is None
@@ -23,11 +23,11 @@ def test_a_late_message_is_ignored_unless_its_order_must_be_wrong() -> None:
     readings = Readings()
     mode: Reading[str] = readings.add(Lasts.SEEN)
     readings.order = 7
-    assert mode.take("hold", 1.0)
+    assert mode.on_value("hold", 1.0)
     readings.order = 5
-    assert not mode.take("manual", 1.1)
+    assert not mode.on_value("manual", 1.1)
     assert mode.value == "hold"
-    assert mode.take("manual", 1.1 + OLDEST_S)
+    assert mode.on_value("manual", 1.1 + OLDEST_S)
 
 
 @given(st.lists(st.integers(0, 30), min_size=1, max_size=30))
@@ -36,7 +36,7 @@ def test_whatever_the_order_of_arrival_the_newest_sent_is_what_is_known(numbers:
     reading: Reading[int] = readings.add(Lasts.SEEN)
     for position, number in enumerate(numbers):
         readings.order = number
-        reading.take(number, position / 30.0)
+        reading.on_value(number, position / 30.0)
     assert reading.value == max(numbers)
 
 
@@ -49,15 +49,15 @@ def test_each_value_lasts_as_long_as_its_kind() -> None:
     readings.order = 9
 
     def take() -> None:
-        assert landed.take(LandedState.IN_AIR, 1.0)
-        assert home.take(3.0, 1.0)
-        assert battery.take(50.0, 1.0)
+        assert landed.on_value(LandedState.IN_AIR, 1.0)
+        assert home.on_value(3.0, 1.0)
+        assert battery.on_value(50.0, 1.0)
 
     take()
     readings.discard_state()
     assert (landed.sample, home.value, battery.value) == (unknown, 3.0, 50.0)
     readings.order = 8
-    assert not landed.take(LandedState.ON_GROUND, 1.1)  # it was sent before what was discarded
+    assert not landed.on_value(LandedState.ON_GROUND, 1.1)  # it was sent before what was discarded
     readings.order = 9
     take()
     readings.discard_boot()

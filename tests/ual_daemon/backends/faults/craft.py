@@ -111,7 +111,7 @@ class Craft(ABC):
     def ignore(self, *, does: bool = True) -> None:
         raise NotImplementedError
 
-    def refuse(self, words: str) -> None:
+    def refuse(self, text: str) -> None:
         raise NotImplementedError
 
     def hold_up(self, *, does: bool = True) -> None:

@@ -96,8 +96,8 @@ class OfAutopilot(Craft):
         self.autopilot.ignored = set(FLYING) if does else set()
 
     @override
-    def refuse(self, words: str) -> None:
-        self.autopilot.arm_refusal = words
+    def refuse(self, text: str) -> None:
+        self.autopilot.arm_refusal = text
 
 
 class OfMavlink(OfAutopilot):
@@ -239,8 +239,8 @@ class OfDji(Craft):
         self.dji.bridge.faults.dead_services = set(services) if does else set()
 
     @override
-    def refuse(self, words: str) -> None:
-        self.dji.aircraft.refusal = words
+    def refuse(self, text: str) -> None:
+        self.dji.aircraft.refusal = text
 
     @override
     def hold_up(self, *, does: bool = True) -> None:
@@ -405,8 +405,8 @@ class OfLight(Craft):
         self._commands.clear()
 
     @override
-    def refuse(self, words: str) -> None:
-        self.uav.simulation.begin_fault(CommandRefused(Command.ANY, words))
+    def refuse(self, text: str) -> None:
+        self.uav.simulation.begin_fault(CommandRefused(Command.ANY, text))
 
 
 class OfHover(Craft):
@@ -462,8 +462,8 @@ class OfHover(Craft):
         self.hover.device.ignores = does
 
     @override
-    def refuse(self, words: str) -> None:
-        self.hover.device.refusal = words
+    def refuse(self, text: str) -> None:
+        self.hover.device.refusal = text
 
 
 class OfAirsim(Craft):

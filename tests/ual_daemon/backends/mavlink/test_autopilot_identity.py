@@ -31,13 +31,13 @@ def flight() -> Iterator[Flight]:
     ],
 )
 def test_a_vehicle_that_is_no_multirotor_says_so_in_every_refusal_and_in_its_state(
-    kind: int, words: str, monkeypatch: pytest.MonkeyPatch
+    kind: int, text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ArduPilot, "kind", kind)
     flight = Flight("ardupilot")
     try:
         flight.wait_for_state(State.LANDED_DISARMED)
-        expected = rf"UAL only watches .*{words}.*; it flies PX4 and ArduPilot multirotors"
+        expected = rf"UAL only watches .*{text}.*; it flies PX4 and ArduPilot multirotors"
         for command in (flight.uav.arm, flight.uav.land, flight.uav.recover_from_manual):
             with pytest.raises(NotSupportedError, match=expected):
                 command()
@@ -45,7 +45,7 @@ def test_a_vehicle_that_is_no_multirotor_says_so_in_every_refusal_and_in_its_sta
             flight.uav.take_off(3.0)
         with pytest.raises(NotSupportedError, match=expected):
             flight.uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
-        assert words in flight.uav.telemetry().state_reason
+        assert text in flight.uav.telemetry().state_reason
     finally:
         flight.uav.close()
 

@@ -312,9 +312,9 @@ def test_a_serial_line_that_is_pulled_out_is_in_the_reason_of_the_state(tmp_path
 def test_where_nothing_can_be_sent_to_is_told(caplog: pytest.LogCaptureFixture) -> None:
     """The broadcast address of a net, which no URL shows to be one."""
     with opened("udpout://127.255.255.255:14999") as backend:
-        words = "cannot send to 127.255.255.255: it is a broadcast address"
-        until(lambda: backend.snapshot().link_trouble == words, "the trouble")
-    assert caplog.messages.count(words) == 1
+        text = "cannot send to 127.255.255.255: it is a broadcast address"
+        until(lambda: backend.snapshot().link_trouble == text, "the trouble")
+    assert caplog.messages.count(text) == 1
 
 
 def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_present(

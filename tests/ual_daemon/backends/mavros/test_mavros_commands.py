@@ -70,7 +70,7 @@ class Exchange:
     def answer(self, error: Answer | None = None, **values: object) -> None:
         call, key = self.calls[-1]
         reply = read_answer(call, values if error is None else error)
-        self.runner.on_answer(key, reply.verdict, self.now_s, reply.words, reply.by)
+        self.runner.on_answer(key, reply.verdict, self.now_s, reply.text, reply.by)
 
 
 def test_a_mode_that_was_not_answered_is_not_asked_for_again() -> None:
@@ -240,14 +240,14 @@ def test_a_service_that_has_not_answered_in_time_refuses_nothing() -> None:
         ({"mode_sent": True}, "PX4 refused to take control: the mode was not entered; it said: no position"),
     ],
 )
-def test_why_a_mode_was_not_entered_is_told(answer: dict[str, object], words: str) -> None:
+def test_why_a_mode_was_not_entered_is_told(answer: dict[str, object], text: str) -> None:
     it = Exchange()
     it.step(0.1)
     it.answer(answer)
     if answer["mode_sent"]:
         it.runner.on_text("no position")
     it.step(5.0)
-    with pytest.raises(RejectedByAutopilotError, match=words):
+    with pytest.raises(RejectedByAutopilotError, match=text):
         it.done.result(0.0)
 
 
@@ -261,6 +261,6 @@ def test_why_a_mode_was_not_entered_is_told(answer: dict[str, object], words: st
         ({"success": False, "result": 0}, Verdict.PASSED_ON, ""),  # no acknowledgement came
     ],
 )
-def test_what_the_answers_to_commands_say(answer: dict[str, object], verdict: Verdict, words: str) -> None:
+def test_what_the_answers_to_commands_say(answer: dict[str, object], verdict: Verdict, text: str) -> None:
     reply = read_answer(commands.arm_or_disarm(is_arming=True).request, answer)
-    assert (reply.verdict, reply.words) == (verdict, words)
+    assert (reply.verdict, reply.text) == (verdict, text)

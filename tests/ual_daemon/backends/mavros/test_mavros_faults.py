@@ -129,13 +129,13 @@ def test_a_mavros_that_is_killed_and_started_again_is_found_again(flight: Flight
         ("estimator_status", 3.5, "whether its position is good"),
     ],
 )
-def test_a_topic_that_stops_is_told_by_name(px4: Flight, topic: str, within_s: float, words: str) -> None:
+def test_a_topic_that_stops_is_told_by_name(px4: Flight, topic: str, within_s: float, text: str) -> None:
     px4.until_state(State.LANDED_DISARMED)
     px4.until(lambda: px4.now_s() > 8.0)
     stopped = px4.mark()
     px4.backend.bridge.faults.silent_topics.add(f"/mavros/{topic}")
     assert px4.until_state(State.UNINITIALIZED, since=stopped) < within_s
-    px4.until(lambda: words in px4.uav.telemetry().state_reason)
+    px4.until(lambda: text in px4.uav.telemetry().state_reason)
     px4.backend.bridge.faults.silent_topics.clear()
     px4.until_state(State.LANDED_DISARMED)
 

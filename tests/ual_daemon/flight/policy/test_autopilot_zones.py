@@ -123,8 +123,8 @@ def test_zones_hold_with_the_limits_around_home_and_the_configured_fence() -> No
     fence = geofence(GeofenceSettings(polygon=((-20.0, -20.0), (40.0, -20.0), (40.0, 20.0), (-20.0, 20.0))))
     now = snapshot(0.0, 0.0, own)._replace(home_geo=GeoPoint(*geo(0.0, 0.0)), home_altitude_amsl_m=488.0)
     fence.require_goal_inside(at(25.0, 0.0), "go", now)
-    for goal, words in ((at(35.0, 0.0), "FENCE_RADIUS"), (at(15.0, 0.0), "exclusion"), (at(0.0, 25.0), "geofence")):
-        with pytest.raises(GeofenceError, match=words):
+    for goal, text in ((at(35.0, 0.0), "FENCE_RADIUS"), (at(15.0, 0.0), "exclusion"), (at(0.0, 25.0), "geofence")):
+        with pytest.raises(GeofenceError, match=text):
             fence.require_goal_inside(goal, "go", now)
     with pytest.raises(WrongStateError, match="where its home is"):
         fence.fence(snapshot(0.0, 0.0, own))

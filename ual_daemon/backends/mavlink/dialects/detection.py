@@ -72,7 +72,7 @@ def kind_of(heartbeat: Message) -> Kind:
 
 
 def kind_text(kind: Kind) -> str:
-    """Returns a kind for people."""
+    """Returns a human-readable kind."""
     if not kind.is_autopilot:
         return f"a {vehicle_text(kind.vehicle)}"
     return f"{autopilot_text(kind.autopilot)} on a {vehicle_text(kind.vehicle)}"

@@ -118,12 +118,12 @@ class Unaddressed(Unknown):
 
 
 def autopilot_text(autopilot: int) -> str:
-    """Returns a MAV_AUTOPILOT for people."""
+    """Returns a human-readable MAV_AUTOPILOT."""
     entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
     return f"autopilot {autopilot}" if entry is None else str(entry.name).removeprefix("MAV_AUTOPILOT_").lower()
 
 
 def vehicle_text(kind: int) -> str:
-    """Returns a MAV_TYPE for people."""
+    """Returns a human-readable MAV_TYPE."""
     entry = mavlink.enums["MAV_TYPE"].get(kind)
     return f"vehicle {kind}" if entry is None else str(entry.name).removeprefix("MAV_TYPE_").replace("_", " ").lower()

@@ -26,7 +26,7 @@ QUEUE_BYTES = 8192
 
 
 class LinkError(Exception):
-    """The link cannot be opened, or broke. The message is for people: what, and why."""
+    """The link cannot be opened, or broke. The message is human-readable: what, and why."""
 
 
 def cannot_listen(endpoint: object, error: OSError) -> LinkError:
@@ -67,7 +67,7 @@ class Link(ABC):
     needs_traffic = False
     connections_count = 0
     trouble = ""
-    """Why nothing can be sent now, for people, where that does not break the link; empty while it can."""
+    """Why nothing can be sent now, human-readable, where that does not break the link; empty while it can."""
 
     @abstractmethod
     def open(self) -> None:

@@ -53,7 +53,7 @@ class Connection(Transport):
 
     @property
     def trouble(self) -> str:
-        """What is wrong with the link, for people; empty while nothing is."""
+        """What is wrong with the link, human-readable; empty while nothing is."""
         return self._trouble or self._link.trouble
 
     @property

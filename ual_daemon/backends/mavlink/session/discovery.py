@@ -42,7 +42,7 @@ class Discovery(Selector):
     """Selects the first autopilot whose heartbeat comes, if the settings allow it, and keeps the session with it.
 
     Not thread-safe: belongs to the thread that receives. `receiver` and `sender` are the two ways through the link;
-    `session` is None until the autopilot is found. `url` is for people.
+    `session` is None until the autopilot is found. `url` is human-readable.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class Discovery(Selector):
         )
 
     def why_silent(self, now_s: float) -> str:
-        """Returns for people what is heard instead of the autopilot while that is not heard, or from where nothing is.
+        """Returns what is heard instead of the autopilot while that is not heard, or from where nothing is.
 
         Empty while it is heard.
         """
@@ -157,7 +157,7 @@ class Discovery(Selector):
         return source.system_id == ALL_SYSTEMS or not is_usual
 
     def _why_not(self, source: Source, kind: Kind) -> str:
-        """Returns for people why the sender of a heartbeat may not be selected; empty if it may."""
+        """Returns, human-readable, why the sender of a heartbeat may not be selected; empty if it may."""
         only, only_component = self._settings.system_id, self._settings.autopilot_component_id
         is_named = kind.names_firmware or source.system_id == ALL_SYSTEMS
         if not kind.is_autopilot:
@@ -221,6 +221,6 @@ class Discovery(Selector):
 
 
 def _heard_text(source: Source, kind: Kind, address: Address | None, why: str) -> str:
-    """Returns for people what sends a heartbeat, and why it is not taken."""
+    """Returns, human-readable, what sends a heartbeat, and why it is not taken."""
     where = "" if address is None else f" at {address[0]}:{address[1]}"
     return f"{kind_text(kind)} ({source_text(source)}{where}): {why}"

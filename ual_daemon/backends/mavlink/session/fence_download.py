@@ -41,7 +41,7 @@ class FenceDownload:
         own_ids: Our system and component: only messages to these count.
         send: Sends a message.
         on_found: Takes what the items mean, whenever they have been downloaded, the same as before too.
-        on_failed: Called when they could not be downloaded, with the reason for people. What was found before stays.
+        on_failed: Called when they could not be downloaded, with the reason. What was found before stays.
 
     """
 

@@ -44,7 +44,7 @@ class Identity:
     """The vehicle of a session, by the kind in its heartbeats, its time since boot, its address and sequence numbers.
 
     Not thread-safe: belongs to the thread that receives. While `conflict` is not empty, the vehicle must not be flown:
-    it says why, for people.
+    it says why, human-readable.
     """
 
     def __init__(self, system_id: int, kind: Kind) -> None:

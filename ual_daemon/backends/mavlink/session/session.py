@@ -245,7 +245,7 @@ class Session:
         self.telemetry.conflict = self.identity.conflict
         self._check_multirotor()
         self._setup.tick(now_s)
-        self._take_attitude_as_it_comes(now_s)
+        self._stream_attitude(now_s)
         self._fit_rates(now_s)
         self._send_paced(now_s)
         if self._fence_download is not None:
@@ -303,7 +303,7 @@ class Session:
 
     @property
     def label(self) -> str:
-        """What it is, for people."""
+        """What it is, human-readable."""
         return f"{self.dialect.name} (system {self.system_id})"
 
     def judge_simulation(self) -> SimulationVerdict:
@@ -442,7 +442,7 @@ class Session:
         else:
             self._sender.send(mavlink.MAVLink_timesync_message(round(utc_now_s * 1e9), message.ts1))
 
-    def _take_attitude_as_it_comes(self, now_s: float) -> None:
+    def _stream_attitude(self, now_s: float) -> None:
         """Takes angles where no quaternion comes. PX4 sends them a hundred times a second beside it, for others."""
         began_s = self._began_s = now_s if self._began_s is None else self._began_s
         if self.telemetry.attitude_time_s is None and now_s - began_s > QUATERNION_S:
@@ -488,18 +488,18 @@ class Session:
 
     @property
     def note(self) -> str:
-        """What is unusual about the link, for people: it loses much, or less is asked for; empty if nothing is."""
-        fit, words = self._fit, []
+        """What is unusual about the link, human-readable: it loses much, or less is asked for; empty if nothing is."""
+        fit, text = self._fit, []
         if fit.is_high:
-            words.append(f"the link loses {fit.loss * 10.0:.0f}0 % of its messages")
+            text.append(f"the link loses {fit.loss * 10.0:.0f}0 % of its messages")
         if fit.level:
             less = f"{self._position_rate_hz:.3g} positions a second" if fit.level > 1 else "only what is used"
-            words.append(f"it is asked for {less}, as the link carries no more")
-        return "; ".join(words)
+            text.append(f"it is asked for {less}, as the link carries no more")
+        return "; ".join(text)
 
     @property
     def refused(self) -> str:
-        """Which requests for streams were refused, for people; empty if none was."""
+        """Which requests for streams were refused, human-readable; empty if none was."""
         return ", ".join(f"{name} ({result})" for name, result in self._setup.refused.items())
 
     def _new_setup(self) -> SetupRequests:

@@ -52,7 +52,7 @@ class SetupRequests:
         rate in Hz, where the autopilot does not know the request for single ones.
         """
         self.refused: dict[str, str] = {}
-        """The streams that were refused, or not answered, and do not come: their names, and the results for people."""
+        """The streams that were refused, or not answered, and do not come: their names, and the results."""
         self._dialect = dialect
         self._telemetry = telemetry
         self._commands = commands
@@ -74,7 +74,7 @@ class SetupRequests:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """For people the names of parameters that were requested several times and have not come."""
+        """The human-readable names of parameters that were requested several times and have not come."""
         if self._parameter_rounds_count < FAST_PARAMETER_ROUNDS_COUNT:
             return ()
         return self._dialect.missing_parameters(self._telemetry.parameters)

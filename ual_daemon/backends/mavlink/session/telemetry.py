@@ -233,11 +233,11 @@ class Telemetry:
 
     def _on_mode(self, message: Message, now_s: float, _: float) -> None:
         mode = self._dialect.mode(message.custom_mode)
-        if not self.mode.take(mode, now_s) and self.mode.sample is not None and mode != self.mode.value:
+        if not self.mode.on_value(mode, now_s) and self.mode.sample is not None and mode != self.mode.value:
             self.is_mode_doubtful = True
 
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
-        if self.landed.take(landed_state(message.landed_state), now_s):
+        if self.landed.on_value(landed_state(message.landed_state), now_s):
             self.vtol_state = message.vtol_state
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:

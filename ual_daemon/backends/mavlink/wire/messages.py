@@ -65,7 +65,7 @@ class TargetMessage(NamedTuple):
 
 
 def message_name(message_id: int) -> str:
-    """Returns the name of a message, for people."""
+    """Returns the name of a message, human-readable."""
     kind = mavlink.mavlink_map.get(message_id)
     return f"message {message_id}" if kind is None else str(kind.msgname)
 

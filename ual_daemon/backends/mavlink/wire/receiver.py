@@ -109,7 +109,7 @@ class Receiver:
         else:
             frames = reader.read_beginning(data)
         if frames:
-            self._take_all(frames, address, now_s, utc_now_s, is_from_peer=peer == address)
+            self._on_frames(frames, address, now_s, utc_now_s, is_from_peer=peer == address)
         elif reader.garbage_count > garbage_count:
             self.untaken.note("garbage", _GARBAGE, now_s)
 
@@ -117,7 +117,7 @@ class Receiver:
         """Gives up frames that were begun and not completed in time; to be called often."""
         for source, frames in self._reader.give_up(now_s - INCOMPLETE_FRAME_S):
             address = self._link.peer if source is None else source
-            self._take_all(frames, address, now_s, now_s + self._utc_offset_s)
+            self._on_frames(frames, address, now_s, now_s + self._utc_offset_s)
 
     def replace_handler(self, handler: MessageHandler) -> None:
         """Passes the messages of the selected autopilot to another handler from now on."""
@@ -127,7 +127,7 @@ class Receiver:
         """Drops the incomplete frame of the old connection, which the new one does not continue."""
         self._reader.forget()
 
-    def _take_all(
+    def _on_frames(
         self,
         frames: list[Frame],
         address: Address | None,
@@ -138,7 +138,7 @@ class Receiver:
     ) -> None:
         for frame in frames:
             try:
-                self._take(frame, address, now_s, utc_now_s, is_from_peer=is_from_peer)
+                self._on_frame(frame, address, now_s, utc_now_s, is_from_peer=is_from_peer)
             except CorruptFrameError as error:
                 self._undecodable_count += 1
                 _log.debug("dropped a frame: %s", error)
@@ -146,7 +146,7 @@ class Receiver:
                 defect = f"message {frame.message_id} could not be used; this is a defect of UAL, please report it"
                 self._log_once(defect, logging.ERROR, has_traceback=True)
 
-    def _take(
+    def _on_frame(
         self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float, *, is_from_peer: bool
     ) -> None:
         handler, source = self._handler, self._source
@@ -224,6 +224,6 @@ class Receiver:
 
 
 def source_text(source: Source) -> str:
-    """Returns who sends, for people; component 1 is the autopilot's own, and goes without saying."""
+    """Returns who sends, human-readable; component 1 is the autopilot's own, and goes without saying."""
     component = "" if source.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 else f", component {source.component_id}"
     return f"system {source.system_id}{component}"

@@ -87,7 +87,7 @@ _Sender: TypeAlias = tuple[int, int, int]
 
 
 class Verdict(Enum):
-    """The result of checking a signature; the value is for people."""
+    """The result of checking a signature; the value is human-readable."""
 
     GOOD = ""
     UNSIGNED = "not signed"

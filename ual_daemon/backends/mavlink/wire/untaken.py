@@ -1,4 +1,4 @@
-"""What is received and not taken, and why, for people. Pure logic: callers pass the time."""
+"""What is received and not taken, and why, human-readable. Pure logic: callers pass the time."""
 
 from __future__ import annotations
 
