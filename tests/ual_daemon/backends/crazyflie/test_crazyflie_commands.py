@@ -43,7 +43,7 @@ def test_arms_and_disarms(tmp_path: Path, protocol: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("trouble", "words"),
+    ("trouble", "text"),
     [
         ("is_tumbled", "it is tumbled"),
         ("is_crashed", "it has crashed"),

@@ -272,7 +272,7 @@ def test_a_landing_that_is_held_above_the_ground_asks_for_the_pilot() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "words"),
+    ("kind", "text"),
     [
         (LockstepPsdk, "no-fly zone"),
         (LockstepOsdk, "ack_data 1; DJI's reason is on the console of the node"),

@@ -23,7 +23,7 @@ def flight() -> Iterator[Flight]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "words"),
+    ("kind", "text"),
     [
         (mavlink.MAV_TYPE_FIXED_WING, "fixed wing"),
         (mavlink.MAV_TYPE_GROUND_ROVER, "ground rover"),

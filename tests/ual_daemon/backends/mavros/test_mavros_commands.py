@@ -234,7 +234,7 @@ def test_a_service_that_has_not_answered_in_time_refuses_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("answer", "words"),
+    ("answer", "text"),
     [
         ({"mode_sent": False}, "PX4 refused to take control: MAVROS does not know the mode, or hears no autopilot"),
         ({"mode_sent": True}, "PX4 refused to take control: the mode was not entered; it said: no position"),
@@ -252,7 +252,7 @@ def test_why_a_mode_was_not_entered_is_told(answer: dict[str, object], text: str
 
 
 @pytest.mark.parametrize(
-    ("answer", "verdict", "words"),
+    ("answer", "verdict", "text"),
     [
         ({"success": True, "result": 0}, Verdict.ACCEPTED, ""),
         ({"success": False, "result": 2}, Verdict.REFUSED, "DENIED"),

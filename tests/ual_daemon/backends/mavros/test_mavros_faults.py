@@ -119,7 +119,7 @@ def test_a_mavros_that_is_killed_and_started_again_is_found_again(flight: Flight
 
 
 @pytest.mark.parametrize(
-    ("topic", "within_s", "words"),
+    ("topic", "within_s", "text"),
     [
         ("state", 3.0, "whether it is armed"),
         ("extended_state", 2.0, "landed"),
