@@ -8,7 +8,7 @@ import json
 import pytest
 
 from tests.campaign.evidence import Case
-from tests.campaign.judge import IN_AIR, LANDING
+from tests.campaign.judge import IN_AIR, LANDING, judge
 from tests.campaign.motion import asides_m
 from tests.campaign.record import (
     DAEMON_STARTED,
@@ -150,6 +150,22 @@ def test_a_flight_that_goes_on_faster_than_a_new_limit_is_found(values: dict[str
     assert rules(limited(eastwards(slowed), **values)) == set()
     assert rules(limited(eastwards({0.0: 5.0}), **values)) == {"limits"}
     assert rules(limited(eastwards({0.0: 5.0, 25.0: 1.5}), **values)) == {"limits"}
+
+
+def test_a_speed_is_counted_by_the_clock_of_the_daemon() -> None:
+    """PX4 6600004: its simulator made 0.87 s in a second, and flew 6.2 m/s by its own clock, 5.4 m/s by ours."""
+    at_5_m_s, at_6_m_s = eastwards({0.0: 5.0}), eastwards({0.0: 6.2})
+    slower = [dataclasses.replace(each, velocity=(6.2, 0.0, 0.0)) for each in at_5_m_s]
+    assert rules(limited(slower, MPC_XY_VEL_MAX=5.0)) == set()
+    assert rules(limited(at_6_m_s, MPC_XY_VEL_MAX=5.0)) == {"limits"}
+
+
+def test_a_simulator_that_was_slow_before_excuses_no_speed() -> None:
+    place = eastwards({0.0: 0.0, BEGUN_S: 5.0, 30.0: 6.2})
+    slow = [dataclasses.replace(each, velocity=(6.2, 0.0, 0.0)) if each.time_s < 28.0 else each for each in place]
+    (breach,) = judge(limited(slow, MPC_XY_VEL_MAX=5.0))
+    assert breach.rule == "limits"
+    assert 29.0 < breach.time_s < 31.5
 
 
 def test_a_limit_that_did_not_reach_the_daemon_binds_nothing() -> None:
