@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from typing_extensions import Self, override
 
@@ -46,7 +46,7 @@ from ual.types import (
 )
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
-from ual_daemon.backends.registry import make
+from ual_daemon.choice import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
 from ual_daemon.flight.policy.lease import NOBODY
@@ -54,7 +54,9 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.vehicle.external_poses import CONTINUES_S
-from ual_daemon.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from ual_daemon.choice import ServedVehicle
 
 _log = logging.getLogger(__name__)
 
@@ -102,16 +104,15 @@ class UAL(Uav):
         home_file: Path | None = None,
         extensions: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
-        if isinstance(backend, str):
-            backend = make(backend, BackendOptions(ns, url, backend_settings or {}))
         kept = None if home_file is None else HomeFile(home_file)
-        vehicle = Vehicle(backend, settings, allow_arming=allow_arming, home_file=kept, watch_only=watch_only)
+        options = BackendOptions(ns, url, backend_settings or {})
+        vehicle = make(backend, options, settings, allow_arming=allow_arming, home_file=kept, watch_only=watch_only)
         self._begin_with(vehicle, extensions or {})
         vehicle.open()
         self._extensions.start()
 
     @classmethod
-    def over(cls, vehicle: Vehicle, extensions: Mapping[str, Any]) -> UAL:
+    def over(cls, vehicle: ServedVehicle, extensions: Mapping[str, Any]) -> UAL:
         """Returns the class interface of a vehicle that somebody else opens, and closes after this.
 
         :meta private:
@@ -124,7 +125,7 @@ class UAL(Uav):
         uav._begin_with(vehicle, extensions)  # noqa: SLF001  of this class
         return uav
 
-    def _begin_with(self, vehicle: Vehicle, extensions: Mapping[str, Any]) -> None:
+    def _begin_with(self, vehicle: ServedVehicle, extensions: Mapping[str, Any]) -> None:
         self.vehicle = vehicle
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
@@ -225,11 +226,11 @@ class UAL(Uav):
 
     @override
     def add_frame(self, transform: Transform) -> None:
-        self.vehicle.commands.add_frame(checked_transform(transform))
+        self.vehicle.frame_editor.add(checked_transform(transform))
 
     @override
     def remove_frame(self, frame_id: str) -> None:
-        self.vehicle.commands.remove_frame(frame_id)
+        self.vehicle.frame_editor.remove(frame_id)
 
     @override
     def set_home(self, set_z: bool = False) -> None:
@@ -428,7 +429,7 @@ class _Subscription(Subscription):
     """Calls back with the newest sample, at most at a rate. Samples that come during a call are counted as missed."""
 
     def __init__(
-        self, vehicle: Vehicle, listener: Listener, rate_hz: float, on_close: Callable[[_Subscription], None]
+        self, vehicle: ServedVehicle, listener: Listener, rate_hz: float, on_close: Callable[[_Subscription], None]
     ) -> None:
         self._ns = vehicle.ns
         self._rate_hz = rate_hz

@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 from benchmarks.tracker.autopilots import ARDUPILOT, PX4, Autopilot, RealUav
 from benchmarks.tracker.truth import Truth
+from tests.backend_of import backend_of
 from ual.errors import UalError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Telemetry
@@ -137,7 +138,7 @@ class Recorder:
 
     def __init__(self, uav: RealUav, truth: Truth) -> None:
         self._truth = truth
-        self._responses: VelocityResponses = uav.ual.vehicle.backend.info().velocity_responses
+        self._responses: VelocityResponses = backend_of(uav.ual).info().velocity_responses
         self._sent: Setpoint | None = None
         """The last setpoint before the velocity began."""
         self._expected: tuple[ExpectedMotion, ExpectedMotion] | None = None

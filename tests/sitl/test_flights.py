@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from tests.backend_of import backend_of
 from tests.simulators.faults import GOOD, Faults
 from tests.sitl.flights import HEIGHT_M, PATIENCE_S, Flight
 from tests.sitl.simulators import Simulator
@@ -153,7 +154,7 @@ def test_it_arms_and_disarms_where_that_is_allowed(flight: Flight) -> None:
 
 def test_disarming_in_the_air_is_refused_by_the_autopilot(flight: Flight, uav: UAL, simulator: Simulator) -> None:
     flight.take_off()
-    error = uav.vehicle.backend.disarm().exception(10.0)
+    error = backend_of(uav).disarm().exception(10.0)
     assert isinstance(error, RejectedByAutopilotError)
     assert simulator.disarm_refusal in str(error)
     assert uav.state() is State.FLYING_AUTO

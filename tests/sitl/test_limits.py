@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.backend_of import backend_of
 from tests.sitl.flights import Flight
 from tests.sitl.simulators import Simulator
 from ual.errors import GeofenceError, WrongStateError
@@ -25,7 +26,7 @@ def test_the_height_of_a_take_off_counts_from_the_ground_wherever_home_is(flight
     """With a rangefinder ArduPilot would climb to the sum of both heights."""
     flight.be_armed()
     ground = flight.position()
-    has_rangefinder = uav.vehicle.backend.snapshot().has_rangefinder
+    has_rangefinder = backend_of(uav).snapshot().has_rangefinder
     flight.set_home(-BELOW_M)
     highest = [ground.z]
     uav.vehicle.subscribe(lambda sample: highest.append(ground.z if sample.pose is None else sample.pose.position.z))
@@ -87,7 +88,7 @@ def test_a_goal_beyond_its_autopilot_fence_is_refused_and_one_inside_is_reached(
     flight: Flight, uav: UAL, fence: str, simulator: Simulator
 ) -> None:
     """Without the check a go-to 60 m away got to 46 m, where ArduPilot's fence sent the UAV home."""
-    backend = uav.vehicle.backend
+    backend = backend_of(uav)
     flight.wait_for(lambda: backend.snapshot().autopilot_fence is not None, "its fence")
     flight.take_off()
     begin = flight.position()
@@ -115,7 +116,7 @@ READ_S = 40.0
 @pytest.fixture
 def building(flight: Flight, uav: UAL, simulator: Simulator) -> Iterator[Vector3]:
     """Where it stands, with a polygon to stay out of beside it and a circle around it, uploaded by a ground station."""
-    snapshot = uav.vehicle.backend.snapshot
+    snapshot = backend_of(uav).snapshot
     flight.wait_for(lambda: snapshot().projection is not None and snapshot().pose is not None, "its place on Earth")
     projection, here = snapshot().projection, flight.position()
     assert projection is not None
@@ -138,7 +139,7 @@ def building(flight: Flight, uav: UAL, simulator: Simulator) -> Iterator[Vector3
 def test_a_way_through_a_polygon_of_its_autopilot_fence_is_refused_and_one_around_it_is_flown(
     flight: Flight, uav: UAL, building: Vector3, simulator: Simulator
 ) -> None:
-    backend = uav.vehicle.backend
+    backend = backend_of(uav)
 
     def zones_count() -> int:
         own = backend.snapshot().autopilot_fence

@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from tests.backend_of import backend_of
 from tests.sitl.flights import Flight
 from tests.sitl.simulators import Simulator
 from ual.geometry import Pose, Twist, Vector3
@@ -72,7 +73,7 @@ def test_a_velocity_leads_from_a_held_position_on(flight: Flight, held: Pose, si
 
 def test_a_goal_is_flown_at_the_autopilots_own_cruise(flight: Flight, uav: UAL, simulator: Simulator) -> None:
     flight.take_off()
-    cruise_m_s = min(uav.vehicle.backend.info().cruise_speed_m_s, uav.info().limits.horizontal_speed_m_s)
+    cruise_m_s = min(backend_of(uav).info().cruise_speed_m_s, uav.info().limits.horizontal_speed_m_s)
     task = uav.go_to_waypoint(flight.beside(60.0), blocking=False)
     speeds: list[float] = []
     while not task.done():

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from tests.backend_of import backend_of
 from tests.sitl.copter_pilot import CopterPilot
 from tests.sitl.flights import PATIENCE_S, Flight
 from tests.sitl.simulators import Simulator
@@ -140,7 +141,7 @@ def test_a_height_above_home_counts_from_the_home_that_was_set_just_before(
 def outside(flight: Flight, uav: UAL, begin: Vector3, copter: CopterPilot) -> Iterator[Vector3]:
     """It is 3 m outside of a polygon that was uploaded in flight, and is recovered from the fence's return."""
     uav.go_to_waypoint(flight.beside(OUT_M))
-    projection = uav.vehicle.backend.snapshot().projection
+    projection = backend_of(uav).snapshot().projection
     assert projection is not None
     corners = [
         projection.to_geo(begin + Vector3(east, north, 0.0) * HALF_M)

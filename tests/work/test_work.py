@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.backend_of import backend_of
 from tests.waiting import until
 from tests.work import limits
 from tests.work.counting import Work, calls_of_samples, counted, least, usual
@@ -34,8 +35,8 @@ def setpoints(uav: UAL) -> list[Work]:
     """A stream to and fro, each setpoint after a new position."""
     works: list[Work] = []
     for number in range(COUNT):
-        last = uav.vehicle.backend.snapshot().pose
-        until(lambda last=last: uav.vehicle.backend.snapshot().pose is not last, "a position")  # type: ignore[misc]
+        last = backend_of(uav).snapshot().pose
+        until(lambda last=last: backend_of(uav).snapshot().pose is not last, "a position")  # type: ignore[misc]
         twist = Twist(SLOW if number % 2 else -SLOW)
         works.append(counted(lambda twist=twist: uav.set_velocity(twist)))  # type: ignore[misc]
     return works

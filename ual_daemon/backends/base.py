@@ -83,8 +83,6 @@ class Backend(ABC):
     next daemon. A simulation's world ends with it.
     """
 
-    can_fly: bool = True
-    """False where nothing can be flown, whatever is heard: a recording. Every command is then refused."""
     has_packets: bool = False
     """Whether it calls `on_packet`."""
 

@@ -22,13 +22,14 @@ _BUILT_IN = {
     "light": ("ual_daemon.backends.light", "LightBackend"),
     "mavlink": ("ual_daemon.backends.mavlink", "MavlinkBackend"),
     "mavros": ("ual_daemon.backends.mavros", "MavrosBackend"),
-    "replay": ("ual_daemon.backends.replay", "ReplayBackend"),
 }
 """Module and class by name. Entry points are searched for other names only: that takes 30 ms of the start, and 2 MiB.
 """
 
+PLAYED = "replay"
+"""The name that is given for a recording. It is no backend: `ual_daemon.replay` plays it as a vehicle."""
 
-_EXTRAS = {"dji": "ros", "mavros": "ros", "replay": "record"}
+_EXTRAS = {"dji": "ros", "mavros": "ros"}
 """The extras of backends that do not have one of their own name."""
 
 
@@ -41,17 +42,17 @@ def entry_points() -> Iterable[EntryPoint]:
 
 class _Names(Collection[str]):
     def __contains__(self, name: object) -> bool:
-        return name in _BUILT_IN or name in set(self)
+        return name in _BUILT_IN or name == PLAYED or name in set(self)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(sorted({*_BUILT_IN, *(point.name for point in entry_points())}))
+        return iter(sorted({*_BUILT_IN, PLAYED, *(point.name for point in entry_points())}))
 
     def __len__(self) -> int:
         return len(set(self))
 
 
 NAMES: Collection[str] = _Names()
-"""The names of all installed backends."""
+"""The names of all installed backends, and `PLAYED`."""
 
 
 def make(name: str, options: BackendOptions) -> Backend:

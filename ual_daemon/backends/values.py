@@ -12,7 +12,7 @@ from enum import Enum, Flag, auto
 from typing import Generic, NamedTuple, TypeVar
 
 from ual.geometry import Pose, Twist, Vector3
-from ual.types import Battery, Capability, GeoPoint, GpsInfo, Health, Limits, State, TaskKind, Telemetry
+from ual.types import Battery, Capability, GeoPoint, GpsInfo, Health, Limits
 from ual_daemon.geodesy import Projection, is_zero
 
 T_co = TypeVar("T_co", covariant=True)
@@ -174,30 +174,6 @@ class AutopilotFence(NamedTuple):
 NO_FENCE = AutopilotFence()
 
 
-class Recorded(NamedTuple):
-    """What a daemon reported in a flight that is replayed, at the same update.
-
-    If it `is_whole`, all is reported as it was. Else only that is taken from it which the autopilot did not say, and
-    so cannot be decoded anew: the manoeuvre that was under way, its task, and the reference.
-    """
-
-    telemetry: Telemetry
-    is_whole: bool
-
-    @property
-    def manoeuvre(self) -> State | None:
-        """TAKING_OFF or LANDING while a take-off or landing of UAL was under way."""
-        task = self.telemetry.task
-        if task is None:
-            return None
-        if task.kind is TaskKind.TAKE_OFF:
-            return State.TAKING_OFF
-        lands = task.kind is TaskKind.LAND or (
-            task.kind is TaskKind.RETURN_TO_LAUNCH and self.telemetry.state is State.LANDING
-        )
-        return State.LANDING if lands else None
-
-
 class Snapshot(NamedTuple):
     """The newest values from the autopilot; None for a value that it has not sent (yet).
 
@@ -227,7 +203,6 @@ class Snapshot(NamedTuple):
     `failsafe` is the failsafe that is active, whatever the mode. `held_by` is who or what holds the control in the
     present mode, where that is not UAL: None where the backend cannot say (it is then taken for the safety pilot).
     `health` has the rest of what the autopilot says of itself; its `failsafe` and `held_by` are filled in above.
-    `recorded` is set where a flight is replayed.
     """
 
     time_s: float
@@ -262,7 +237,6 @@ class Snapshot(NamedTuple):
     failsafe: Cause | None = None
     held_by: Cause | None = None
     measured_s: float = 0.0
-    recorded: Recorded | None = None
 
     @property
     def home(self) -> Vector3 | None:

@@ -30,7 +30,7 @@ from ual_daemon.flight.policy.lease import NOBODY, Lease
 from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watching, replaced, shutting_down
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
-from ual_daemon.flight.state import Estimate, estimate, replayed
+from ual_daemon.flight.state import Estimate, estimate
 from ual_daemon.flight.stepper import Stepper
 from ual_daemon.flight.stopping import Stopping, next_start
 from ual_daemon.flight.tasks import VehicleTask
@@ -115,8 +115,6 @@ class Flight:
 
     def estimate(self, snapshot: Snapshot) -> Estimate:
         """Estimates the state from the autopilot's data and the manoeuvre that is under way."""
-        if snapshot.recorded is not None:
-            return replayed(snapshot, snapshot.recorded, self._backend.freshness)
         manoeuvre, explanation = self._flown.manoeuvre, self._explanation
         declared = None if manoeuvre is None else manoeuvre.declares
         found = estimate(snapshot, self._backend.freshness, declared, explanation.note)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual.errors import NotSupportedError, PermissionDeniedError, TaskAbortedError, WrongStateError
+from ual.errors import PermissionDeniedError, TaskAbortedError, WrongStateError
 from ual.types import State
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 
@@ -27,11 +27,6 @@ def not_replaceable(manoeuvre: Manoeuvre, command: str) -> WrongStateError:
     return WrongStateError(
         f"{command}: {manoeuvre.name} is under way; only the safety pilot can abort it, else wait for its end", metadata
     )
-
-
-def not_flown(command: str, why: str) -> NotSupportedError:
-    """The refusal of a command where nothing can be flown; `why` says why not."""
-    return NotSupportedError(f"{command}: {why}", {"command": command})
 
 
 def not_pausable(command: str, why: str) -> WrongStateError:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from ual.types import State
-from ual_daemon.backends.values import NEVER_S, Cause, Control, Freshness, LandedState, Recorded, Sample, Snapshot
+from ual_daemon.backends.values import NEVER_S, Cause, Control, Freshness, LandedState, Sample, Snapshot
 
 _SCHEDULING_GAP_S = 0.5
 """A backend publishes every 0.1 s at least; one that has not for this long is starved."""
@@ -51,14 +51,6 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
     if control is Control.REFERENCES:
         return _in_auto(mode, note)
     return _in_manual(mode, snapshot.held_by)
-
-
-def replayed(snapshot: Snapshot, recorded: Recorded, freshness: Freshness) -> Estimate:
-    """Estimates the state of a flight that is replayed, with the manoeuvre that was under way in it."""
-    if recorded.is_whole:
-        sample = recorded.telemetry
-        return Estimate(sample.state, sample.state_reason, is_link_up=sample.state is not State.UNINITIALIZED)
-    return estimate(snapshot, freshness, recorded.manoeuvre)
 
 
 def _not_blaming(missing: Estimate, snapshot: Snapshot) -> Estimate:

@@ -24,12 +24,12 @@ from ual_daemon.server.transport import selection
 from ual_daemon.server.transport.base import Transport
 from ual_daemon.server.waiting import completion
 from ual_daemon.ual import UAL
-from ual_daemon.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     import grpc
 
     from ual.interface import Simulation
+    from ual_daemon.choice import ServedVehicle
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
     from ual_daemon.server.access.policy import Access
@@ -58,7 +58,7 @@ class Uav(NamedTuple):
     extensions.
     """
 
-    vehicle: Vehicle
+    vehicle: ServedVehicle
     namespace: Namespace
     listen: Sequence[Address]
     interface: UAL
@@ -165,7 +165,7 @@ class Daemon:
             gc.unfreeze()
         return are_safe
 
-    def _observers(self, vehicle: Vehicle) -> list[Observer]:
+    def _observers(self, vehicle: ServedVehicle) -> list[Observer]:
         """Returns what observes the calls for a UAV."""
         observers = [] if self._recording is None else [self._recording.observer(vehicle.ns)]
         return observers if self._audit is None else [*observers, self._audit.observer(vehicle)]
@@ -188,7 +188,7 @@ class _Served:
         self._vehicle, self._namespace, self._listen, self._interface = uav
         self._credentials = callers.credentials
         self._transport_name = transport.name
-        self._pilot = self._vehicle.backend.safety_pilot() if is_auto_arming else None
+        self._pilot = self._vehicle.safety_pilot() if is_auto_arming else None
         self._arming: asyncio.Task[None] | None = None
         self._addresses: Sequence[Address] = ()
         self.server = Server(
@@ -213,13 +213,13 @@ class _Served:
         """Starts the server and registers its address for clients."""
         addresses = self._addresses
         await self.server.start()
-        self._namespace.register(_for_local_clients(addresses, self._credentials), self._vehicle.backend.name)
+        self._namespace.register(_for_local_clients(addresses, self._credentials), self._vehicle.backend_name)
         logs.event(
             _log,
             logging.INFO,
             "listening",
             ns=self._vehicle.ns,
-            backend=self._vehicle.backend.name,
+            backend=self._vehicle.backend_name,
             addresses=" ".join(map(str, addresses)),
             tls=self._credentials is not None,
             transport=self._transport_name,
@@ -238,7 +238,7 @@ class _Served:
         logs.uav.set(self._vehicle.log_name)
         self._vehicle.commands.is_armed_automatically = True
         try:
-            await auto_arm(pilot, self._vehicle.backend.clock, self.server.updates)
+            await auto_arm(pilot, self._vehicle.clock, self.server.updates)
         finally:
             self._vehicle.commands.is_armed_automatically = False
 

@@ -37,14 +37,14 @@ from ual_daemon.program.configuration import (
 from ual_daemon.settings import ConfigError, VehicleSettings
 
 if TYPE_CHECKING:
-    from ual_daemon.backends.base import Backend
+    from ual_daemon.backends.base import Backend, BackendOptions
+    from ual_daemon.choice import ServedVehicle
     from ual_daemon.program.daemon import Callers
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
     from ual_daemon.program.worker import Worker
     from ual_daemon.server.addresses import Address
     from ual_daemon.ual import UAL
-    from ual_daemon.vehicle.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
 
@@ -259,37 +259,23 @@ def _fly(
     configuration: Configuration, sources: Sequence[Source], worker: Worker | None = None, *, print_config: bool = False
 ) -> None:
     """Flies all UAVs, or those of a worker."""
-    from ual import discovery
-
     settings = configuration.daemon
     _choose_poller(configuration)  # gRPC reads it when it is imported
     from ual_daemon.program import heap
 
     heap.limit()  # before there are threads
-    from ual_daemon.frames.home_file import HomeFile
     from ual_daemon.program import access_files
     from ual_daemon.server import tls
     from ual_daemon.ual import UAL
-    from ual_daemon.vehicle.vehicle import Vehicle
 
     try:
         uavs = _fleet(configuration, worker) if configuration.is_fleet else [_one(configuration)]
-        vehicles = [
-            Vehicle(
-                each.backend,
-                each.vehicle,
-                allow_arming=settings.allow_arming,
-                watch_only=settings.watch_only,
-                home_file=HomeFile(discovery.home_file(each.backend.options.ns)),
-            )
-            for each in uavs
-        ]  # checks the frames and the fence
-        interfaces = [UAL.over(vehicle, configuration.extensions) for vehicle in vehicles]
+        interfaces = [UAL.over(each.vehicle, configuration.extensions) for each in uavs]
         credentials = tls.credentials(settings.tls_certificate, settings.tls_key, settings.tls_client_ca)
         who_may = access_files.access(settings)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
         _refuse_arming_while_watching(settings)
-        if settings.auto_arm and uavs[0].backend.safety_pilot() is None:
+        if settings.auto_arm and uavs[0].vehicle.safety_pilot() is None:
             where = f" at {settings.url}" if settings.url else ""
             raise ConfigError(  # noqa: TRY301
                 f"the {settings.backend} backend flies a real UAV{where}: its safety pilot arms", "auto_arm"
@@ -320,22 +306,37 @@ def _choose_poller(configuration: Configuration) -> None:
 
 
 class _Planned(NamedTuple):
-    """One UAV to fly."""
+    """One UAV to serve. That its vehicle could be made shows that the frames and the fence are valid."""
 
-    backend: Backend
-    vehicle: VehicleSettings
+    vehicle: ServedVehicle
     listen: list[Address]
 
 
 def _one(configuration: Configuration) -> _Planned:
-    from ual_daemon.backends import registry
     from ual_daemon.backends.base import BackendOptions
     from ual_daemon.server import addresses
 
     settings = configuration.daemon
     listen = [addresses.parse(text) for text in configuration.listen]
     options = BackendOptions(settings.ns, settings.url, configuration.backends.get(settings.backend, {}))
-    return _Planned(registry.make(settings.backend, options), configuration.vehicle, listen)
+    return _Planned(_vehicle(settings.backend, options, configuration.vehicle, settings), listen)
+
+
+def _vehicle(
+    backend: str | Backend, options: BackendOptions, vehicle: VehicleSettings, settings: DaemonSettings
+) -> ServedVehicle:
+    from ual import discovery
+    from ual_daemon import choice
+    from ual_daemon.frames.home_file import HomeFile
+
+    return choice.make(
+        backend,
+        options,
+        vehicle,
+        allow_arming=settings.allow_arming,
+        watch_only=settings.watch_only,
+        home_file=HomeFile(discovery.home_file(options.ns)),
+    )
 
 
 def _fleet(configuration: Configuration, worker: Worker | None) -> list[_Planned]:
@@ -346,6 +347,8 @@ def _fleet(configuration: Configuration, worker: Worker | None) -> list[_Planned
     from ual_daemon.server import addresses
 
     settings = configuration.daemon
+    if settings.backend == registry.PLAYED:
+        raise ConfigError("a recording plays as one UAV: start a daemon for each", "fleet")
     if settings.url is not None:
         raise ConfigError("a fleet needs a URL for each vehicle: give --fleet-url for each", "url")
     section = configuration.backends.get(settings.backend, {})
@@ -362,7 +365,7 @@ def _fleet(configuration: Configuration, worker: Worker | None) -> list[_Planned
         raise ConfigError(error.message, "fleet_url" if error.key == "url" else error.key) from None
     fleet.allow_files(max(map(len, fleet.parts(settings))), len(configuration.listen))
     return [
-        _Planned(backend, fleet.placed(configuration.vehicle, place), where)
+        _Planned(_vehicle(backend, backend.options, fleet.placed(configuration.vehicle, place), settings), where)
         for backend, place, where in zip(backends, places[own], listen[own], strict=True)
     ]
 
@@ -420,7 +423,7 @@ class RecordingError(Exception):
     """The recording cannot begin."""
 
 
-def _recording(settings: DaemonSettings, vehicles: Sequence[Vehicle]) -> Recording | None:
+def _recording(settings: DaemonSettings, vehicles: Sequence[ServedVehicle]) -> Recording | None:
     """Returns the recording of the vehicles, if one is wanted."""
     if settings.record is None:
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import grpc
 from grpc_health.v1 import health_pb2
@@ -23,7 +23,9 @@ from ual_daemon.server.simulation_service import SimulatedTime, SimulationServic
 from ual_daemon.server.telemetry_stream import LoopCalls, Updates
 from ual_daemon.server.transport.base import Transport
 from ual_daemon.server.uav_service import UalServicer
-from ual_daemon.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from ual_daemon.choice import ServedVehicle
 
 _UAL_SERVICE: str = ual_pb2.DESCRIPTOR.services_by_name["UalService"].full_name
 _SIMULATION_SERVICE: str = simulation_pb2.DESCRIPTOR.services_by_name["SimulationService"].full_name
@@ -86,7 +88,7 @@ class Server:
 
     def __init__(
         self,
-        vehicle: Vehicle,
+        vehicle: ServedVehicle,
         transport: Transport,
         loop_calls: LoopCalls | None = None,
         observers: Sequence[Observer] = (),
@@ -158,7 +160,7 @@ class Server:
         self._health.set_serving(state is not State.UNINITIALIZED)
 
 
-def _simulation(vehicle: Vehicle) -> Simulation | None:
+def _simulation(vehicle: ServedVehicle) -> Simulation | None:
     try:
         return vehicle.simulation()
     except NotSupportedError:

@@ -15,12 +15,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.server.packing import TelemetryPacker
-from ual_daemon.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from ual_daemon.choice import ServedVehicle
 
 _OWN_THREAD_COUNT = 4
 """To at most so many readers the vehicle's thread sends itself: 0.1 ms each."""
@@ -153,7 +155,7 @@ class Updates:
 
     def __init__(
         self,
-        vehicle: Vehicle,
+        vehicle: ServedVehicle,
         on_state: Callable[[State], None],
         loop_calls: LoopCalls | None = None,
         clock: Callable[[], float] = time.monotonic,

@@ -8,7 +8,7 @@ import math
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator
 from concurrent.futures import Future
 from functools import partial
-from typing import TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from typing_extensions import override
 
@@ -29,7 +29,9 @@ from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.transport.base import Call
 from ual_daemon.server.waiting import completion, ended
 from ual_daemon.vehicle.prepared import Prepared
-from ual_daemon.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from ual_daemon.choice import ServedVehicle
 
 R = TypeVar("R")
 _Maybe: TypeAlias = R | Awaitable[R]
@@ -46,11 +48,8 @@ _MAX_WATCH_RATE_HZ = 50.0
 class UalServicer(ual_pb2_grpc.UalServiceServicer):
     """The interface of one vehicle. ``ual/v1/ual.proto`` describes each method, `dispatch` how it is answered."""
 
-    def __init__(self, vehicle: Vehicle, updates: Updates) -> None:
+    def __init__(self, vehicle: ServedVehicle, updates: Updates) -> None:
         self._vehicle = vehicle
-        self._commands = vehicle.commands
-        self._setpoints = vehicle.commands.setpoints
-        self._external_poses = vehicle.external_poses
         self._updates = updates
         self._planning = Planning()
         self._routing = Planning()  # so that whoever only looks takes no place from whoever flies
@@ -92,21 +91,21 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def AddFrame(self, request: pb.AddFrameRequest, context: object) -> pb.AddFrameResponse:
-        self._commands.add_frame(convert.new_frame_from_proto(request))
+        self._vehicle.frame_editor.add(convert.new_frame_from_proto(request))
         return pb.AddFrameResponse()
 
     @override
     def RemoveFrame(self, request: pb.RemoveFrameRequest, context: object) -> pb.RemoveFrameResponse:
-        self._commands.remove_frame(request.frame_id)
+        self._vehicle.frame_editor.remove(request.frame_id)
         return pb.RemoveFrameResponse()
 
     @override
     def Arm(self, request: pb.ArmRequest, context: object) -> Awaitable[pb.ArmResponse]:
-        return _after(self._commands.arm(lease_of(context)), pb.ArmResponse())
+        return _after(self._vehicle.commands.arm(lease_of(context)), pb.ArmResponse())
 
     @override
     def Disarm(self, request: pb.DisarmRequest, context: object) -> Awaitable[pb.DisarmResponse]:
-        return _after(self._commands.disarm(lease_of(context)), pb.DisarmResponse())
+        return _after(self._vehicle.commands.disarm(lease_of(context)), pb.DisarmResponse())
 
     @override
     def TakeOff(self, request: pb.TakeOffRequest, context: object) -> _Maybe[pb.TakeOffResponse]:
@@ -130,7 +129,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def FollowPath(self, request: pb.FollowPathRequest, context: object) -> Awaitable[pb.FollowPathResponse]:
         # Planning takes a while where there are thousands of waypoints: what stops the UAV must get through meanwhile.
         lease_id = lease_of(context)
-        prepare = partial(self._prepare, request, lease_id, self._commands.last_command)
+        prepare = partial(self._prepare, request, lease_id, self._vehicle.commands.last_command)
         return self._follow_path(request, lease_id, self._planning.begin("follow_path", prepare))
 
     @override
@@ -144,10 +143,10 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return await response if isinstance(response, Awaitable) else response
 
     def _prepare(self, request: convert.TaskRequestMessage, lease_id: str, since: LastCommand) -> Prepared[VehicleTask]:
-        return self._commands.prepare(convert.task_request_from_proto(request), lease_id, since)
+        return self._vehicle.commands.prepare(convert.task_request_from_proto(request), lease_id, since)
 
     def _task(self, request: convert.TaskRequestMessage, lease_id: str, make: Callable[..., R]) -> _Maybe[R]:
-        prepared = self._commands.prepare(convert.task_request_from_proto(request), lease_id)
+        prepared = self._vehicle.commands.prepare(convert.task_request_from_proto(request), lease_id)
         return self._begun(prepared, request, lease_id, make)
 
     def _begun(
@@ -171,7 +170,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
             try:
                 await ended(task.future)
             except asyncio.CancelledError:
-                is_cancelled = self._commands.abandon(task, lease_id)
+                is_cancelled = self._vehicle.commands.abandon(task, lease_id)
                 logs.event(
                     _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=is_cancelled
                 )
@@ -182,16 +181,16 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
         pose, lease_id = convert.pose_from_proto(request), lease_of(context)
         if request.dry_run:
-            return pb.SetPoseResponse(plan=convert.plan_to_proto(self._commands.plan(pose, lease_id)))
-        self._setpoints.set_pose(pose, lease_id)
+            return pb.SetPoseResponse(plan=convert.plan_to_proto(self._vehicle.commands.plan(pose, lease_id)))
+        self._vehicle.commands.setpoints.set_pose(pose, lease_id)
         return pb.SetPoseResponse()
 
     @override
     def SetVelocity(self, request: pb.SetVelocityRequest, context: object) -> pb.SetVelocityResponse:
         velocity, lease_id = convert.velocity_from_proto(request), lease_of(context)
         if request.dry_run:
-            return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._commands.plan(velocity, lease_id)))
-        self._setpoints.set_velocity(velocity, lease_id)
+            return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._vehicle.commands.plan(velocity, lease_id)))
+        self._vehicle.commands.setpoints.set_velocity(velocity, lease_id)
         return pb.SetVelocityResponse()
 
     @override
@@ -199,7 +198,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self, request_iterator: None, context: object
     ) -> Generator[None, pb.StreamSetpointsRequest | None, pb.StreamSetpointsResponse]:
         accepted_count = 0
-        setpoints, lease_id = self._setpoints, lease_of(context)
+        setpoints, lease_id = self._vehicle.commands.setpoints, lease_of(context)
         while (request := (yield)) is not None:
             setpoint = convert.setpoint_from_proto(request)
             if isinstance(setpoint, TwistStamped):
@@ -211,7 +210,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def SetExternalPose(self, request: pb.SetExternalPoseRequest, context: object) -> pb.SetExternalPoseResponse:
-        dropped = self._external_poses.set(convert.external_pose_from_proto(request))
+        dropped = self._vehicle.external_poses.set(convert.external_pose_from_proto(request))
         return pb.SetExternalPoseResponse(dropped=dropped)
 
     @override
@@ -220,7 +219,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     ) -> Generator[None, pb.StreamExternalPosesRequest | None, pb.StreamExternalPosesResponse]:
         accepted_count = dropped_count = 0
         while (request := (yield)) is not None:
-            if self._external_poses.offer(convert.external_pose_from_proto(request)):
+            if self._vehicle.external_poses.offer(convert.external_pose_from_proto(request)):
                 dropped_count += 1
             else:
                 accepted_count += 1
@@ -230,29 +229,29 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def RecoverFromManual(
         self, request: pb.RecoverFromManualRequest, context: object
     ) -> _Maybe[pb.RecoverFromManualResponse]:
-        prepared = self._commands.recover_from_manual(lease_of(context), force=request.force)
+        prepared = self._vehicle.commands.recover_from_manual(lease_of(context), force=request.force)
         if request.dry_run:
             return pb.RecoverFromManualResponse(plan=convert.plan_to_proto(prepared.plan))
         return _after(prepared.begin(), pb.RecoverFromManualResponse())
 
     @override
     def SetHome(self, request: pb.SetHomeRequest, context: object) -> pb.SetHomeResponse:
-        self._commands.set_home(request.set_z, lease_of(context))
+        self._vehicle.commands.set_home(request.set_z, lease_of(context))
         return pb.SetHomeResponse()
 
     @override
     def Abort(self, request: pb.AbortRequest, context: object) -> pb.AbortResponse:
-        self._commands.abort(request.freeze, request.task_id, lease_of(context))
+        self._vehicle.commands.abort(request.freeze, request.task_id, lease_of(context))
         return pb.AbortResponse()
 
     @override
     def Pause(self, request: pb.PauseRequest, context: object) -> pb.PauseResponse:
-        self._commands.pause(request.task_id, lease_of(context))
+        self._vehicle.commands.pause(request.task_id, lease_of(context))
         return pb.PauseResponse()
 
     @override
     def Resume(self, request: pb.ResumeRequest, context: object) -> pb.ResumeResponse:
-        self._commands.resume(request.task_id, lease_of(context))
+        self._vehicle.commands.resume(request.task_id, lease_of(context))
         return pb.ResumeResponse()
 
     @override

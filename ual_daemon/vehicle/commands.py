@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from functools import partial
 
 from ual.errors import LeaseHeldError, LeaseLostError, PermissionDeniedError, UalError, WrongStateError
-from ual.geometry import Transform, TwistStamped, Vector3
+from ual.geometry import TwistStamped, Vector3
 from ual.types import (
     Capability,
     FollowPathRequest,
@@ -35,16 +35,16 @@ from ual_daemon.flight.manoeuvres.take_off import TakeOff
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
-from ual_daemon.frames.tree import MAP
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.references import Hold, Reference, measured_motion
 from ual_daemon.trajectory import Line
 from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.landings import Landings
 from ual_daemon.vehicle.planner import Planner
-from ual_daemon.vehicle.preconditions import Preconditions, accepted
+from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.prepared import Prepared
 from ual_daemon.vehicle.reach_limit import ReachLimit
+from ual_daemon.vehicle.refusal_log import accepted
 from ual_daemon.vehicle.setpoints import Setpoints
 
 _LANDED = (State.LANDED_DISARMED, State.LANDED_ARMED)
@@ -346,7 +346,7 @@ class Commands:
             self._preconditions.require_state("resume", lease_id, State.FLYING_AUTO)
             accepted("resume", task_id=self._flight.resume(task_id).id)
 
-    # --- Frames -------------------------------------------------------------------------------------------------------
+    # --- Home ---------------------------------------------------------------------------------------------------------
 
     def set_home(self, set_z: bool = False, lease_id: str = NOBODY) -> None:
         """Makes the present position the origin of ``<ns>/odom``."""
@@ -354,21 +354,6 @@ class Commands:
             snapshot = self._preconditions.require_state("set_home", lease_id, *_LANDED)
             self._resolver.set_home(measured_motion(snapshot).position, snapshot, set_z=set_z)
             accepted("set_home", set_z=set_z)
-
-    def add_frame(self, transform: Transform) -> None:
-        """Adds a frame, or moves one that was added. Moves are not logged, because they may come often."""
-        with self._preconditions.logging_refusal("add_frame"):
-            transform = validation.transform(transform, "transform")
-            is_new = transform.child_frame_id not in self._resolver.tree.names()
-            self._resolver.tree.add(transform, self._backend.clock.now_s())
-            if is_new:
-                accepted("add_frame", frame=transform.child_frame_id, parent=transform.frame_id or MAP)
-
-    def remove_frame(self, frame_id: str) -> None:
-        """Removes a frame that was added."""
-        with self._preconditions.logging_refusal("remove_frame"):
-            self._resolver.tree.remove(validation.frame_id(frame_id, "frame_id"))
-            accepted("remove_frame", frame=frame_id)
 
     # --- Motors -------------------------------------------------------------------------------------------------------
 

@@ -9,13 +9,14 @@ from ual.geometry import Transform, Vector3
 from ual.types import Circle, Geofence, Route
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
+from ual_daemon.flight.policy import geofence as policy
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
 
 _LEVEL = 1e-6
 
 
-def geofence_in_map(flight: Flight, resolver: FrameResolver, snapshot: Snapshot) -> Geofence:
+def geofence_in_map(geofence: policy.Geofence, resolver: FrameResolver, snapshot: Snapshot) -> Geofence:
     """Returns the geofence, the floor and the ceiling, and the limits of the autopilot's own fence, as one.
 
     The zones of that fence are refused, but not told: the contract has one polygon and one circle.
@@ -25,7 +26,7 @@ def geofence_in_map(flight: Flight, resolver: FrameResolver, snapshot: Snapshot)
         FrameLostError: It is not known any more.
 
     """
-    edges = flight.geofence.edges(snapshot)
+    edges = geofence.edges(snapshot)
     to_map = _level_to_map(resolver)
     disc, base_m = edges.disc, to_map.translation.z
     return Geofence(

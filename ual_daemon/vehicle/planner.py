@@ -48,9 +48,10 @@ from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.courses import PathBounds, PathCourse, Resolve, StraightCourse, WayHomeCourse
 from ual_daemon.vehicle.landings import Landings
 from ual_daemon.vehicle.moving_goals import moving_goal
-from ual_daemon.vehicle.preconditions import Preconditions, accepted
+from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.prepared import Prepared
 from ual_daemon.vehicle.reach_limit import ReachLimit
+from ual_daemon.vehicle.refusal_log import accepted
 from ual_daemon.vehicle.way_home import WayHome, plan_way_home
 
 MOST_WAYPOINTS = 10_000

@@ -2,69 +2,23 @@
 
 from __future__ import annotations
 
-import logging
-import time
-from contextlib import AbstractContextManager
-from types import TracebackType
-
-from ual.errors import LinkLostError, NotSupportedError, UalError, WrongStateError
+from ual.errors import LinkLostError, NotSupportedError, WrongStateError
 from ual.types import Capability, State
-from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, LandedState, Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.refusals import not_flown, only_watching, shutting_down
+from ual_daemon.flight.refusals import only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
-
-_log = logging.getLogger(__name__)
-
-_REPEATED_REFUSAL_S = 1.0
+from ual_daemon.vehicle.refusal_log import RefusalLog
 
 
-class _LoggingRefusal(AbstractContextManager[None]):
-    """A class, because `contextlib.contextmanager` costs two to three times as much."""
-
-    __slots__ = ("_command", "_preconditions")
-
-    def __init__(self, preconditions: Preconditions, command: str) -> None:
-        self._preconditions = preconditions
-        self._command = command
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> None:
-        if isinstance(error, UalError):
-            self._preconditions.log_refusal(self._command, error)
-
-
-class Preconditions:
-    """The checks of one UAV. Any thread may call."""
+class Preconditions(RefusalLog):
+    """The checks of one UAV, and the log of what they refuse. Any thread may call."""
 
     def __init__(self, backend: Backend, flight: Flight) -> None:
+        super().__init__()
         self._backend = backend
         self._flight = flight
-        self._last_refusal = ("", 0.0)
-        self._left_out_count = 0
-
-    def logging_refusal(self, command: str) -> AbstractContextManager[None]:
-        """Logs the refusal that is raised in its block.
-
-        Of a refusal that is repeated (a stream of setpoints), only one a second is logged, with the number of those
-        that were not.
-        """
-        return _LoggingRefusal(self, command)
-
-    def log_refusal(self, command: str, error: UalError) -> None:
-        """See `logging_refusal`."""
-        text, now_s = f"{command}: {error}", time.monotonic()
-        last_text, last_s = self._last_refusal
-        if text == last_text and now_s - last_s <= _REPEATED_REFUSAL_S:
-            self._left_out_count += 1
-            return
-        left_out_count = self._left_out_count if text == last_text else 0
-        self._last_refusal, self._left_out_count = (text, now_s), 0
-        logs.refused(_log, command, error, left_out_count)
 
     def require_capability(self, capability: Capability, command: str) -> None:
         """Checks that the backend has a capability.
@@ -77,8 +31,6 @@ class Preconditions:
         info = self._backend.info()
         if capability in info.capabilities:
             return
-        if not self._backend.can_fly:
-            raise not_flown(command, self._backend.info().limitation)
         # Nothing is known of the capabilities of an autopilot that was not heard yet.
         _require_link(command, self._flight.estimate(self._backend.snapshot()))
         if info.limitation:
@@ -91,11 +43,8 @@ class Preconditions:
 
         Raises:
             PermissionDeniedError: It only watches.
-            NotSupportedError: Its backend flies nothing.
 
         """
-        if not self._backend.can_fly:
-            raise not_flown(command, self._backend.info().limitation)
         if self._flight.is_watch_only:
             raise only_watching(command)
 
@@ -174,11 +123,8 @@ class Preconditions:
             PermissionDeniedError: This daemon only watches.
             LeaseHeldError: Another program holds the lease.
             LeaseLostError: The lease of the command has ended.
-            NotSupportedError: Its backend flies nothing.
 
         """
-        if not self._backend.can_fly:
-            raise not_flown(command, self._backend.info().limitation)
         if self._flight.is_closing:
             raise shutting_down(command)
         if self._flight.is_watch_only:
@@ -204,8 +150,3 @@ def _needing_force(cause: Cause | None) -> Cause | None:
 def _require_link(command: str, found: Estimate) -> None:
     if not found.is_link_up:
         raise LinkLostError(f"{command}: {found.why}", {"state": found.state.name})
-
-
-def accepted(command: str, **fields: object) -> None:
-    """Logs that a command was accepted."""
-    logs.event(_log, logging.INFO, "command", command=command, **fields)

@@ -5,16 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ual.errors import WrongStateError
 from ual.geometry import IDENTITY, Pose, Transform, Twist
-from ual.types import GeoPoint, Health, Odometry, Telemetry
+from ual.types import GeoPoint, Health, Odometry, TaskInfo, Telemetry
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
+
+
+class Doing(Protocol):
+    """What a UAV does, as far as a sample tells it. `Flight` is that of one that UAL flies."""
+
+    @property
+    def limitation(self) -> str:
+        """What the reason of the state adds; empty if nothing."""
+
+    def reference_pose(self) -> Pose | None:
+        """Returns the pose that is commanded now, in the local frame; None if no pose is."""
+
+    def task_info(self) -> TaskInfo | None:
+        """Returns the running task; None if there is none."""
 
 
 class _Reported(NamedTuple):
@@ -30,7 +43,7 @@ def make_telemetry(
     snapshot: Snapshot,
     found: Estimate,
     resolver: FrameResolver,
-    flight: Flight,
+    doing: Doing,
     pose_frame_id: str | None,
     sequence: int,
     *,
@@ -44,13 +57,11 @@ def make_telemetry(
     odom_loss, tree = resolver.odom_loss, resolver.tree
     body = None if snapshot.pose is None else resolver.to_odom(snapshot.pose.value)
     twist = None if snapshot.velocity is None else snapshot.velocity.value
-    reported = _reported(resolver, flight.reference_pose(), body, twist, pose_frame_id)
-    recorded, limitation, stamp_s = snapshot.recorded, flight.limitation, snapshot.stamp_s
-    if recorded is not None and recorded.telemetry.frame_id == reported.frame_id:
-        reported = reported._replace(reference_pose=recorded.telemetry.reference_pose)
+    reported = _reported(resolver, doing.reference_pose(), body, twist, pose_frame_id)
+    limitation, stamp_s = doing.limitation, snapshot.stamp_s
     known: dict[str, Any] = {
         "state": found.state,
-        "state_reason": f"{found.why}; {limitation}" if limitation and recorded is None else found.why,
+        "state_reason": f"{found.why}; {limitation}" if limitation else found.why,
         "stamp_s": stamp_s,
         "frame_id": reported.frame_id,
         "pose": reported.pose,
@@ -60,7 +71,7 @@ def make_telemetry(
         "gps": snapshot.gps,
         "flight_mode": "" if snapshot.mode is None else snapshot.mode.value.name,
         "armed": snapshot.armed is not None and snapshot.armed.value,
-        "task": flight.task_info() if recorded is None else recorded.telemetry.task,
+        "task": doing.task_info(),
         "sequence": sequence,
         "status_text": snapshot.status_text,
         "frame_lost": "" if odom_loss is None else str(odom_loss),

@@ -19,8 +19,6 @@ from tests.simulators.lockstep_dji import LockstepPsdk
 from tests.simulators.lockstep_mavros import LockstepMavros
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
-from tests.ual_daemon.backends.mavlink.traces import load
-from tests.ual_daemon.backends.replay.recordings import raw_recording
 from tests.waiting import until
 from ual.types import State
 from ual_daemon.backends import registry
@@ -42,11 +40,6 @@ def mavros(_: ExitStack, __: Path) -> Backend:
     return LockstepMavros(OPTIONS, Px4(port, is_terse=True), port)
 
 
-def replay(_: ExitStack, directory: Path) -> Backend:
-    recording = raw_recording(load("px4_auto_takeoff_loiter_rtl"), directory / "flight.mcap")
-    return registry.make("replay", BackendOptions("uav_1", str(recording)))
-
-
 MAKERS: dict[str, Callable[[ExitStack, Path], Backend]] = {
     "airsim": airsim,
     "crazyflie": lambda _, directory: LockstepCrazyflie(
@@ -56,7 +49,6 @@ MAKERS: dict[str, Callable[[ExitStack, Path], Backend]] = {
     "light": lambda *_: registry.make("light", OPTIONS),
     "mavlink": lambda *_: LockstepPx4(OPTIONS),
     "mavros": mavros,
-    "replay": replay,
 }
 
 

@@ -34,7 +34,7 @@ class Followed:
 
     def _update_frame(self) -> None:
         x, y, yaw = self._pose(self.time_s)
-        self.uav.vehicle.commands.add_frame(Transform(Vector3(x, y, 0.0), Quaternion.from_yaw(yaw), "map", CAR))
+        self.uav.vehicle.frame_editor.add(Transform(Vector3(x, y, 0.0), Quaternion.from_yaw(yaw), "map", CAR))
 
     def run(self, duration_s: float) -> None:
         for _ in range(round(duration_s / STEP_S)):
@@ -188,11 +188,11 @@ def test_a_goal_without_a_heading_keeps_the_heading_of_the_uav(uav: Stepped) -> 
 
 
 def move_below_the_body(uav: Stepped) -> None:
-    uav.vehicle.commands.add_frame(Transform(Vector3(1.0, 0.0, 0.0), Quaternion.from_yaw(0.0), "uav_1/base_link", CAR))
+    uav.vehicle.frame_editor.add(Transform(Vector3(1.0, 0.0, 0.0), Quaternion.from_yaw(0.0), "uav_1/base_link", CAR))
 
 
 def move_beyond_all_distances(uav: Stepped) -> None:
-    uav.vehicle.commands.add_frame(Transform(Vector3(9_999_999.9, 0.0, 0.0), Quaternion.from_yaw(0.0), "map", CAR))
+    uav.vehicle.frame_editor.add(Transform(Vector3(9_999_999.9, 0.0, 0.0), Quaternion.from_yaw(0.0), "map", CAR))
 
 
 @pytest.mark.parametrize("lose", [move_below_the_body, move_beyond_all_distances])
@@ -232,7 +232,7 @@ def test_the_uav_stops_where_the_frame_of_its_goal_is_removed(uav: Stepped) -> N
     task = uav.prepare.go_to_waypoint(over_the_car()).begin()
     car.run(1.0)
     car.is_updating = False
-    uav.vehicle.commands.remove_frame(CAR)
+    uav.vehicle.frame_editor.remove(CAR)
     with pytest.raises(UnknownFrameError):
         uav.end(task.future)
     uav.run(5.0)

@@ -111,7 +111,7 @@ def begun(world: World, what: str) -> Any:
     if what == "moving goal":
         for moved_m in (0.0, 0.01):
             transform = Transform(Vector3(150.0 + moved_m), IDENTITY, "uav_1/odom", "boat")
-            uav.vehicle.commands.add_frame(transform)
+            uav.vehicle.frame_editor.add(transform)
             uav.run(0.1)
     task = BEGIN[what](uav)
     uav.until(lambda: uav.speed > 6.0)
@@ -401,7 +401,7 @@ def test_a_goal_whose_frame_begins_to_move_is_followed(world: World) -> None:
     uav = world.uav
 
     def put(x: float) -> None:
-        uav.vehicle.commands.add_frame(Transform(Vector3(x, 0.0, 0.0), IDENTITY, "uav_1/odom", "boat"))
+        uav.vehicle.frame_editor.add(Transform(Vector3(x, 0.0, 0.0), IDENTITY, "uav_1/odom", "boat"))
 
     put(30.0)
     task = uav.prepare.go_to_waypoint(at(0.0, 0.0, 4.0, frame_id="boat")).begin()
@@ -418,10 +418,10 @@ def test_a_goal_whose_frame_begins_to_move_is_followed(world: World) -> None:
 
 def test_a_goal_whose_frame_is_removed_ends_with_its_reason(world: World) -> None:
     uav = world.uav
-    uav.vehicle.commands.add_frame(Transform(Vector3(60.0), IDENTITY, "uav_1/odom", "boat"))
+    uav.vehicle.frame_editor.add(Transform(Vector3(60.0), IDENTITY, "uav_1/odom", "boat"))
     task = uav.prepare.go_to_waypoint(at(0.0, 0.0, 4.0, frame_id="boat")).begin()
     uav.run(2.0)
-    uav.vehicle.commands.remove_frame("boat")
+    uav.vehicle.frame_editor.remove("boat")
     uav.run(0.1)
     with pytest.raises(UnknownFrameError, match="boat"):
         task.future.result()

@@ -421,7 +421,7 @@ def test_each_leg_has_the_smaller_of_its_speeds(flying: Stepped) -> None:
 
 
 def test_a_path_looks_at_a_point_in_any_frame(flying: Stepped) -> None:
-    flying.vehicle.commands.add_frame(Transform(Vector3(4, 0, 0), Quaternion.from_yaw(1.0), "map", "tower"))
+    flying.vehicle.frame_editor.add(Transform(Vector3(4, 0, 0), Quaternion.from_yaw(1.0), "map", "tower"))
     task = flying.prepare.follow_path(
         [at(0, 4, 3)],
         heading=PathHeading.POINT_OF_INTEREST,
@@ -491,7 +491,7 @@ def test_another_uavs_frame_is_moved_often_with_its_stamp(uav: Stepped, caplog: 
     with caplog.at_level(logging.INFO):
         for i in range(50):
             point = Vector3(0.1 * i, 0.0, 2.0)
-            uav.vehicle.commands.add_frame(Transform(point, Quaternion(), "map", "car/base_link", 1000.0 + 0.02 * i))
+            uav.vehicle.frame_editor.add(Transform(point, Quaternion(), "map", "car/base_link", 1000.0 + 0.02 * i))
     added = [record for record in caplog.records if record.getMessage() == "command"]
     assert len(added) == 1
     (found,) = [frame for frame in uav.vehicle.frames() if frame.frame_id == "car/base_link"]
@@ -503,7 +503,7 @@ def test_another_uavs_frame_is_moved_often_with_its_stamp(uav: Stepped, caplog: 
 @pytest.mark.parametrize("stamp_s", [math.nan, -1.0, math.inf, 1e300])
 def test_an_invalid_stamp_is_refused(uav: Stepped, stamp_s: float) -> None:
     with pytest.raises(InvalidArgumentError, match=r"transform\.header\.stamp"):
-        uav.vehicle.commands.add_frame(Transform(Vector3(), Quaternion(), "map", "car/base_link", stamp_s))
+        uav.vehicle.frame_editor.add(Transform(Vector3(), Quaternion(), "map", "car/base_link", stamp_s))
 
 
 def test_a_command_that_comes_while_waypoints_are_read_is_newer_than_the_path(

@@ -230,7 +230,7 @@ def test_a_uav_above_the_ceiling_comes_back_but_does_not_climb() -> None:
 
 def test_a_goal_in_a_moving_frame_does_not_lead_below_the_ground(flying: Stepped) -> None:
     def put(z: float) -> None:
-        flying.vehicle.commands.add_frame(Transform(Vector3(3.0, 0.0, z), Quaternion(), "map", "boat"))
+        flying.vehicle.frame_editor.add(Transform(Vector3(3.0, 0.0, z), Quaternion(), "map", "boat"))
 
     put(3.0)
     flying.run(STEP_S)

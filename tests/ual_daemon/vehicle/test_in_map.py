@@ -134,10 +134,8 @@ def test_the_way_home_ends_on_the_ground(flying: Stepped) -> None:
 
 
 def test_the_way_to_a_goal_that_moves_moves(flying: Stepped) -> None:
-    commands = flying.vehicle.commands
-
     def move(x: float) -> None:
-        commands.add_frame(Transform(Vector3(x, 0.0, 0.0), child_frame_id="car"))
+        flying.vehicle.frame_editor.add(Transform(Vector3(x, 0.0, 0.0), child_frame_id="car"))
 
     move(10.0)
     flying.run(0.1)
@@ -157,9 +155,9 @@ def test_the_way_to_a_goal_that_moves_moves(flying: Stepped) -> None:
 
 def test_a_pose_in_a_frame_that_moves_has_a_way_and_no_task(flying: Stepped) -> None:
     commands = flying.vehicle.commands
-    commands.add_frame(Transform(Vector3(5.0, 0.0, 0.0), child_frame_id="car"))
+    flying.vehicle.frame_editor.add(Transform(Vector3(5.0, 0.0, 0.0), child_frame_id="car"))
     flying.run(0.1)
-    commands.add_frame(Transform(Vector3(5.01, 0.0, 0.0), child_frame_id="car"))
+    flying.vehicle.frame_editor.add(Transform(Vector3(5.01, 0.0, 0.0), child_frame_id="car"))
     commands.setpoints.set_pose(PoseStamped(Pose.at(0.0, 0.0, 4.0), "car"))
     flying.run(0.2)
     route = the_route(flying)

@@ -149,7 +149,7 @@ def test_what_cannot_be_paused_is_refused_with_words(uav: Stepped) -> None:
 def test_a_go_to_to_a_moving_goal_cannot_be_paused(flying: Stepped) -> None:
     car = "car"
     for step in range(10):
-        flying.vehicle.commands.add_frame(Transform(Vector3(step * 0.1, 0.0, 0.0), child_frame_id=car))
+        flying.vehicle.frame_editor.add(Transform(Vector3(step * 0.1, 0.0, 0.0), child_frame_id=car))
         flying.run(0.1)
     task = flying.prepare.go_to_waypoint(at(5, 5, 3, frame_id=car)).begin()
     with pytest.raises(WrongStateError, match="its goal moves"):

@@ -191,7 +191,7 @@ def test_a_goal_at_the_present_pose_succeeds_at_once(flying: Stepped) -> None:
 
 def test_goals_in_other_frames(flying: Stepped) -> None:
     vehicle = flying.vehicle
-    vehicle.commands.add_frame(Transform(Vector3(10, 0, 0), Quaternion.from_yaw(math.pi / 2), "map", "dock"))
+    vehicle.frame_editor.add(Transform(Vector3(10, 0, 0), Quaternion.from_yaw(math.pi / 2), "map", "dock"))
     flying.end(flying.prepare.go_to_waypoint(at(1, 7, 3, 0.0, "dock")).begin().future)
     assert tuple(flying.pose.position) == pytest.approx((3, 1, 3), abs=0.03)
     assert flying.pose.yaw_rad == pytest.approx(math.pi / 2, abs=0.02)
@@ -341,7 +341,7 @@ def test_a_velocity_in_the_body_turns_with_it(flying: Stepped) -> None:
 
 def test_a_velocity_in_a_turned_frame(flying: Stepped) -> None:
     turned = Transform(Vector3(), Quaternion.from_yaw(math.pi / 2), "map", "street")
-    flying.vehicle.commands.add_frame(turned)
+    flying.vehicle.frame_editor.add(turned)
     for _ in range(10):
         flying.vehicle.commands.setpoints.set_velocity(velocity(1.0, frame_id="street"))
         flying.run(0.1)
@@ -489,7 +489,7 @@ def test_unknown_frames_are_refused_and_the_known_ones_listed(flying: Stepped) -
         lambda: flying.vehicle.commands.setpoints.set_velocity(velocity(1, frame_id="nowhere")),
         lambda: flying.prepare.follow_path([at(1, 1, 1, None, "nowhere")]).begin(),
         lambda: flying.vehicle.transform("nowhere"),
-        lambda: flying.vehicle.commands.add_frame(Transform(frame_id="nowhere", child_frame_id="here")),
+        lambda: flying.vehicle.frame_editor.add(Transform(frame_id="nowhere", child_frame_id="here")),
     ):
         with pytest.raises(UnknownFrameError, match=r"known are map, uav_1/") as refused:
             command()

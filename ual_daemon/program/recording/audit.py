@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from datetime import datetime
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from typing_extensions import override
 
@@ -18,13 +18,15 @@ from ual_daemon.program.recording.audit_writer import AuditWriter
 from ual_daemon.program.recording.call_json import to_json
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.call_log import CallRecord, Observer
-from ual_daemon.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from ual_daemon.choice import ServedVehicle
 
 _NOT_CHANGING = frozenset({"/ual.v1.UalService/KeepLease"})
 
 
 class _Waiting(NamedTuple):
-    vehicle: Vehicle
+    vehicle: ServedVehicle
     record: CallRecord
     before: object
     after: str
@@ -39,17 +41,17 @@ def changes(method: str) -> bool:
 class Audit(AuditWriter):
     """The audit of the UAVs of this process."""
 
-    def observer(self, vehicle: Vehicle) -> Observer:
+    def observer(self, vehicle: ServedVehicle) -> Observer:
         """Returns what observes the calls for a UAV."""
         return _UavAudit(vehicle, self)
 
-    def put_call(self, vehicle: Vehicle, record: CallRecord, before: object) -> None:
+    def put_call(self, vehicle: ServedVehicle, record: CallRecord, before: object) -> None:
         """Writes the line of a call, soon. From any thread."""
         self.put(partial(_entry, _Waiting(vehicle, record, before, vehicle.state().name, self._now())))
 
 
 class _UavAudit(Observer):
-    def __init__(self, vehicle: Vehicle, to: Audit) -> None:
+    def __init__(self, vehicle: ServedVehicle, to: Audit) -> None:
         self._vehicle = vehicle
         self._audit = to
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from typing_extensions import override
 
@@ -18,7 +19,9 @@ from ual_daemon.program.recording.calls import CallTopic
 from ual_daemon.program.recording.packets import PacketTopics
 from ual_daemon.program.recording.setpoints import SetpointTopic
 from ual_daemon.server.call_log import CallRecord, Observer
-from ual_daemon.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from ual_daemon.choice import ServedVehicle
 
 _log = logging.getLogger(__name__)
 
@@ -29,7 +32,7 @@ _FRAMES_S = 1.0
 class UavRecording(Observer):
     """Records one UAV."""
 
-    def __init__(self, vehicle: Vehicle, recorder: Recorder, *, is_raw: bool) -> None:
+    def __init__(self, vehicle: ServedVehicle, recorder: Recorder, *, is_raw: bool) -> None:
         self._vehicle = vehicle
         self._recorder = recorder
         self._clock = recorder.clock
@@ -41,10 +44,8 @@ class UavRecording(Observer):
         self._frames_due_ns = 0
         vehicle.subscribe(self._on_sample)
         vehicle.observe_setpoints(self._on_setpoint)
-        if is_raw and vehicle.backend.has_packets:
-            vehicle.backend.on_packet = self._on_packet
-        elif is_raw:
-            logs.event(_log, logging.WARNING, "no_packets", ns=vehicle.ns, backend=vehicle.backend.name)
+        if is_raw and not vehicle.observe_packets(self._on_packet):
+            logs.event(_log, logging.WARNING, "no_packets", ns=vehicle.ns, backend=vehicle.backend_name)
         recorder.at_each_file(self._repeat)
 
     def _on_sample(self, sample: Telemetry) -> None:
@@ -89,7 +90,7 @@ class Recording:
     def __init__(
         self,
         directory: Path,
-        vehicles: Sequence[Vehicle],
+        vehicles: Sequence[ServedVehicle],
         text: Callable[[logging.LogRecord], str],
         turnover: Turnover,
         *,

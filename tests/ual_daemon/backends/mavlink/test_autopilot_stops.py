@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.backend_of import backend_of
 from tests.simulators.physics import Vector, minus
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.geometry import Twist, Vector3
@@ -22,7 +23,7 @@ def test_an_abort_brakes_with_all_of_the_autopilots_acceleration(kind: str) -> N
     uav = flight.uav
     try:
         flight.take_off()
-        flight.wait_for(lambda: uav.vehicle.backend.info().acceleration_share < 1.0, "its parameters")
+        flight.wait_for(lambda: backend_of(uav).info().acceleration_share < 1.0, "its parameters")
         begun: list[Vector] = []
 
         def abort() -> None:

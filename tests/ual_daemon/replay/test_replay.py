@@ -9,19 +9,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
 from tests.ual_daemon.backends.mavlink.traces import load
-from tests.ual_daemon.backends.replay.recordings import light_flight, raw_recording, recording_of
+from tests.ual_daemon.replay.recordings import light_flight, raw_recording, recording_of
 from tests.waiting import LIMIT_S
 from ual.errors import NotSupportedError
-from ual.geometry import Pose, Twist
+from ual.geometry import Pose, Transform, Twist, Vector3
 from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.registry import make
-from ual_daemon.backends.replay.player import ENDED
+from ual_daemon.program.main import main
+from ual_daemon.replay import PlayedVehicle
+from ual_daemon.replay.player import ENDED
 from ual_daemon.settings import ConfigError
-from ual_daemon.vehicle.vehicle import Vehicle
 
 FAST = {"speed_factor": 1e6}
 
@@ -30,7 +31,7 @@ class Watched:
     """A replayed UAV, and its samples."""
 
     def __init__(self, path: Path, ns: str = "uav_1", **settings: Any) -> None:
-        self.vehicle = Vehicle(make("replay", BackendOptions(ns, str(path), {**FAST, **settings})))
+        self.vehicle = PlayedVehicle(BackendOptions(ns, str(path), {**FAST, **settings}))
         self.samples: list[Telemetry] = []
         self._condition: Callable[[Telemetry], bool] = lambda _: False
         self._is_so = threading.Event()
@@ -170,6 +171,44 @@ def test_nothing_can_be_flown(flown: Path) -> None:
             refused(command)
 
 
+def test_it_has_no_lease(flown: Path) -> None:
+    with UAL("replay", url=str(flown), backend_settings={**FAST, "speed_factor": 0.001}) as uav:
+        with pytest.raises(NotSupportedError, match="uav_1 cannot be commanded: this is a recording"):
+            uav.lease("a program")
+        assert uav.lease_info() is None
+
+
+def test_a_frame_can_be_added_and_removed(flown: Path) -> None:
+    with UAL("replay", url=str(flown), backend_settings={**FAST, "speed_factor": 0.001}) as uav:
+        uav.add_frame(Transform(Vector3(1.0, 2.0, 3.0), child_frame_id="tower"))
+        assert uav.transform("map", "tower").translation == Vector3(1.0, 2.0, 3.0)
+        uav.remove_frame("tower")
+        assert "tower" not in {frame.frame_id for frame in uav.frames()}
+
+
+def test_packets_without_telemetry_are_no_flight_of_ours(tmp_path: Path) -> None:
+    watched = Watched(raw_recording(load("ardupilot_guided_manual_recover"), tmp_path / "flight.mcap"))
+    flown = [sample for sample in watched.to_the_end() if sample.state is State.FLYING_AUTO]
+    assert {sample.task for sample in flown} == {None}
+    told = "in the air, the autopilot takes our references (mode GUIDED); this is a recording: nothing can be flown"
+    assert {sample.state_reason for sample in flown} == {told}
+
+
+def test_a_refusal_is_logged(flown: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with UAL("replay", url=str(flown), backend_settings={**FAST, "speed_factor": 0.001}) as uav:
+        for _ in range(3):
+            with pytest.raises(NotSupportedError):
+                uav.set_velocity(Twist())
+    assert [record.getMessage() for record in caplog.records].count("refused") == 1
+
+
+def test_it_is_one_uav(flown: Path) -> None:
+    flags = ["--backend", "replay", "--url", str(flown), "--fleet", "2"]
+    result = CliRunner().invoke(main, flags)
+    assert result.exit_code == 2
+    assert "fleet: a recording plays as one UAV: start a daemon for each" in result.stderr
+
+
 @pytest.mark.parametrize(
     ("url", "settings", "why"),
     [
@@ -184,4 +223,4 @@ def test_what_cannot_be_played_is_refused_at_once(
 ) -> None:
     where = None if url is None else str(flown.parent / url)
     with pytest.raises(ConfigError, match=why):
-        make("replay", BackendOptions("uav_1", where, settings))
+        UAL("replay", url=where, backend_settings=settings)

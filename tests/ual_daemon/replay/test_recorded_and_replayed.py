@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.conftest import StartDaemon
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.traces import load, replay
-from tests.ual_daemon.backends.replay.test_replay import Watched
+from tests.ual_daemon.replay.test_replay import Watched
 from ual.recording.reader import Recording
 from ual.types import State, Telemetry
 

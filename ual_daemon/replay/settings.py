@@ -1,4 +1,4 @@
-"""The settings of the replay backend."""
+"""The settings of a recording that is played."""
 
 from __future__ import annotations
 

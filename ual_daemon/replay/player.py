@@ -1,4 +1,4 @@
-"""Plays a recording: takes its events when they are due, and publishes a snapshot at each recorded update."""
+"""Plays a recording: takes its events when they are due, and publishes a moment at each recorded update."""
 
 from __future__ import annotations
 
@@ -10,33 +10,25 @@ from collections.abc import Callable, Iterator
 from typing_extensions import override
 
 from ual.errors import UalError
-from ual.types import Telemetry
 from ual_daemon import logs
-from ual_daemon.backends.base import Clock, UpdateCallback
+from ual_daemon.backends.base import Clock
 from ual_daemon.backends.mavlink.playback import Playback
-from ual_daemon.backends.replay.renaming import renamed
-from ual_daemon.backends.replay.reported import snapshot_of
-from ual_daemon.backends.replay.source import Event, RecordedSample, SentSetpoint
-from ual_daemon.backends.values import Packet, Recorded, Snapshot
+from ual_daemon.backends.values import Packet, Snapshot
+from ual_daemon.replay.moment import Moment, decoded, reported
+from ual_daemon.replay.renaming import renamed
+from ual_daemon.replay.source import Event, RecordedSample, SentSetpoint
 
 _log = logging.getLogger(__name__)
 
 _UPDATE_S = 0.05
 """The longest interval between two updates, where the recording does not say when they were."""
 _GAP_S = 30.0
-"""Between the end and the next beginning of a recording that is played again: a longer time than any value stays fresh,
-so that nothing of the end is taken for the beginning."""
+"""Between the end and the next beginning of a recording that is played again. No value stays fresh for so long, so
+nothing of the end is taken for the beginning."""
 _SHORTEST_WAIT_S = 0.001
 """Shorter waits are left out; longer ones make up for them."""
 _ENDED_S = 0.1
 ENDED = "the recording has ended"
-
-
-def _with_recorded(snapshot: Snapshot, sample: Telemetry) -> Snapshot:
-    """Returns a decoded snapshot with what the autopilot did not say: a mode that UAL commanded is held by nobody."""
-    is_ours = sample.health is None or not sample.health.held_by
-    held_by = None if is_ours else snapshot.held_by
-    return snapshot._replace(held_by=held_by, recorded=Recorded(sample, is_whole=False))
 
 
 class ReplayClock(Clock):
@@ -67,7 +59,7 @@ class Player:
     ) -> None:
         """Without `new_playback` nothing is decoded. `names` are the namespaces of the recording, and now."""
         self.clock = ReplayClock()
-        self.snapshot = Snapshot(0.0)
+        self.moment = Moment(Snapshot(0.0))
         self.playback = None if new_playback is None else new_playback()
         self._open_events = open_events
         self._new_playback = new_playback
@@ -76,14 +68,14 @@ class Player:
         self._begin_s = begin_s
         self._is_looping = is_looping
         self._has_samples = has_samples
-        self._on_update: UpdateCallback = lambda _: None
+        self._on_update: Callable[[Moment], None] = lambda _: None
         self._closing = threading.Event()
         self._offset_s = 0.0
         self._updated_s = float("-inf")
         self._pose: object = None
         self._thread = threading.Thread(target=self._run, name=f"replay {names[1]}", daemon=True)
 
-    def open(self, on_update: UpdateCallback) -> None:
+    def open(self, on_update: Callable[[Moment], None]) -> None:
         """Begins to play."""
         self._on_update = on_update
         self._thread.start()
@@ -144,30 +136,27 @@ class Player:
         sample = renamed(event.telemetry, *self._names)
         if self.playback is None:
             self.clock.utc_s = sample.stamp_s or self.clock.utc_s
-            self._publish(snapshot_of(sample, time_s))
+            self._publish(reported(sample, time_s))
         else:
-            self._publish(_with_recorded(self.playback.snapshot(time_s), sample))
+            self._publish(decoded(self.playback.snapshot(time_s), sample))
 
     def _publish_if_due(self, playback: Playback, time_s: float) -> None:
         pose = playback.pose
         if pose is not self._pose or time_s - self._updated_s >= _UPDATE_S:
             self._pose = pose
-            self._publish(playback.snapshot(time_s))
+            self._publish(Moment(playback.snapshot(time_s)))
 
-    def _publish(self, snapshot: Snapshot) -> None:
-        self._updated_s = snapshot.time_s
-        self.snapshot = snapshot = snapshot._replace(updated_s=snapshot.time_s)
-        try:
-            self._on_update(snapshot)
-        except Exception:  # noqa: BLE001  a defect of the layers above must not end it
-            _log.exception("an update failed")
+    def _publish(self, moment: Moment) -> None:
+        self._updated_s = moment.snapshot.time_s
+        self.moment = moment
+        self._on_update(moment)
 
     def _begin_again(self) -> None:
         self._offset_s = self.clock.time_s + _GAP_S
         self.clock.time_s = self._offset_s
         if self._new_playback is not None:
             self.playback = self._new_playback()
-        self._publish(Snapshot(self._offset_s, status_text="the recording begins again"))
+        self._publish(Moment(Snapshot(self._offset_s, status_text="the recording begins again")))
 
     def _stand_still(self) -> None:
         """Reports until it is closed that nothing is heard any more."""
@@ -175,5 +164,4 @@ class Player:
             logs.event(_log, logging.INFO, "replay_ended", after_s=round(self.clock.time_s, 1))
         while not self._closing.wait(_ENDED_S):
             self.clock.time_s += _ENDED_S
-            last = self.snapshot._replace(time_s=self.clock.time_s, recorded=None, status_text=ENDED)
-            self._publish(last)
+            self._publish(Moment(self.moment.snapshot._replace(time_s=self.clock.time_s, status_text=ENDED)))

@@ -1,0 +1,73 @@
+"""What is played at one update: the autopilot's data, and what the daemon reported then."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ual.types import State, TaskKind, Telemetry
+from ual_daemon.backends.values import Control, Estimator, Freshness, Mode, Sample, Snapshot
+from ual_daemon.flight.state import Estimate, estimate
+
+
+class Moment(NamedTuple):
+    """One update of a recorded flight.
+
+    `told` is the sample that was recorded at this update; None where there is none. If it `is_whole`, all is reported
+    as it was. Else the data are decoded anew. Only what the autopilot did not say is then taken from the sample: the
+    manoeuvre that was under way, its task, and the reference.
+    """
+
+    snapshot: Snapshot
+    told: Telemetry | None = None
+    is_whole: bool = False
+
+    def estimate(self, snapshot: Snapshot, freshness: Freshness) -> Estimate:
+        """Estimates the state; `snapshot` has the data at the time for which that is asked."""
+        told = self.told
+        if told is None:
+            return estimate(snapshot, freshness)
+        if self.is_whole:
+            return Estimate(told.state, told.state_reason, is_link_up=told.state is not State.UNINITIALIZED)
+        return estimate(snapshot, freshness, _manoeuvre(told))
+
+
+def decoded(snapshot: Snapshot, told: Telemetry) -> Moment:
+    """Returns data that were decoded anew, with what the autopilot did not say."""
+    is_ours = told.health is None or not told.health.held_by  # a mode that UAL commanded is held by nobody
+    return Moment(snapshot._replace(held_by=None) if is_ours else snapshot, told)
+
+
+def reported(told: Telemetry, time_s: float) -> Moment:
+    """Returns a sample of a flight without packets, at a time of the player's clock.
+
+    Only what the autopilot had said is in the data, for what is computed from them, such as transforms.
+    """
+    body = told.odometry
+    is_known = told.state is not State.UNINITIALIZED
+    snapshot = Snapshot(
+        time_s=time_s,
+        heard_s=time_s,
+        stamp_s=told.stamp_s,
+        armed=Sample(told.armed, time_s),
+        mode=Sample(Mode(told.flight_mode, Control.OTHER), time_s),
+        estimator=Sample(Estimator(is_good=is_known, why=told.state_reason), time_s),
+        pose=None if body is None else Sample(body.pose, time_s),
+        velocity=None if told.velocity is None else Sample(told.velocity, time_s),
+        position_geo=told.position_geo,
+        battery=told.battery,
+        gps=told.gps,
+        status_text=told.status_text,
+        health=told.health,
+    )
+    return Moment(snapshot, told, is_whole=True)
+
+
+def _manoeuvre(told: Telemetry) -> State | None:
+    """Returns TAKING_OFF or LANDING while a take-off or landing of UAL was under way; else None."""
+    task = told.task
+    if task is None:
+        return None
+    if task.kind is TaskKind.TAKE_OFF:
+        return State.TAKING_OFF
+    lands = task.kind is TaskKind.LAND or (task.kind is TaskKind.RETURN_TO_LAUNCH and told.state is State.LANDING)
+    return State.LANDING if lands else None
