@@ -19,7 +19,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist release run test coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients lock lint docs format proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
+.PHONY: help install dev dist release run test coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -154,6 +154,9 @@ proto-check: $(DEV)  ## Fails when the committed stubs are not those of the cont
 	$(call GENERATED_STUBS_OF,build/proto)
 	diff -r --exclude=__pycache__ --exclude=__init__.py --exclude='*.proto' build/proto/ual/v1 $(STUBS) \
 		|| { echo 'the stubs are out of date: make proto'; exit 1; }
+
+clients: $(DEV)  ## The members of the Python clients that are one call each, from ual.interface and ual._calls
+	$(BIN)/python tools/clients.py
 
 proto-baseline: tools/node_modules wire  ## At a release: the contract, as it is now, is what must stay compatible
 	tools/node_modules/.bin/buf breaking --against proto/baseline.binpb

@@ -16,6 +16,31 @@ def answers() -> dict[str, list[str]]:
     return {question: re.findall(r"`([^`]+)`", answer) for question, answer in rows}
 
 
+HAND_WRITTEN = ("proto/ual/v1", "ual_daemon", "clients/python/ual")
+GENERATED = re.compile(r"_pb2|/_derived\.py$|\.pyi$")
+
+
+def files_with(pattern: str) -> set[str]:
+    """The files of the contract, the client and the daemon, written by hand, in which a pattern is found."""
+    paths = (path for folder in HAND_WRITTEN for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".proto"))
+    names = {path.relative_to(ROOT).as_posix(): path for path in paths}
+    return {
+        name
+        for name, path in names.items()
+        if not GENERATED.search(name) and re.search(pattern, path.read_text(encoding="utf-8"))
+    }
+
+
+def test_the_files_of_a_new_method_are_those_of_a_method_that_is_there() -> None:
+    section = PAGE.partition("## The files of a new method")[2].partition("\n## ")[0]
+    assert "seven files" in section
+    listed = re.findall(r"^\| `([^`]+)` \|", section, re.MULTILINE)
+    assert len(listed) == 7
+    assert files_with(r"\bGetRoute(Request)?\b|\bdef route\(") == set(listed)
+    of_a_command = {*listed, "ual_daemon/vehicle/commands.py"} - {"ual_daemon/vehicle/vehicle.py"}
+    assert files_with(r"\bRemoveFrame(Request)?\b|\bdef remove_frame\(") == of_a_command
+
+
 def test_twenty_questions_are_answered_by_one_path_each() -> None:
     found = answers()
     assert len(found) == 20

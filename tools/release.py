@@ -42,7 +42,7 @@ def version_of(root: Path) -> str:
         ReleaseError: They differ.
 
     """
-    found = {
+    found: dict[str, str] = {
         path.relative_to(root).as_posix(): version
         for path, form in version_files(root)
         for version in form.findall(path.read_text(encoding="utf-8"))

@@ -1,6 +1,7 @@
 """Every unary call of the interface: which method, with which request, and how to read its response.
 
-The client and its asyncio twin differ only in how they make a call, never in what is in it.
+The client and its asyncio twin differ only in how they make a call, never in what is in it. A call that is a member of
+both is declared here once, by `member`: ``make clients`` writes the members of both clients and of both teams.
 """
 
 from __future__ import annotations
@@ -15,7 +16,17 @@ from google.protobuf.message import Message
 
 from ual._wrong_type import require, wrong_part
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
-from ual.geometry import PoseStamped, Transform, TwistStamped, Vector3, checked_transform
+from ual.geometry import (
+    Pose,
+    PoseStamped,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+    checked_transform,
+    stamped_pose,
+    stamped_twist,
+)
 from ual.shared.time_limit import time_limit
 from ual.simulation import Fault, SimulationPart
 from ual.types import (
@@ -45,6 +56,33 @@ from ual.v1 import ual_pb2 as pb
 from ual.wire import convert
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class Kind(Enum):
+    """How a client's member makes its call. Of a team, it says who gets it where one UAV cannot be reached."""
+
+    QUESTION = "all that can be reached are asked"
+    CHANGE = "none gets it"
+    COMMAND = "none gets it; sent after the setpoints that were given before it"
+    STOP = "all that can be reached get it, since it ends or holds a flight; sent as a command"
+    SETPOINT = "all that can be reached get it; sent in the stream of setpoints"
+    EXTERNAL_POSE = "not of a team; sent in the stream of poses from outside"
+    SIMULATION = "not of a team; belongs to `Uav.simulation`"
+
+
+MEMBERS: dict[str, Kind] = {}
+"""The members of a UAV that are one call each. ``tools/clients.py`` writes both clients and both teams from them."""
+
+
+def member(kind: Kind) -> Callable[[F], F]:
+    """Declares that the call of this name is a member of the clients, with the signature that `ual.interface` has."""
+
+    def declared(call: F) -> F:
+        MEMBERS[call.__name__] = kind
+        return call
+
+    return declared
 
 
 class Service(Enum):
@@ -125,18 +163,21 @@ def _built(make: Callable[[], Message], field: str, value: object = None) -> Mes
         raise wrong_part(value, field, error) from None
 
 
-def get_info() -> Call[Info]:
+@member(Kind.QUESTION)
+def info() -> Call[Info]:
     return Call(Service.UAL, "GetInfo", pb.GetInfoRequest(), convert.info_from_proto)
 
 
-def get_telemetry() -> Call[Telemetry]:
+@member(Kind.QUESTION)
+def telemetry() -> Call[Telemetry]:
     def read(response: pb.GetTelemetryResponse) -> Telemetry:
         return convert.telemetry_from_proto(response.telemetry)
 
     return Call(Service.UAL, "GetTelemetry", pb.GetTelemetryRequest(), read)
 
 
-def get_transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
+@member(Kind.QUESTION)
+def transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
     def read(response: pb.GetTransformResponse) -> Transform:
         return convert.transform_from_proto(response.transform)
 
@@ -146,27 +187,31 @@ def get_transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]
     return Call(Service.UAL, "GetTransform", request, read)
 
 
-def list_frames() -> Call[list[Frame]]:
+@member(Kind.QUESTION)
+def frames() -> Call[list[Frame]]:
     def read(response: pb.ListFramesResponse) -> list[Frame]:
         return [convert.frame_from_proto(each) for each in response.frames]
 
     return Call(Service.UAL, "ListFrames", pb.ListFramesRequest(), read)
 
 
-def get_geofence() -> Call[Geofence]:
+@member(Kind.QUESTION)
+def geofence() -> Call[Geofence]:
     def read(response: pb.GetGeofenceResponse) -> Geofence:
         return convert.geofence_from_proto(response.geofence)
 
     return Call(Service.UAL, "GetGeofence", pb.GetGeofenceRequest(), read)
 
 
-def get_route() -> Call[Route | None]:
+@member(Kind.QUESTION)
+def route() -> Call[Route | None]:
     def read(response: pb.GetRouteResponse) -> Route | None:
         return convert.route_from_proto(response.route) if response.HasField("route") else None
 
     return Call(Service.UAL, "GetRoute", pb.GetRouteRequest(), read)
 
 
+@member(Kind.CHANGE)
 def add_frame(transform: Transform) -> Call[None]:
     checked_transform(transform)
     request = _built(
@@ -175,36 +220,44 @@ def add_frame(transform: Transform) -> Call[None]:
     return Call(Service.UAL, "AddFrame", request, _nothing)
 
 
+@member(Kind.CHANGE)
 def remove_frame(frame_id: str) -> Call[None]:
     request = _built(lambda: pb.RemoveFrameRequest(frame_id=frame_id), "frame_id")
     return Call(Service.UAL, "RemoveFrame", request, _nothing)
 
 
+@member(Kind.COMMAND)
 def arm() -> Call[None]:
     return Call(Service.UAL, "Arm", pb.ArmRequest(), _nothing, None)
 
 
+@member(Kind.COMMAND)
 def disarm() -> Call[None]:
     return Call(Service.UAL, "Disarm", pb.DisarmRequest(), _nothing, None)
 
 
+@member(Kind.COMMAND)
 def recover_from_manual(force: bool = False) -> Call[None]:
     request = _built(lambda: pb.RecoverFromManualRequest(force=force), "force")
     return Call(Service.UAL, "RecoverFromManual", request, _nothing, None)
 
 
+@member(Kind.COMMAND)
 def set_home(set_z: bool) -> Call[None]:
     return Call(Service.UAL, "SetHome", pb.SetHomeRequest(set_z=set_z), _nothing)
 
 
+@member(Kind.STOP)
 def abort(freeze: bool = False, task_id: str = "") -> Call[None]:
     return Call(Service.UAL, "Abort", pb.AbortRequest(freeze=freeze, task_id=task_id), _nothing)
 
 
+@member(Kind.STOP)
 def pause(task_id: str = "") -> Call[None]:
     return Call(Service.UAL, "Pause", pb.PauseRequest(task_id=task_id), _nothing)
 
 
+@member(Kind.COMMAND)
 def resume(task_id: str = "") -> Call[None]:
     return Call(Service.UAL, "Resume", pb.ResumeRequest(task_id=task_id), _nothing)
 
@@ -225,7 +278,8 @@ def release_lease(lease_id: str) -> Call[None]:
     return Call(Service.UAL, "ReleaseLease", pb.ReleaseLeaseRequest(lease_id=lease_id), _nothing)
 
 
-def get_lease() -> Call[LeaseInfo | None]:
+@member(Kind.QUESTION)
+def lease_info() -> Call[LeaseInfo | None]:
     return Call(Service.UAL, "GetLease", pb.GetLeaseRequest(), convert.lease_from_proto)
 
 
@@ -293,6 +347,16 @@ def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response h
 # Setpoints
 
 
+@member(Kind.SETPOINT)
+def set_pose(pose: PoseStamped | Pose) -> pb.StreamSetpointsRequest:
+    return setpoint(stamped_pose(pose), "pose")
+
+
+@member(Kind.SETPOINT)
+def set_velocity(velocity: TwistStamped | Twist) -> pb.StreamSetpointsRequest:
+    return setpoint(stamped_twist(velocity), "velocity")
+
+
 def setpoint(reference: Setpoint, field: str) -> pb.StreamSetpointsRequest:
     """A reference as an element of the stream. `field` is named where protobuf refuses a value."""
     try:
@@ -311,8 +375,11 @@ def single_setpoint(element: pb.StreamSetpointsRequest) -> Call[None]:
 # Poses from outside
 
 
-def external_pose(measured: ExternalPose) -> pb.StreamExternalPosesRequest:
-    """A pose from outside as an element of the stream."""
+@member(Kind.EXTERNAL_POSE)
+def set_external_pose(
+    pose: PoseStamped | Pose, position_std_dev_m: float | None, orientation_std_dev_rad: float | None
+) -> pb.StreamExternalPosesRequest:
+    measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
     try:
         return convert.external_pose_to_proto(measured)
     except (TypeError, ValueError, AttributeError) as error:
@@ -328,31 +395,38 @@ def single_external_pose(element: pb.StreamExternalPosesRequest) -> Call[None]:
 # Simulation
 
 
-def list_parts() -> Call[frozenset[SimulationPart]]:
+@member(Kind.SIMULATION)
+def parts() -> Call[frozenset[SimulationPart]]:
     return Call(Service.SIMULATION, "ListParts", sim_pb.ListPartsRequest(), convert.parts_from_proto)
 
 
+@member(Kind.SIMULATION)
 def pilot_arm() -> Call[None]:
     return Call(Service.SIMULATION, "PilotArm", sim_pb.PilotArmRequest(), _nothing)
 
 
+@member(Kind.SIMULATION)
 def pilot_disarm() -> Call[None]:
     return Call(Service.SIMULATION, "PilotDisarm", sim_pb.PilotDisarmRequest(), _nothing)
 
 
+@member(Kind.SIMULATION)
 def pilot_take_over() -> Call[None]:
     return Call(Service.SIMULATION, "PilotTakeOver", sim_pb.PilotTakeOverRequest(), _nothing)
 
 
+@member(Kind.SIMULATION)
 def pilot_move_sticks(forward: float, left: float, up: float, turn: float) -> Call[None]:
     request = _built(lambda: sim_pb.PilotMoveSticksRequest(forward=forward, left=left, up=up, turn=turn), "sticks")
     return Call(Service.SIMULATION, "PilotMoveSticks", request, _nothing)
 
 
+@member(Kind.SIMULATION)
 def pilot_give_back() -> Call[None]:
     return Call(Service.SIMULATION, "PilotGiveBack", sim_pb.PilotGiveBackRequest(), _nothing)
 
 
+@member(Kind.SIMULATION)
 def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
     def read(response: sim_pb.BeginFaultResponse) -> str:
         return response.fault_id
@@ -363,38 +437,45 @@ def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
     return Call(Service.SIMULATION, "BeginFault", request, read)
 
 
+@member(Kind.SIMULATION)
 def end_fault(fault_id: str) -> Call[None]:
     return Call(Service.SIMULATION, "EndFault", sim_pb.EndFaultRequest(fault_id=fault_id), _nothing)
 
 
-def list_faults() -> Call[dict[str, Fault]]:
+@member(Kind.SIMULATION)
+def faults() -> Call[dict[str, Fault]]:
     def read(response: sim_pb.ListFaultsResponse) -> dict[str, Fault]:
         return convert.faults_from_proto(response.faults)
 
     return Call(Service.SIMULATION, "ListFaults", sim_pb.ListFaultsRequest(), read)
 
 
+@member(Kind.SIMULATION)
 def set_speed_factor(speed_factor: float) -> Call[None]:
     request = _built(lambda: sim_pb.SetSpeedFactorRequest(speed_factor=speed_factor), "speed_factor")
     return Call(Service.SIMULATION, "SetSpeedFactor", request, _nothing)
 
 
+@member(Kind.SIMULATION)
 def step(duration_s: float) -> Call[None]:
     request = _built(lambda: sim_pb.StepRequest(duration_s=duration_s), "duration_s")
     return Call(Service.SIMULATION, "Step", request, _nothing, None)
 
 
+@member(Kind.SIMULATION)
 def set_noise(position_m: float, velocity_m_s: float) -> Call[None]:
     request = _built(lambda: sim_pb.SetNoiseRequest(position_m=position_m, velocity_m_s=velocity_m_s), "noise")
     return Call(Service.SIMULATION, "SetNoise", request, _nothing)
 
 
+@member(Kind.SIMULATION)
 def set_wind(velocity_m_s: Vector3) -> Call[None]:
     require(velocity_m_s, Vector3, "velocity_m_s")
     request = _built(lambda: sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(velocity_m_s)), "velocity_m_s")
     return Call(Service.SIMULATION, "SetWind", request, _nothing)
 
 
+@member(Kind.SIMULATION)
 def place_on_ground(position: Vector3, yaw_rad: float) -> Call[None]:
     require(position, Vector3, "position")
     request = _built(

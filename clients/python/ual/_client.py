@@ -10,20 +10,19 @@ from typing_extensions import override
 
 from ual import _calls, interface
 from ual._connection import Connection
+from ual._derived import SimulationMembers, UavMembers
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
 from ual._target import Target
 from ual._task import Task
 from ual.credentials import Credentials
-from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
-from ual.simulation import Fault, SimulationPart
-from ual.types import ExternalPose, Frame, Geofence, Info, LeaseInfo, Plan, Route, TaskRequest, Telemetry
+from ual.types import Info, Plan, TaskRequest, Telemetry
 
 T = TypeVar("T")
 
 
-class Uav(interface.Uav):
+class Uav(UavMembers):
     """One UAV, flown through its daemon. Its members are those of `ual.interface.Uav`.
 
     Nothing is connected until the first call. A daemon that was restarted is found again.
@@ -89,92 +88,17 @@ class Uav(interface.Uav):
 
     @override
     def info(self) -> Info:
-        info = self._connection.run(_calls.get_info())
+        info = super().info()
         self._connection.target.note_ns(info.namespace)
         return info
-
-    @override
-    def telemetry(self) -> Telemetry:
-        return self._connection.run(_calls.get_telemetry())
 
     @override
     def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:
         return self._subscriptions.open(callback, _calls.rate(rate_hz))
 
     @override
-    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
-        return self._connection.run(_calls.get_transform(target_frame_id, source_frame_id))
-
-    @override
-    def frames(self) -> list[Frame]:
-        return self._connection.run(_calls.list_frames())
-
-    @override
-    def geofence(self) -> Geofence:
-        return self._connection.run(_calls.get_geofence())
-
-    @override
-    def route(self) -> Route | None:
-        return self._connection.run(_calls.get_route())
-
-    @override
-    def add_frame(self, transform: Transform) -> None:
-        self._connection.run(_calls.add_frame(transform))
-
-    @override
-    def remove_frame(self, frame_id: str) -> None:
-        self._connection.run(_calls.remove_frame(frame_id))
-
-    @override
-    def set_home(self, set_z: bool = False) -> None:
-        self._command(_calls.set_home(set_z))
-
-    @override
-    def arm(self, *, timeout_s: float | None = None) -> None:
-        self._command(_calls.arm(), timeout_s)
-
-    @override
-    def disarm(self, *, timeout_s: float | None = None) -> None:
-        self._command(_calls.disarm(), timeout_s)
-
-    @override
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Task:
         return Task(self._connection, self._command(_calls.begin_task(request, blocking), timeout_s))
-
-    @override
-    def set_pose(self, pose: PoseStamped | Pose) -> None:
-        self._setpoints.send(_calls.setpoint(stamped_pose(pose), "pose"))
-
-    @override
-    def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        self._setpoints.send(_calls.setpoint(stamped_twist(velocity), "velocity"))
-
-    @override
-    def set_external_pose(
-        self,
-        pose: PoseStamped | Pose,
-        *,
-        position_std_dev_m: float | None = None,
-        orientation_std_dev_rad: float | None = None,
-    ) -> None:
-        measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
-        self._external_poses.send(_calls.external_pose(measured))
-
-    @override
-    def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
-        self._command(_calls.recover_from_manual(force), timeout_s)
-
-    @override
-    def abort(self, freeze: bool = False) -> None:
-        self._command(_calls.abort(freeze))
-
-    @override
-    def pause(self) -> None:
-        self._command(_calls.pause())
-
-    @override
-    def resume(self) -> None:
-        self._command(_calls.resume())
 
     @override
     def lease(self, holder: str = "", *, take: bool = False) -> Lease:
@@ -186,10 +110,6 @@ class Uav(interface.Uav):
         from ual import extension
 
         return extension.client_of(name, self._connection)
-
-    @override
-    def lease_info(self) -> LeaseInfo | None:
-        return self._connection.run(_calls.get_lease())
 
     @override
     def task(self, task_id: str) -> Task:
@@ -208,13 +128,14 @@ class Uav(interface.Uav):
             self._is_simulation = True
         return self._simulation
 
+    @override
     def _command(self, call: _calls.Call[T], timeout_s: float | None = None) -> T:
         """Makes a call that comes after the setpoints given before it: none of them may overtake an abort."""
         self._setpoints.settle()
         return self._connection.run(call, timeout_s)
 
 
-class Simulation(interface.Simulation):
+class Simulation(SimulationMembers):
     """The world around a simulated UAV, over gRPC."""
 
     def __init__(self, connection: Connection) -> None:
@@ -222,59 +143,3 @@ class Simulation(interface.Simulation):
 
     def __repr__(self) -> str:
         return f"<Simulation of {self._connection.described}>"
-
-    @override
-    def parts(self) -> frozenset[SimulationPart]:
-        return self._connection.run(_calls.list_parts())
-
-    @override
-    def pilot_arm(self) -> None:
-        self._connection.run(_calls.pilot_arm())
-
-    @override
-    def pilot_disarm(self) -> None:
-        self._connection.run(_calls.pilot_disarm())
-
-    @override
-    def pilot_take_over(self) -> None:
-        self._connection.run(_calls.pilot_take_over())
-
-    @override
-    def pilot_move_sticks(self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0) -> None:
-        self._connection.run(_calls.pilot_move_sticks(forward, left, up, turn))
-
-    @override
-    def pilot_give_back(self) -> None:
-        self._connection.run(_calls.pilot_give_back())
-
-    @override
-    def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str:
-        return self._connection.run(_calls.begin_fault(fault, duration_s))
-
-    @override
-    def end_fault(self, fault_id: str = "") -> None:
-        self._connection.run(_calls.end_fault(fault_id))
-
-    @override
-    def faults(self) -> dict[str, Fault]:
-        return self._connection.run(_calls.list_faults())
-
-    @override
-    def set_speed_factor(self, speed_factor: float) -> None:
-        self._connection.run(_calls.set_speed_factor(speed_factor))
-
-    @override
-    def step(self, duration_s: float) -> None:
-        self._connection.run(_calls.step(duration_s))
-
-    @override
-    def set_noise(self, *, position_m: float, velocity_m_s: float) -> None:
-        self._connection.run(_calls.set_noise(position_m, velocity_m_s))
-
-    @override
-    def set_wind(self, velocity_m_s: Vector3) -> None:
-        self._connection.run(_calls.set_wind(velocity_m_s))
-
-    @override
-    def place_on_ground(self, position: Vector3, yaw_rad: float = 0.0) -> None:
-        self._connection.run(_calls.place_on_ground(position, yaw_rad))

@@ -7,34 +7,22 @@ import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Iterator
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, TypeVar
 
 from typing_extensions import Self, override
 
 from ual import aio
 from ual._client import Uav
+from ual._derived import TeamMembers
 from ual.credentials import Credentials
 from ual.errors import UalError
 from ual.interface import DryRun, TaskCommands
-from ual.shared.described import described
 from ual.types import MotionRequest, Plan, TaskInfo, TaskKind, TaskRequest
 
-P = ParamSpec("P")
 T = TypeVar("T")
 
 
-def _waited(
-    member: Callable[Concatenate[aio.Team, P], Coroutine[Any, Any, T]],
-) -> Callable[Concatenate[Team, P], T]:
-    """Makes a member of the asynchronous team one that blocks."""
-
-    def run(team: Team, /, *args: P.args, **kwargs: P.kwargs) -> T:
-        return team._loop.run(member(team._team, *args, **kwargs))  # noqa: SLF001 (a member of it)
-
-    return described(run, member)
-
-
-class Team(TaskCommands[dict[str, "TeamTask"]]):
+class Team(TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
     """Several UAVs. Its members are those of `ual.Uav`, of all of them at once, with the results by name.
 
     A member's documentation is that of one UAV. A pose or velocity without a frame is in each one's own ``<ns>/odom``.
@@ -146,38 +134,6 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
         """
         return TeamLease(self._loop, self._loop.run(self._team.lease(holder, take=take).acquire()))
 
-    # --- What is known ------------------------------------------------------------------------------------------------
-
-    info = _waited(aio.Team.info)
-    telemetry = _waited(aio.Team.telemetry)
-    state = _waited(aio.Team.state)
-    wait_for = _waited(aio.Team.wait_for)
-    is_ready = _waited(aio.Team.is_ready)
-    is_idle = _waited(aio.Team.is_idle)
-    pose = _waited(aio.Team.pose)
-    velocity = _waited(aio.Team.velocity)
-    odometry = _waited(aio.Team.odometry)
-    reference_pose = _waited(aio.Team.reference_pose)
-    transform = _waited(aio.Team.transform)
-    frames = _waited(aio.Team.frames)
-    geofence = _waited(aio.Team.geofence)
-    route = _waited(aio.Team.route)
-    lease_info = _waited(aio.Team.lease_info)
-
-    # --- Commands -----------------------------------------------------------------------------------------------------
-
-    add_frame = _waited(aio.Team.add_frame)
-    remove_frame = _waited(aio.Team.remove_frame)
-    set_home = _waited(aio.Team.set_home)
-    arm = _waited(aio.Team.arm)
-    disarm = _waited(aio.Team.disarm)
-    set_pose = _waited(aio.Team.set_pose)
-    set_velocity = _waited(aio.Team.set_velocity)
-    recover_from_manual = _waited(aio.Team.recover_from_manual)
-    abort = _waited(aio.Team.abort)
-    pause = _waited(aio.Team.pause)
-    resume = _waited(aio.Team.resume)
-
     @override
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> dict[str, TeamTask]:
         begun = self._loop.run(self._team._begin(request, blocking, timeout_s))  # noqa: SLF001 (the same base)
@@ -190,6 +146,10 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
 
     def _plan(self, motion: MotionRequest) -> dict[str, Plan]:
         return self._loop.run(self._team._plan(motion))  # noqa: SLF001 (as above)
+
+    @override
+    def _wait(self, coroutine: Coroutine[Any, Any, T]) -> T:
+        return self._loop.run(coroutine)
 
 
 class TeamLease:

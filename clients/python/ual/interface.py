@@ -583,7 +583,7 @@ class Uav(TaskCommands[Task]):
             True
 
         """
-        return self.telemetry().state
+        return views.state(self.telemetry())
 
     def wait_for(self, *states: State, timeout_s: float | None = None) -> State:
         """Blocks until the UAV is in one of some states, and returns that one. It returns at once if it is already.

@@ -5,61 +5,27 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, TypeVar
 
 from typing_extensions import Self, override
 
 from ual.aio._client import Uav
+from ual.aio._derived import TeamMembers
 from ual.aio._lease import Lease
 from ual.aio._task import Task
 from ual.credentials import Credentials
 from ual.errors import InvalidArgumentError, TeamError, UalError
 from ual.interface import DryRun, TaskCommands
-from ual.shared.described import described
 from ual.types import LandRequest, MotionRequest, Plan, ReturnToLaunchRequest, TaskRequest
 
 _ENDS_A_FLIGHT = (LandRequest, ReturnToLaunchRequest)
 
-P = ParamSpec("P")
 T = TypeVar("T")
 All = Coroutine[Any, Any, dict[str, T]]
 """What gives one value of each UAV, by name."""
 
 
-def _asked(
-    member: Callable[Concatenate[Uav, P], Coroutine[Any, Any, T]],
-) -> Callable[Concatenate[Team, P], Coroutine[Any, Any, dict[str, T]]]:
-    """Makes of a UAV's member that of a team: asks all that can be reached. Returns the results by name."""
-
-    async def of_all(team: Team, /, *args: P.args, **kwargs: P.kwargs) -> dict[str, T]:
-        return await team.ask(lambda _, uav: member(uav, *args, **kwargs))
-
-    return described(of_all, member, lambda of_one: f"dict[str, {of_one}]")
-
-
-def _given(
-    command: Callable[Concatenate[Uav, P], Coroutine[Any, Any, None]],
-) -> Callable[Concatenate[Team, P], Coroutine[Any, Any, None]]:
-    """Makes of a UAV's command that of a team: where one cannot be reached, none gets it."""
-
-    async def of_all(team: Team, /, *args: P.args, **kwargs: P.kwargs) -> None:
-        await team.each(lambda _, uav: command(uav, *args, **kwargs))
-
-    return described(of_all, command)
-
-
-def _given_to_some(
-    command: Callable[Concatenate[Uav, P], Coroutine[Any, Any, None]],
-) -> Callable[Concatenate[Team, P], Coroutine[Any, Any, None]]:
-    """Makes of a UAV's command that of a team: each that can be reached gets it."""
-
-    async def of_all(team: Team, /, *args: P.args, **kwargs: P.kwargs) -> None:
-        await team.ask(lambda _, uav: command(uav, *args, **kwargs))
-
-    return described(of_all, command)
-
-
-class Team(TaskCommands[All[Task]]):
+class Team(TeamMembers, TaskCommands[All[Task]]):
     """Several UAVs. Its members are those of `ual.aio.Uav`, of all of them at once, with the results by name.
 
     A member's documentation is that of one UAV. A pose or velocity without a frame is in each one's own ``<ns>/odom``.
@@ -115,6 +81,7 @@ class Team(TaskCommands[All[Task]]):
         """Closes the connections. Tasks of the UAVs go on; velocities do not."""
         await asyncio.gather(*(uav.close() for uav in self._uavs.values()))
 
+    @override
     async def ask(self, call: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
         """Calls something for each UAV at the same time. Returns the results by name.
 
@@ -129,6 +96,7 @@ class Team(TaskCommands[All[Task]]):
         outcomes = await asyncio.gather(*calls, return_exceptions=True)
         return _results(dict(zip(self._uavs, outcomes, strict=True)))
 
+    @override
     async def each(self, command: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
         """Gives each UAV a command, all at the same moment: different goals, for instance. Returns the results by name.
 
@@ -153,38 +121,6 @@ class Team(TaskCommands[All[Task]]):
 
         """
         return TeamLease(self, holder, take=take)
-
-    # --- What is known ------------------------------------------------------------------------------------------------
-
-    info = _asked(Uav.info)
-    telemetry = _asked(Uav.telemetry)
-    state = _asked(Uav.state)
-    wait_for = _asked(Uav.wait_for)
-    is_ready = _asked(Uav.is_ready)
-    is_idle = _asked(Uav.is_idle)
-    pose = _asked(Uav.pose)
-    velocity = _asked(Uav.velocity)
-    odometry = _asked(Uav.odometry)
-    reference_pose = _asked(Uav.reference_pose)
-    transform = _asked(Uav.transform)
-    frames = _asked(Uav.frames)
-    geofence = _asked(Uav.geofence)
-    route = _asked(Uav.route)
-    lease_info = _asked(Uav.lease_info)
-
-    # --- Commands -----------------------------------------------------------------------------------------------------
-
-    add_frame = _given(Uav.add_frame)
-    remove_frame = _given(Uav.remove_frame)
-    set_home = _given(Uav.set_home)
-    arm = _given(Uav.arm)
-    disarm = _given(Uav.disarm)
-    set_pose = _given_to_some(Uav.set_pose)
-    set_velocity = _given_to_some(Uav.set_velocity)
-    recover_from_manual = _given(Uav.recover_from_manual)
-    abort = _given_to_some(Uav.abort)
-    pause = _given_to_some(Uav.pause)
-    resume = _given(Uav.resume)
 
     @override
     async def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> dict[str, Task]:

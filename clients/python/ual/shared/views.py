@@ -33,6 +33,11 @@ def reference_pose(telemetry: Telemetry) -> PoseStamped | None:
     return None if reference is None else PoseStamped(reference, telemetry.frame_id, telemetry.stamp_s)
 
 
+def state(telemetry: Telemetry) -> State:
+    """Returns the state."""
+    return telemetry.state
+
+
 def is_ready(telemetry: Telemetry) -> bool:
     """Whether the state is other than UNINITIALIZED."""
     return telemetry.state is not State.UNINITIALIZED

@@ -1,0 +1,83 @@
+"""What `make clients` writes is what is committed, and holds for what `ual.interface` says."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import pydoc
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+import ual
+import ual.interface
+from ual import _calls, _client
+
+ROOT = Path(__file__).parents[2]
+BY_HAND = {"ns", "close", "subscribe", "lease", "extension", "task", "dry_run", "simulation"}
+"""What is more than one call, or another thing for asyncio."""
+
+
+def load() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("clients", ROOT / "tools" / "clients.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+clients = load()
+
+
+def names_of(owner: type) -> set[str]:
+    return {name for name in vars(owner) if not name.startswith("_")}
+
+
+def test_the_committed_members_are_those_of_the_calls() -> None:
+    outdated = [
+        path.relative_to(ROOT).as_posix()
+        for path, source in clients.sources().items()
+        if path.read_text(encoding="utf-8") != source
+    ]
+    assert outdated == [], "out of date: make clients"
+
+
+def test_a_member_of_the_interface_is_one_call_or_written_by_hand() -> None:
+    """So that a member that is new in the interface is not forgotten in `ual._calls`."""
+    abstract = {name for name in names_of(ual.interface.Uav) if name in ual.interface.Uav.__abstractmethods__}
+    one_call = {name for name, kind in _calls.MEMBERS.items() if kind is not _calls.Kind.SIMULATION}
+    assert abstract == one_call | BY_HAND
+    assert not one_call & BY_HAND
+    of_simulation = {name for name, kind in _calls.MEMBERS.items() if kind is _calls.Kind.SIMULATION}
+    assert names_of(ual.interface.Simulation) == of_simulation
+
+
+def test_a_call_that_the_interface_lacks_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(_calls.MEMBERS, "sing", _calls.Kind.COMMAND)
+    with pytest.raises(SystemExit, match=r"ual\.interface has no sing, which ual\._calls declares"):
+        clients.sources()
+
+
+@pytest.mark.parametrize("name", sorted(_calls.MEMBERS))
+def test_both_clients_have_the_signature_of_the_interface(name: str) -> None:
+    is_simulation = _calls.MEMBERS[name] is _calls.Kind.SIMULATION
+    interface: Any = ual.interface.Simulation if is_simulation else ual.interface.Uav
+    client: Any = _client.Simulation if is_simulation else ual.Uav
+    aio: Any = ual.aio.Simulation if is_simulation else ual.aio.Uav
+    expected = inspect.signature(getattr(interface, name))
+    assert inspect.signature(getattr(client, name)) == expected
+    assert inspect.signature(getattr(aio, name)) == expected
+    assert inspect.iscoroutinefunction(getattr(aio, name))
+
+
+def test_help_shows_the_manual_of_a_member() -> None:
+    helped = pydoc.plain(pydoc.render_doc(ual.Uav.transform))
+    assert "transform(self, target_frame_id: 'str' = '', source_frame_id: 'str' = '') -> 'Transform'" in helped
+    assert "source_frame_id: Default ``<ns>/base_link``, the body." in helped
+    helped = pydoc.plain(pydoc.render_doc(ual.aio.Uav.set_velocity))
+    assert "async set_velocity(self, velocity: 'TwistStamped | Twist') -> 'None'" in helped
+    assert "Beyond the limits of the UAV it is scaled down" in helped
+    assert "time.sleep" not in helped  # an example that blocks

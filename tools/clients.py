@@ -1,0 +1,348 @@
+"""Writes the members of the clients that are one call each: ``python tools/clients.py`` (`make clients`).
+
+A member's signature and documentation are those of `ual.interface`. Its request, its response and its kind are those of
+`ual._calls`. The sources are written out, as the stubs of the contract are, because Python cannot type what is derived:
+no type variable stands for "a coroutine of each member's result". Type checkers and editors see ordinary methods.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from ual._calls import MEMBERS, Kind
+from ual.shared import views
+
+ROOT = Path(__file__).resolve().parents[1]
+CLIENT = ROOT / "clients" / "python" / "ual"
+INTERFACE = CLIENT / "interface.py"
+
+
+class _Way(NamedTuple):
+    """How a client sends a call of some kind, and how a team gives it to its UAVs."""
+
+    send: str
+    give: str = ""
+
+
+_WAYS = {
+    Kind.QUESTION: _Way("_connection.run", "ask"),
+    Kind.CHANGE: _Way("_connection.run", "each"),
+    Kind.COMMAND: _Way("_command", "each"),
+    Kind.STOP: _Way("_command", "ask"),
+    Kind.SETPOINT: _Way("_setpoints.send", "ask"),
+    Kind.EXTERNAL_POSE: _Way("_external_poses.send"),
+    Kind.SIMULATION: _Way("_connection.run"),
+}
+_OF_UAV_BY_HAND = {"wait_for": "ask"}
+"""Members that each client has of its own, and how a team gives them to its UAVs."""
+
+
+@dataclass(frozen=True)
+class _Member:
+    """A member of the interface: its signature and its documentation."""
+
+    name: str
+    arguments: ast.arguments
+    returned: str
+    documentation: str
+
+    @property
+    def signature(self) -> str:
+        return f"{self.name}({ast.unparse(self.arguments)})"
+
+    def passed(self, *without: str) -> str:
+        """The arguments of a call that passes all of them on, by name where they could be mixed up."""
+        ordered = [argument.arg for argument in self.arguments.args[1:] if argument.arg not in without]
+        named = [argument.arg for argument in self.arguments.kwonlyargs if argument.arg not in without]
+        if len(ordered) > 1:
+            ordered, named = [], [*ordered, *named]
+        rest = [f"*{self.arguments.vararg.arg}"] if self.arguments.vararg else []
+        return ", ".join([*ordered, *rest, *(f"{name}={name}" for name in named)])
+
+    def returning(self, call: str) -> str:
+        return call if self.returned == "None" else f"return {call}"
+
+
+def main() -> None:
+    """Writes both modules."""
+    for path, source in sources().items():
+        path.write_text(source, encoding="utf-8")
+
+
+def sources() -> dict[Path, str]:
+    """Returns the modules as they should be, by path.
+
+    Raises:
+        SystemExit: The calls and the interface do not agree.
+
+    """
+    tree = ast.parse(INTERFACE.read_text(encoding="utf-8"))
+    uav, simulation = _members(tree, "Uav"), _members(tree, "Simulation")
+    missing = set(MEMBERS) - {each.name for each in (*uav, *simulation)}
+    if missing:
+        sys.exit(f"tools/clients.py: ual.interface has no {', '.join(sorted(missing))}, which ual._calls declares")
+    return {
+        CLIENT / "_derived.py": _formatted(_sync_module(tree, uav, simulation)),
+        CLIENT / "aio" / "_derived.py": _formatted(_aio_module(tree, uav, simulation)),
+    }
+
+
+def _members(tree: ast.Module, owner: str) -> list[_Member]:
+    [found] = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == owner]
+    return [
+        _Member(
+            node.name,
+            node.args,
+            "" if node.returns is None else ast.unparse(node.returns),
+            ast.get_docstring(node) or "",
+        )
+        for node in found.body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+    ]
+
+
+def _sync_module(tree: ast.Module, uav: list[_Member], simulation: list[_Member]) -> str:
+    body = [
+        _SYNC_UAV,
+        *(_sync_call(each) for each in uav if each.name in MEMBERS),
+        _SYNC_SIMULATION,
+        *(_sync_call(each) for each in simulation if each.name in MEMBERS),
+        _SYNC_TEAM,
+        *(_sync_team_member(each) for each in uav if _given_by(each)),
+    ]
+    return _module(tree, _SYNC_HEAD, body)
+
+
+def _aio_module(tree: ast.Module, uav: list[_Member], simulation: list[_Member]) -> str:
+    body = [
+        _AIO_UAV,
+        *(_aio_call(each) if each.name in MEMBERS else _aio_view(each) for each in uav if _is_derived(each)),
+        _AIO_SIMULATION,
+        *(_aio_call(each) for each in simulation if each.name in MEMBERS),
+        _AIO_TEAM,
+        *(_aio_team_member(each) for each in uav if _given_by(each)),
+    ]
+    return _module(tree, _AIO_HEAD, body)
+
+
+def _is_view(member: _Member) -> bool:
+    return inspect.isfunction(getattr(views, member.name, None))
+
+
+def _is_derived(member: _Member) -> bool:
+    return member.name in MEMBERS or _is_view(member)
+
+
+def _given_by(member: _Member) -> str:
+    """How a team gives a member to its UAVs; empty where a team has no such member."""
+    if member.name in MEMBERS:
+        return _WAYS[MEMBERS[member.name]].give
+    return "ask" if _is_view(member) else _OF_UAV_BY_HAND.get(member.name, "")
+
+
+def _call(member: _Member) -> str:
+    """The call of a client's member: ``self._command(_calls.arm(), timeout_s)``."""
+    call = f"_calls.{member.name}({member.passed('timeout_s')})"
+    limit = ", timeout_s" if "timeout_s" in {each.arg for each in member.arguments.kwonlyargs} else ""
+    return f"self.{_WAYS[MEMBERS[member.name]].send}({call}{limit})"
+
+
+def _sync_call(member: _Member) -> str:
+    return f"""
+    @override
+    def {member.signature} -> {member.returned}:
+        {member.returning(_call(member))}
+"""
+
+
+def _aio_call(member: _Member) -> str:
+    return f"""
+    async def {member.signature} -> {member.returned}:
+{_documented(_without_example(member.documentation))}
+        {member.returning(f"await {_call(member)}")}
+"""
+
+
+def _aio_view(member: _Member) -> str:
+    return f"""
+    async def {member.signature} -> {member.returned}:
+{_documented(_without_example(member.documentation))}
+        return views.{member.name}(await self.telemetry())
+"""
+
+
+def _sync_team_member(member: _Member) -> str:
+    return f"""
+    def {member.signature} -> {_of_all(member)}:
+{_documented(_summary(member))}
+        {member.returning(f"self._wait(self._team.{member.name}({member.passed()}))")}
+"""
+
+
+def _aio_team_member(member: _Member) -> str:
+    call = f"self.{_given_by(member)}(lambda _, uav: uav.{member.name}({member.passed()}))"
+    return f"""
+    async def {member.signature} -> {_of_all(member)}:
+{_documented(_summary(member))}
+        {member.returning(f"await {call}")}
+"""
+
+
+def _of_all(member: _Member) -> str:
+    return "None" if member.returned == "None" else f"dict[str, {member.returned}]"
+
+
+def _without_example(documentation: str) -> str:
+    """The documentation without its example, which blocks."""
+    return documentation.partition("\nExample:")[0].rstrip()
+
+
+def _summary(member: _Member) -> str:
+    first, _, _ = member.documentation.partition("\n\n")
+    return f"{first}\n\nSee `ual.interface.Uav.{member.name}`."
+
+
+def _documented(text: str) -> str:
+    lines = f'"""{text}'.splitlines()
+    lines[-1] += '"""' if len(lines) == 1 else '\n\n"""'
+    return "\n".join(f"        {line}" if line else "" for line in "\n".join(lines).splitlines())
+
+
+def _module(tree: ast.Module, head: str, body: list[str]) -> str:
+    classes = "".join(body)
+    imports = "".join(_imports(tree, used=_names(classes) - _names(head)))
+    return head.replace(_IMPORTS, imports) + classes
+
+
+def _names(source: str) -> set[str]:
+    """Returns the names that a module uses or imports."""
+    nodes = list(ast.walk(ast.parse(source)))
+    imported = {alias.name for node in nodes if isinstance(node, ast.ImportFrom) for alias in node.names}
+    return imported | {node.id for node in nodes if isinstance(node, ast.Name)}
+
+
+def _imports(interface: ast.Module, used: set[str]) -> Iterator[str]:
+    """Yields the imports of names that the interface has from elsewhere."""
+    for node in interface.body:
+        if isinstance(node, ast.ImportFrom) and (names := used.intersection(alias.name for alias in node.names)):
+            yield f"from {node.module} import {', '.join(sorted(names))}\n"
+
+
+def _formatted(source: str) -> str:
+    for command in (["check", "--quiet", "--fix", "--select", "I"], ["format", "--quiet"]):
+        ruff = [sys.executable, "-m", "ruff", *command, "--stdin-filename", str(CLIENT / "_derived.py"), "-"]
+        source = subprocess.run(ruff, input=source, capture_output=True, text=True, check=True, cwd=ROOT).stdout  # noqa: S603 (our own command)
+    return source
+
+
+_IMPORTS = "# imports\n"
+_SYNC_HEAD = '''"""The members that are one call each. ``make clients`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Coroutine
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from typing_extensions import override
+
+from ual import _calls, interface
+from ual._calls import Call
+from ual._connection import Connection
+from ual._setpoints import Setpoints
+# imports
+
+if TYPE_CHECKING:
+    from ual import aio
+
+T = TypeVar("T")
+'''
+_SYNC_UAV = '''
+class UavMembers(interface.Uav):
+    """Those of `ual.Uav`."""
+
+    _connection: Connection
+    _setpoints: Setpoints
+    _external_poses: Setpoints
+
+    @abstractmethod
+    def _command(self, call: Call[T], timeout_s: float | None = None) -> T:
+        """Makes a call that comes after the setpoints given before it."""
+'''
+_SYNC_SIMULATION = '''
+class SimulationMembers(interface.Simulation):
+    """Those of `ual.Uav.simulation`."""
+
+    _connection: Connection
+'''
+_SYNC_TEAM = '''
+class TeamMembers(ABC):
+    """Those of `ual.Team`."""
+
+    _team: aio.Team
+
+    @abstractmethod
+    def _wait(self, coroutine: Coroutine[Any, Any, T]) -> T:
+        """Runs a coroutine of the asynchronous team to its end."""
+'''
+_AIO_HEAD = '''"""The members that are one call each, for asyncio. ``make clients`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Coroutine
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ual import _calls
+from ual._calls import Call
+from ual.aio._connection import Connection
+from ual.aio._setpoints import Setpoints
+from ual.shared import views
+# imports
+
+if TYPE_CHECKING:
+    from ual.aio._client import Uav
+
+T = TypeVar("T")
+'''
+_AIO_UAV = '''
+class UavMembers(ABC):
+    """Those of `ual.aio.Uav`."""
+
+    _connection: Connection
+    _setpoints: Setpoints
+    _external_poses: Setpoints
+
+    @abstractmethod
+    async def _command(self, call: Call[T], timeout_s: float | None = None) -> T:
+        """Makes a call that comes after the setpoints given before it."""
+'''
+_AIO_SIMULATION = '''
+class SimulationMembers:
+    """Those of `ual.aio.Uav.simulation`."""
+
+    _connection: Connection
+'''
+_AIO_TEAM = '''
+class TeamMembers(ABC):
+    """Those of `ual.aio.Team`."""
+
+    @abstractmethod
+    async def ask(self, call: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
+        """Calls something for each UAV at the same time. Returns the results by name."""
+
+    @abstractmethod
+    async def each(self, command: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
+        """Gives each UAV a command, all at the same moment. Returns the results by name."""
+'''
+
+
+if __name__ == "__main__":
+    main()
