@@ -9,12 +9,12 @@ from ual import _target, credentials, discovery
 from ual_daemon.program import environment as of_daemon
 from ual_daemon.program.main import _with_variables, main
 from ual_tools import environment
-from ual_tools.app import _shared_options
+from ual_tools.options import shared
 from ual_tools.main import cli
 
 
 def test_all_that_are_read_are_known() -> None:
-    options = {str(each.envvar) for each in _shared_options() if each.envvar}
+    options = {str(each.envvar) for each in shared() if each.envvar}
     constants = {**vars(credentials), **vars(discovery), **vars(_target)}
     read = {value for name, value in constants.items() if name.endswith("_VARIABLE")}
     assert options | read == set(environment.OF_CLIENTS)

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from enum import Enum
-from pathlib import Path
 from typing import Any
 
 import click
 from typing_extensions import override
 
 from ual.errors import UalError
-from ual_tools import complete, multi, start
+from ual_tools import multi, options
 from ual_tools.help import ALIASES, Section, close, no_such_command, write_commands, write_examples
 from ual_tools.session import INTERRUPTED, REFUSED, session
 from ual_tools.streams import OutputLostError, give_up_output
-from ual_tools.values import Number
 
 
 class Multi(Enum):
@@ -28,18 +26,7 @@ class Multi(Enum):
     ITSELF = "it looks at the choice itself"
 
 
-SHARED_OPTIONS = (
-    "--ns, --all, --at, --address, --tls-ca, --token-file, --tls-certificate, --tls-key, --lease, --take, --timeout, "
-    "--json"
-)
-
-
-class _SharedOption(click.Option):
-    """An option of `Session`. Only the help of `ual` itself describes it."""
-
-    @override
-    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        return super().get_help_record(ctx) if ctx.parent is None else None
+SHARED_OPTIONS = ", ".join(option.flag for option in options.SHARED)
 
 
 class _SharedOptions(click.Command):
@@ -62,7 +49,7 @@ class _SharedOptions(click.Command):
         self.section = section
         self.examples = examples
         own = {name for param in self.params for name in (param.name, *param.opts)}
-        self.params.extend(option for option in _shared_options() if own.isdisjoint((option.name, *option.opts)))
+        self.params.extend(option for option in options.shared() if own.isdisjoint((option.name, *option.opts)))
 
     @override
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -80,94 +67,6 @@ class _SharedOptions(click.Command):
 
     def _refuse_unknown_options(self, ctx: click.Context, args: list[str]) -> None:
         """Refuses an option that does not exist, which click would take for an argument: see `UalCommand`."""
-
-
-def _shared_options() -> list[click.Parameter]:
-    return [
-        _SharedOption(
-            ["--ns"],
-            metavar="NAME",
-            envvar="UAL_NS",
-            help="Which UAV, or several: uav_1,uav_3.",
-            expose_value=False,
-            callback=_store("ns"),
-            shell_complete=complete.namespaces,
-        ),
-        _SharedOption(
-            ["--all", "is_all"],
-            is_flag=True,
-            help="All UAVs of this computer.",
-            expose_value=False,
-            callback=_store("is_all"),
-        ),
-        _SharedOption(
-            ["--at", "begin_utc_s"],
-            type=start.Time(),
-            metavar="TIME",
-            help="When to begin: 14:05, 14:05:30, +10 (seconds from now), or 2026-11-23T14:05:30Z.",
-            expose_value=False,
-            callback=_store("begin_utc_s"),
-        ),
-        _SharedOption(
-            ["--address"],
-            metavar="HOST:PORT|unix:PATH",
-            envvar="UAL_ADDRESS",
-            help="Where its daemon is, if not on this computer.",
-            expose_value=False,
-            callback=_store("address"),
-        ),
-        _SharedOption(
-            ["--tls-ca"],
-            type=click.Path(exists=True, dir_okay=False, path_type=Path),
-            envvar="UAL_TLS_CA",
-            help="Certificates to trust, for a daemon that uses TLS.",
-            expose_value=False,
-            callback=_store("tls_ca"),
-        ),
-        _file_option("token_file", "UAL_TOKEN_FILE", "A token, where the daemon wants to know who calls."),
-        _file_option("tls_certificate", "UAL_TLS_CERTIFICATE", "Your certificate, for a daemon that wants one."),
-        _file_option("tls_key", "UAL_TLS_KEY", "Its private key."),
-        _SharedOption(
-            ["--lease", "has_lease"],
-            is_flag=True,
-            help="Let nobody else fly it meanwhile.",
-            expose_value=False,
-            callback=_store("has_lease"),
-        ),
-        _SharedOption(
-            ["--take", "takes_lease"],
-            is_flag=True,
-            help="The same, and take that from who has it.",
-            expose_value=False,
-            callback=_store("takes_lease"),
-        ),
-        _SharedOption(
-            ["--timeout", "timeout_s"],
-            type=Number(min=0.0, min_open=True),
-            metavar="SECONDS",
-            help="How long to wait; a go-to or path is then cancelled.",
-            expose_value=False,
-            callback=_store("timeout_s"),
-        ),
-        _SharedOption(
-            ["--json", "as_json"],
-            is_flag=True,
-            help="Print one JSON object a line.",
-            expose_value=False,
-            callback=_store("as_json"),
-        ),
-    ]
-
-
-def _file_option(name: str, variable: str, help_text: str) -> click.Parameter:
-    return _SharedOption(
-        [f"--{name.replace('_', '-')}"],
-        type=click.Path(exists=True, dir_okay=False, path_type=Path),
-        envvar=variable,
-        help=help_text,
-        expose_value=False,
-        callback=_store(name),
-    )
 
 
 class UalCommand(_SharedOptions):
@@ -265,15 +164,3 @@ def command(
 ) -> Callable[[Callable[..., None]], click.Command]:
     """Makes a command that takes the shared options. `examples` are calls of it, as they are typed."""
     return click.command(name, cls=UalCommand, section=section, examples=examples, multi=multi)
-
-
-def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:
-    def store(context: click.Context, _: click.Parameter, value: object) -> None:
-        # An option that is missing after the command's name must not overwrite one that was given before it.
-        if value is not None and value is not False:
-            source = context.get_parameter_source(field)
-            held = session(context)
-            if source is click.core.ParameterSource.COMMANDLINE or getattr(held, field) in (None, False):
-                setattr(held, field, value)
-
-    return store

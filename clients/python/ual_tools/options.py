@@ -1,58 +1,183 @@
-"""Options that several commands have."""
+"""The options that many commands have: those of every command (`SHARED`), and those that a command picks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
+from typing_extensions import override
 
-from ual_tools import complete, values
+from ual_tools import complete, start, values
+from ual_tools.session import session
 
-yaw = click.option(
-    "--yaw",
-    type=values.heading,
-    help="Heading, counter-clockwise from x (0 is east, 90deg north): 90deg, 1.57rad or 1.57. Kept when not given.",
+F = TypeVar("F", bound=Callable[..., Any])
+
+_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+_ANY_FILE = click.Path(dir_okay=False, path_type=Path)
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option: its flag, the name of its value, its help, and what reads its value. Without that it is a switch."""
+
+    flag: str
+    name: str
+    help: str
+    type: click.ParamType[Any] | Callable[[str], Any] | None = None
+    metavar: str | None = None
+    variable: str | None = None
+    default: Any = None
+    complete: Callable[[click.Context, click.Parameter, str], list[CompletionItem]] | None = None
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """What click makes it of."""
+        given = {
+            "help": self.help,
+            "type": self.type,
+            "metavar": self.metavar,
+            "envvar": self.variable,
+            "default": self.default,
+            "shell_complete": self.complete,
+            "show_default": self.default not in (None, "") or None,
+        }
+        return {"is_flag": self.type is None, **{name: value for name, value in given.items() if value is not None}}
+
+    def __call__(self, command: F) -> F:
+        """Adds it to a command, as a decorator."""
+        return click.option(self.flag, self.name, **self.attributes)(command)
+
+
+SHARED = (
+    Option(
+        "--ns", "ns", "Which UAV, or several: uav_1,uav_3.", click.STRING, "NAME", "UAL_NS", None, complete.namespaces
+    ),
+    Option("--all", "is_all", "All UAVs of this computer."),
+    Option(
+        "--at",
+        "begin_utc_s",
+        "When to begin: 14:05, 14:05:30, +10 (seconds from now), or 2026-11-23T14:05:30Z.",
+        start.Time(),
+        "TIME",
+    ),
+    Option(
+        "--address",
+        "address",
+        "Where its daemon is, if not on this computer.",
+        click.STRING,
+        "HOST:PORT|unix:PATH",
+        "UAL_ADDRESS",
+    ),
+    Option("--tls-ca", "tls_ca", "Certificates to trust, for a daemon that uses TLS.", _FILE, None, "UAL_TLS_CA"),
+    Option(
+        "--token-file",
+        "token_file",
+        "A token, where the daemon wants to know who calls.",
+        _FILE,
+        None,
+        "UAL_TOKEN_FILE",
+    ),
+    Option(
+        "--tls-certificate",
+        "tls_certificate",
+        "Your certificate, for a daemon that wants one.",
+        _FILE,
+        None,
+        "UAL_TLS_CERTIFICATE",
+    ),
+    Option("--tls-key", "tls_key", "Its private key.", _FILE, None, "UAL_TLS_KEY"),
+    Option("--lease", "has_lease", "Let nobody else fly it meanwhile."),
+    Option("--take", "takes_lease", "The same, and take that from who has it."),
+    Option(
+        "--timeout",
+        "timeout_s",
+        "How long to wait; a go-to or path is then cancelled.",
+        values.Number(min=0.0, min_open=True),
+        "SECONDS",
+    ),
+    Option("--json", "as_json", "Print one JSON object a line."),
 )
-frame = click.option(
+"""The options of `Session`, by the names of its fields."""
+
+yaw = Option(
+    "--yaw",
+    "yaw",
+    "Heading, counter-clockwise from x (0 is east, 90deg north): 90deg, 1.57rad or 1.57. Kept when not given.",
+    values.heading,
+)
+frame = Option(
     "--frame",
     "frame_id",
+    "The frame of the coordinates; <ns>/odom when not given.",
+    click.STRING,
     default="",
-    help="The frame of the coordinates; <ns>/odom when not given.",
-    shell_complete=complete.frames,
+    complete=complete.frames,
 )
-max_speed = click.option(
+max_speed = Option(
     "--max-speed",
     "max_speed_m_s",
-    type=values.number,
-    metavar="M_S",
-    help="The highest speed in any direction (m/s); the UAV's limits when not given.",
+    "The highest speed in any direction (m/s); the UAV's limits when not given.",
+    values.number,
+    "M_S",
 )
-corner_radius = click.option(
+corner_radius = Option(
     "--corner-radius",
     "corner_radius_m",
-    type=values.number,
+    "Round each corner within this distance (m); 0 stops at each.",
+    values.number,
     default=0.0,
-    show_default=True,
-    help="Round each corner within this distance (m); 0 stops at each.",
 )
-altitude = click.option(
+altitude = Option(
     "--altitude",
     "altitude_m",
-    type=values.number,
-    metavar="M",
-    help="Fly all of a KML, KMZ, GPX or GeoJSON file at this altitude above home.",
+    "Fly all of a KML, KMZ, GPX or GeoJSON file at this altitude above home.",
+    values.number,
+    "M",
 )
-altitude_reference = click.option(
+altitude_reference = Option(
     "--reference",
     "altitude_reference",
-    type=values.altitude_reference,
-    metavar="home|amsl|ellipsoid",
-    help="What the altitudes of a GPX or GeoJSON file count from.",
+    "What the altitudes of a GPX or GeoJSON file count from.",
+    values.altitude_reference,
+    "home|amsl|ellipsoid",
 )
-plot = click.option(
+plot = Option(
     "--plot",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="Draw the flown path and the wanted one (.png, .svg, .pdf); needs ual-tools[plot].",
+    "plot",
+    "Draw the flown path and the wanted one (.png, .svg, .pdf); needs ual-tools[plot].",
+    _ANY_FILE,
+    "FILE",
 )
-dry_run = click.option("--dry-run", is_flag=True, help="Only print what would happen; nothing moves.")
+dry_run = Option("--dry-run", "dry_run", "Only print what would happen; nothing moves.")
+
+
+def shared() -> list[click.Parameter]:
+    """Returns the options of `Session` for a command. Each stores its value there."""
+    return [
+        _SharedOption([each.flag, each.name], expose_value=False, callback=_store(each.name), **each.attributes)
+        for each in SHARED
+    ]
+
+
+class _SharedOption(click.Option):
+    """An option of `Session`. Only the help of `ual` itself describes it."""
+
+    @override
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        return super().get_help_record(ctx) if ctx.parent is None else None
+
+
+def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:
+    def store(context: click.Context, _: click.Parameter, value: object) -> None:
+        # An option that is missing after the command's name must not overwrite one that was given before it.
+        if value is not None and value is not False:
+            source = context.get_parameter_source(field)
+            held = session(context)
+            if source is click.core.ParameterSource.COMMANDLINE or getattr(held, field) in (None, False):
+                setattr(held, field, value)
+
+    return store
