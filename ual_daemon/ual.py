@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import logging
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
@@ -26,7 +27,7 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.interface import DryRun, Lease, Simulation, Subscription, Task, Uav
-from ual.shared import views
+from ual.shared import environment, views
 from ual.shared.callbacks import Callbacks, Listener
 from ual.shared.time_limit import time_limit
 from ual.types import (
@@ -104,6 +105,7 @@ class UAL(Uav):
         home_file: Path | None = None,
         extensions: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
+        _warn_of_unknown_variables()
         kept = None if home_file is None else HomeFile(home_file)
         options = BackendOptions(ns, url, backend_settings or {})
         vehicle = make(backend, options, settings, allow_arming=allow_arming, home_file=kept, watch_only=watch_only)
@@ -460,6 +462,12 @@ class _Subscription(Subscription):
 
     def __exit__(self, *exc: object) -> None:
         self.close()
+
+
+def _warn_of_unknown_variables() -> None:
+    """Warns of a misspelled variable: whoever set it expects something of it."""
+    if mistake := environment.mistake_in(os.environ):
+        logs.event(_log, logging.WARNING, "unknown_variable", why=mistake, effect="none: the class reads no variables")
 
 
 def _run(begin: Callable[[], Future[None]], timeout_s: float | None, what: str) -> None:

@@ -21,9 +21,10 @@ import click
 from click.core import ParameterSource
 from typing_extensions import override
 
+from ual.shared import environment
 from ual_daemon import logs
 from ual_daemon._version import __version__
-from ual_daemon.program import environment, log_output
+from ual_daemon.program import log_output
 from ual_daemon.program.configuration import (
     Configuration,
     ConfigurationError,
@@ -175,7 +176,8 @@ def main(
     """
     gc.disable()  # saves 10 ms of the start, which makes no garbage; `Daemon.run` enables it
     try:
-        environment.refuse_unknown(os.environ, _with_variables(context.command))
+        if mistake := environment.mistake_in(os.environ):
+            _fail(mistake, _WRONG_USAGE)
         _run(_sources(context, config_file, assignments, flags), print_config=print_config)
     except (ConfigurationError, ConfigError) as error:
         _fail(str(error), _WRONG_USAGE)
@@ -199,13 +201,6 @@ def _sources(
                 key, value = configuration_yaml.assignment(text, name)
                 sources.append(FlagSource(nested(key, value), {key: f"{name} {key}"}))
     return sources
-
-
-def _with_variables(command: click.Command) -> list[str]:
-    """Returns the options that a variable can set, by the names in those variables."""
-    options = (each for each in command.params if isinstance(each, click.Option))
-    own = [str(each.name) for each in options if each.allow_from_autoenv and not each.envvar]
-    return [*own, "config", "set"]
 
 
 def _given_as(name: str, origin: ParameterSource) -> str:

@@ -14,6 +14,7 @@ from ual import _gevent, discovery
 from ual._calls import Call, Service
 from ual.credentials import Credentials, read
 from ual.errors import InvalidArgumentError
+from ual.shared import environment
 from ual.v1 import simulation_pb2_grpc, ual_pb2_grpc
 
 ADDRESS_VARIABLE = "UAL_ADDRESS"
@@ -78,6 +79,8 @@ class Target:
         tls_ca: str | Path | None,
         credentials: Credentials | None = None,
     ) -> None:
+        if mistake := environment.mistake_in(os.environ):
+            raise InvalidArgumentError(mistake, {"field": "environment"})
         self.ns = ns or os.environ.get(NS_VARIABLE, "")
         given = address or os.environ.get(ADDRESS_VARIABLE) or None
         self._fixed_address = None if given is None else _checked(given)

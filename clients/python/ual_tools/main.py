@@ -7,13 +7,13 @@ import signal
 
 import click
 
+from ual.shared import environment
 from ual_tools import (
     __version__,
     audit,
     certificates,
     check,
     completion,
-    environment,
     extpose,
     flight,
     frames,
@@ -53,7 +53,8 @@ def cli() -> None:
     Without --ns and --address this is the only UAV of this computer. The options below may also stand behind the
     command. Exit status: 0 done, 1 refused or failed (the reason is on stderr), 2 wrong usage, 130 interrupted.
     """
-    environment.refuse_unknown(os.environ)
+    if mistake := environment.mistake_in(os.environ):
+        raise click.UsageError(mistake)
 
 
 for command in (

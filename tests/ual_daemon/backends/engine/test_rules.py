@@ -1,6 +1,6 @@
 """Whatever the autopilot, its pilot, the link and this computer do: no command leaves that the pilot's rules forbid.
 
-`UAL_ENGINE_EXAMPLES=100000` looks for longer, and for engines in which a rule was removed, too.
+`UAL_TEST_ENGINE_EXAMPLES=100000` looks for longer, and for engines in which a rule was removed, too.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ual_daemon.backends.engine.command import Verdict
 from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.engine.link_watch import LinkWatch
 
-EXAMPLES_COUNT = int(os.environ.get("UAL_ENGINE_EXAMPLES", "150"))
+EXAMPLES_COUNT = int(os.environ.get("UAL_TEST_ENGINE_EXAMPLES", "150"))
 THOROUGH_COUNT = 2000
 """From so many examples on, the search finds each of the engines without a rule, too."""
 
@@ -183,7 +183,7 @@ def test_an_engine_without_one_of_the_rules_is_found(rule: str, monkeypatch: pyt
         run(script)
 
 
-@pytest.mark.skipif(EXAMPLES_COUNT < THOROUGH_COUNT, reason="only where UAL_ENGINE_EXAMPLES asks for a long search")
+@pytest.mark.skipif(EXAMPLES_COUNT < THOROUGH_COUNT, reason="only where UAL_TEST_ENGINE_EXAMPLES asks for it")
 @pytest.mark.parametrize("rule", sorted(MUTATIONS))
 def test_the_search_finds_an_engine_without_one_of_the_rules(rule: str, monkeypatch: pytest.MonkeyPatch) -> None:
     MUTATIONS[rule].apply(monkeypatch)

@@ -1,0 +1,75 @@
+"""The environment variables that UAL reads. One with a misspelled name would be ignored, and another UAV flown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+_PREFIX = "UAL_"
+_OF_TESTS = "UAL_TEST_"
+OTHERS_VARIABLE = "UAL_OTHER_VARIABLES"
+"""Names, separated by commas, of variables ``UAL_...`` that belong to programs beside UAL."""
+OF_CLIENTS = (
+    "UAL_ADDRESS",
+    "UAL_NS",
+    OTHERS_VARIABLE,
+    "UAL_RUNTIME_DIR",
+    "UAL_TLS_CA",
+    "UAL_TLS_CERTIFICATE",
+    "UAL_TLS_KEY",
+    "UAL_TOKEN",
+    "UAL_TOKEN_FILE",
+)
+"""Those of `ual` and of programs that use the client."""
+OF_DAEMON = (
+    "UAL_ALLOW_ARMING",
+    "UAL_AUDIT",
+    "UAL_AUTO_ARM",
+    "UAL_BACKEND",
+    "UAL_CONFIG",
+    "UAL_EXTENSION",
+    "UAL_FLEET",
+    "UAL_FLEET_URL",
+    "UAL_INSECURE",
+    "UAL_LISTEN",
+    "UAL_LOG_FORMAT",
+    "UAL_LOG_LEVEL",
+    "UAL_NS",
+    "UAL_RECORD",
+    "UAL_RECORD_RAW",
+    "UAL_ROLES",
+    "UAL_SET",
+    "UAL_TLS_CERTIFICATE",
+    "UAL_TLS_CLIENT_CA",
+    "UAL_TLS_KEY",
+    "UAL_TOKENS",
+    "UAL_TRANSPORT",
+    "UAL_URL",
+    "UAL_WATCH_ONLY",
+    "UAL_WORKERS",
+)
+"""Those of `ual-daemon`, which may be started from the same shell."""
+
+
+def mistake_in(given: Mapping[str, str]) -> str:
+    """Returns what is wrong with the first variable ``UAL_...`` that neither a client nor the daemon reads.
+
+    Args:
+        given: All variables that are set.
+
+    Returns:
+        A message that asks which variable was meant; empty where all are known.
+
+    """
+    known = {*OF_CLIENTS, *OF_DAEMON}
+    others = {name.strip() for name in given.get(OTHERS_VARIABLE, "").split(",")}
+    for name in sorted(each for each in given if each.startswith(_PREFIX)):
+        if name not in known and name not in others and not name.startswith(_OF_TESTS):
+            return f"{name}: there is no such environment variable{_did_you_mean(name, known)}"
+    return ""
+
+
+def _did_you_mean(name: str, known: set[str]) -> str:
+    import difflib  # imported late: nearly nobody needs it
+
+    alike = difflib.get_close_matches(name, sorted(known), n=1)
+    return f"; did you mean {alike[0]}?" if alike else ""
