@@ -1,4 +1,4 @@
-"""Counts the words of sentences in pages, comments and docstrings: ``python -m tests.sentences`` lists the long ones.
+"""Counts the words of sentences in pages, comments and docstrings: ``python -m tests.sentences`` lists long ones.
 
 It looks at the files that are named, or at all that are checked. Code, tables, pictures and addresses are no sentences.
 A piece of code within a sentence is one word, a link is the words that are read.
@@ -18,13 +18,12 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 MOST_WORDS = 30
-LIST = ROOT / "tests" / "data" / "long_sentences.txt"
-"""The files that are not converted yet. It may only become shorter."""
 
 _PAGES = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "docs/**/*.md")
+_CONTRACT = "proto/**/*.proto"
 _FOLDERS = ("ual_daemon", "clients/python", "tests", "benchmarks", "examples", "tools")
 _MODULES = tuple(f"{folder}/**/*.py" for folder in _FOLDERS)
-_NOT_OURS = re.compile(r"/v1/|/(?:\.venv|build|dist|node_modules)/")
+_NOT_OURS = re.compile(r"/v1/.*_pb2|/(?:\.venv|build|dist|node_modules)/")
 
 _FENCE = re.compile(r"^( *)(```+|~~~+)")
 _HTML = re.compile(r"<!--.*?-->|</?[a-zA-Z][^<>]*>", re.DOTALL)
@@ -68,6 +67,22 @@ def of_module(text: str) -> list[Sentence]:
     return sorted([*_of_docstrings(text), *_sentences(_comment_lines(text))])
 
 
+def of_contract(text: str) -> list[Sentence]:
+    """Returns the sentences of the comments of a ``.proto`` file."""
+    return _sentences(_contract_lines(text))
+
+
+def _contract_lines(text: str) -> Lines:
+    """Yields the comments, but no tables (indented); one that stands behind code is a paragraph of its own."""
+    for number, line in enumerate(text.splitlines(), 1):
+        code, _, said = line.partition("//")
+        if code.strip():
+            yield number, ""
+        yield number, "" if said.startswith("   ") else said
+        if code.strip():
+            yield number, ""
+
+
 def _of_docstrings(text: str) -> list[Sentence]:
     return [each for line, said in _docstrings(ast.parse(text)) for each in _sentences(_docstring_lines(line, said))]
 
@@ -77,6 +92,8 @@ def of_file(path: Path) -> list[Sentence]:
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
         return of_page(text)
+    if path.suffix == ".proto":
+        return of_contract(text)
     return of_module(text) if _has_long_comment(text) else _of_docstrings(text)
 
 
@@ -93,13 +110,8 @@ def long_ones(path: Path) -> list[Sentence]:
 
 def files() -> list[Path]:
     """Returns all files whose sentences are counted."""
-    found = {path for pattern in (*_PAGES, *_MODULES) for path in ROOT.glob(pattern)}
+    found = {path for pattern in (*_PAGES, *_MODULES, _CONTRACT) for path in ROOT.glob(pattern)}
     return sorted(path for path in found if not _NOT_OURS.search(f"/{path.relative_to(ROOT).as_posix()}"))
-
-
-def listed() -> list[str]:
-    """Returns the files that are not converted yet, by their paths from the root."""
-    return LIST.read_text(encoding="utf-8").split()
 
 
 Lines = Iterator[tuple[int, str]]

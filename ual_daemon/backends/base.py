@@ -92,8 +92,8 @@ class Backend(ABC):
         """Whether anybody waits for the next update. Set by the vehicle above; never blocks and takes no lock.
 
         While it returns False, a backend may leave out updates in which armed, landed, mode and estimator have not
-        changed, as long as `snapshot` returns the newest data all the same. This saves a backend with many vehicles
-        most of their cost.
+        changed. `snapshot` must return the newest data all the same. This saves a backend with many vehicles most of
+        their cost.
         """
         self.is_watch_only = False
         """Whether nothing may be sent that flies, or changes how it flies (``--watch-only``). Set by the vehicle above,
@@ -167,7 +167,7 @@ class Backend(ABC):
         """Begins a take-off to a height above the ground; see `VehicleInfo.flies_takeoff_on_setpoints`.
 
         An autopilot that climbs by itself keeps to the climb speed of the limits in force, or climbs only a little by
-        itself: UAL's setpoints fly the rest of the way as soon as it reports that it is up.
+        itself. The setpoints of UAL fly the rest of the way as soon as it reports that it is up.
         """
 
     @abstractmethod

@@ -19,8 +19,8 @@ LONGEST_S = 0.5
 class SetpointMailbox:
     """Keeps the newest setpoint, and sends it from one thread of its own. A newer one replaces one that has not left.
 
-    So `put` never blocks its caller, and a slow autopilot skips setpoints but never gets an old one: neither one that a
-    newer one replaced, nor one that had to wait for longer than `longest_s`.
+    So `put` never blocks its caller, and a slow autopilot skips setpoints but never gets an old one. A setpoint is old
+    when a newer one replaced it, or when it had to wait for longer than `longest_s`.
 
     Example:
         >>> mailbox = SetpointMailbox(rpc.move, MonotonicClock(), "airsim uav_1")

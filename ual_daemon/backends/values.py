@@ -138,8 +138,9 @@ class FenceLimit(NamedTuple):
 class Zone(NamedTuple):
     """A polygon or a circle on Earth of an autopilot's own fence: to be kept inside (an inclusion) or outside of.
 
-    `points` are latitude and longitude in degrees: the corners of a polygon in order (its last side leads back to the
-    first), or the centre of a circle, which has a radius. `name` is human-readable: ``inclusion polygon 1 of 2``.
+    `points` are latitude and longitude in degrees. They are the corners of a polygon in order (its last side leads back
+    to the first), or the centre of a circle, which has a radius. `name` is human-readable:
+    ``inclusion polygon 1 of 2``.
     """
 
     name: str
@@ -178,30 +179,27 @@ class Snapshot(NamedTuple):
     """The newest values from the autopilot; None for a value that it has not sent (yet).
 
     `time_s` is when the snapshot was taken and `heard_s` when the last message came from the autopilot, both on the
-    backend's clock; `stamp_s` is the autopilot's time of the pose as UTC since 1970, and `measured_s` the same on the
-    autopilot's own clock (0: it does not say), of which only differences count: UTC is estimated, and is corrected when
-    the delay of the link changes. `velocity` is linear along the
-    local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
-    does not send it. Altitudes above home are relative to `home_altitude_amsl_m`; `home_geo` is where home lies, if the
-    autopilot says so (its altitude is the former). `autopilot_fence` is the autopilot's own; None if it has no limit.
-    `geoid_separation_m` is the height above the ellipsoid minus the height above mean sea level, at this place.
-    `has_rangefinder` says whether the autopilot uses a distance sensor that looks down. `conflict` says why
-    it is not sure that the values are those of one vehicle; nothing may be flown then. `updated_s` is when the backend
-    last looked for data, which every backend says: what came later is not in the values, and while that is long ago no
-    setpoint is sent. `scheduling_gap` says, human-readable,
-    that it had no time for that lately. `sequence` numbers the updates of a
-    backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
-    count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
-    its own, whose place on Earth only a `projection` of that boot says. The `projection` is None while it may be that
-    of an earlier frame. `boots_in_frame_count` changes when the autopilot has rebooted and its local frame is the same:
-    something outside lays it (motion capture).
-    `link_trouble` says what is wrong with the link, or what is heard instead of the autopilot; empty while
-    nothing is wrong. It ends the reason of the state while nothing is heard from the autopilot.
-    `refused` says which requests for data the autopilot has refused; it ends the reason of the state while
-    that data is missing.
-    `other_sender` says, human-readable, what shows that another program sends setpoints, too; empty if nothing does.
-    `failsafe` is the failsafe that is active, whatever the mode. `held_by` is who or what holds the control in the
-    present mode, where that is not UAL: None where the backend cannot say (it is then taken for the safety pilot).
+    backend's clock. `stamp_s` is the autopilot's time of the pose as UTC since 1970. `measured_s` is the same on the
+    autopilot's own clock (0: it does not say), of which only differences count. UTC is estimated, and is corrected when
+    the delay of the link changes. `velocity` is linear along the local axes and angular in the body. `position_geo` is
+    computed from the pose by the `projection` if the autopilot does not send it. Altitudes above home are relative to
+    `home_altitude_amsl_m`; `home_geo` is where home lies, if the autopilot says so (its altitude is the former).
+    `autopilot_fence` is the autopilot's own; None if it has no limit. `geoid_separation_m` is the height above the
+    ellipsoid minus the height above mean sea level, at this place. `has_rangefinder` says whether the autopilot uses a
+    distance sensor that looks down. `conflict` says why it is not sure that the values are those of one vehicle;
+    nothing may be flown then. `updated_s` is when the backend last looked for data, which every backend says. What came
+    later is not in the values, and while that is long ago no setpoint is sent. `scheduling_gap` says, human-readable,
+    that it had no time for that lately. `sequence` numbers the updates of a backend that may leave some out
+    (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to count. `boots_count` changes when
+    the autopilot has rebooted, or is another one. Each boot begins a local frame of its own, whose place on Earth only
+    a `projection` of that boot says. The `projection` is None while it may be that of an earlier frame.
+    `boots_in_frame_count` changes when the autopilot has rebooted and its local frame is the same: something outside
+    lays it (motion capture). `link_trouble` says what is wrong with the link, or what is heard instead of the
+    autopilot; empty while nothing is wrong. It ends the reason of the state while nothing is heard from the autopilot.
+    `refused` says which requests for data the autopilot has refused; it ends the reason of the state while that data is
+    missing. `other_sender` says, human-readable, what shows that another program sends setpoints, too; empty if nothing
+    does. `failsafe` is the failsafe that is active, whatever the mode. `held_by` is who or what holds the control in
+    the present mode, where that is not UAL. None where the backend cannot say: it is then taken for the safety pilot.
     `health` has the rest of what the autopilot says of itself; its `failsafe` and `held_by` are filled in above.
     """
 
@@ -342,19 +340,18 @@ class VehicleInfo:
     """What a backend knows of its vehicle. Values may become known only once it is connected.
 
     `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
-    the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
+    the light simulation). Otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
     `flies_landing_on_setpoints` says that UAL lands it by velocities, and then stops its motors
     (`Backend.disarm_landed`): it has no landing of its own that UAL may use. It takes velocities, holds by itself
-    without them, and tells its mode at least four times a second.
-    Only setpoints that `takes` allows are sent. `identity` says which vehicle it is, so that what was saved for it is
-    not used for another (`Backend.outlived`); it is empty while that is not known. `cruise_speed_m_s` is the horizontal
-    speed at which the autopilot itself flies to a goal, where nobody asks for another one. `acceleration_share` is the
-    part of the autopilot's acceleration limits that `limits` have: references on the way use no more, a stop uses all.
-    `clearance_m` is how far its body, and the air under it, need the ground to be where it does not land.
-    `limitation` says, human-readable, why it has fewer capabilities than others, and `note` what is unusual about it
-    (limits that are assumed, a link that carries little); both end the reason of the state.
-    `drops_positions_beyond_fence` says that the autopilot ignores positions beyond its own fence, silently, also those
-    that lead back inside; it follows velocities there (ArduPilot).
+    without them, and tells its mode at least four times a second. Only setpoints that `takes` allows are sent.
+    `identity` says which vehicle it is, so that what was saved for it is not used for another (`Backend.outlived`); it
+    is empty while that is not known. `cruise_speed_m_s` is the horizontal speed at which the autopilot itself flies to
+    a goal, where nobody asks for another one. `acceleration_share` is the part of the autopilot's acceleration limits
+    that `limits` have: references on the way use no more, a stop uses all. `clearance_m` is how far its body, and the
+    air under it, need the ground to be where it does not land. `limitation` says, human-readable, why it has fewer
+    capabilities than others. `note` says what is unusual about it (limits that are assumed, a link that carries
+    little). Both end the reason of the state. `drops_positions_beyond_fence` says that the autopilot ignores positions
+    beyond its own fence, silently, also those that lead back inside; it follows velocities there (ArduPilot).
     `setpoint_rate_hz` is how often UAL sends a setpoint by itself (those of a caller's stream are passed on as they
     come), and `setpoint_loss` what the vehicle does when they stop. `velocity_gains` are used where `takes` has no
     feed-forward, `velocity_responses` while velocities are commanded. `has_safety_pilot` says whether a person can take

@@ -453,7 +453,7 @@ class Flight:
         """Takes note that the autopilot's estimate has jumped: the UAV must not follow it, but hold where it is.
 
         Called by the update thread, before the step. What was flown to lies elsewhere now, or the nose would turn to a
-        heading that was another one, so it ends; a take-off, a landing and a velocity go on.
+        heading that was another one, so it ends. A take-off, a landing and a velocity go on.
         """
         logs.event(_log, logging.WARNING, "estimate_jumped", **jump.fields)
         self.geofence.estimate_jumped(jump.offset)

@@ -52,7 +52,7 @@ class Stopping:
     def stop(self, current: Reference | None, snapshot: Snapshot) -> Reference:
         """Returns the reference that brings the UAV to rest.
 
-        It begins with the motion of the current reference, except where that is only a pose: the UAV may be anywhere on
+        It begins with the motion of the current reference, except where that is only a pose. The UAV may be anywhere on
         its way there, so it then begins with the measured motion. It brakes straight ahead, or along the current
         trajectory where only straight ahead would leave the geofence.
         """

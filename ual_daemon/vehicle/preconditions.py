@@ -51,7 +51,7 @@ class Preconditions(RefusalLog):
     def require_own_ground(self, command: str) -> None:
         """Checks that nobody else has flown the UAV since it was disarmed, unless control was asked back.
 
-        A pilot who has taken over and landed by hand may step up to the UAV while its motors run: a take-off that a
+        A pilot who has taken over and landed by hand may step up to the UAV while its motors run. A take-off that a
         client repeats must not lift it again.
 
         Raises:

@@ -40,9 +40,10 @@ _TOTAL_RATE_HZ = 200.0
 def watch(session: Session, once: bool, rate_hz: float | None) -> None:
     """Show the UAV's telemetry until q or Ctrl-C.
 
-    With --all it is a table with one line for each UAV of this computer, with --ns uav_1,uav_2 for each of these: the
-    worst first, in red where it is urgent, with positions in map. The arrow keys, PgUp, PgDn, Home and End scroll it.
-    UAVs appear when their daemons start, and vanish when they end. In a pipe, or with --json, each sample is one line.
+    With --all it is a table with one line for each UAV of this computer, with --ns uav_1,uav_2 for each of these. The
+    worst comes first, in red where it is urgent. Positions are in map. The arrow keys, PgUp, PgDn, Home and End scroll
+    it. UAVs appear when their daemons start, and vanish when they end. In a pipe, or with --json, each sample is one
+    line.
     """
     if rate_hz is not None and math.isinf(rate_hz):
         raise click.BadParameter("inf is not a rate; use 0 for every sample", param_hint="--rate")

@@ -5,9 +5,9 @@ itself, to a place or to the ground, and needs nobody. It takes over in two step
 it has answered, the firmware is notified that setpoints stop. The other way round the motors would stop if the goal
 were lost. A setpoint ends what the high-level commander does, so none is sent meanwhile.
 
-Where no answer comes, the motors would stop. Then setpoints go on for a while, and the goal is sent anew: those of the
-layers above for a hover, which nobody asked for; for a hold, a landing, and a hover because setpoints are missing, one
-that keeps it where it is.
+Where no answer comes, the motors would stop. Then setpoints go on for a while, and the goal is sent anew. For a hover
+that no command asked for, these are the setpoints of the layers above. For a hold, a landing, and a hover because
+setpoints are missing, it is one that keeps it where it is.
 """
 
 from __future__ import annotations

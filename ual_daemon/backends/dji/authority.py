@@ -12,7 +12,7 @@ class Authority:
     """What the aircraft's display mode says, and whether authority was granted to us.
 
     SDK_CONTROL shows while it follows an SDK. After a take-off it shows P_GPS until the first setpoint comes, also with
-    authority: so authority that was granted counts then, until a setpoint shows no effect or another mode shows. A
+    authority. So authority that was granted counts then, until a setpoint shows no effect or another mode shows. A
     landing ends it, and so does a lift-off that is not the built-in one: that is the pilot's.
     """
 

@@ -100,8 +100,8 @@ class Telemetry:
     def note_granted(self, asked_s: float, now_s: float) -> None:
         """Notes that the wrapper has given us the control authority, for which it was asked at a time.
 
-        Where it is published, it counts before that comes: the display mode of a take-off that begins now may come
-        first, and with the authority from before it the mode would be another's. Where it has shown, and is lost again,
+        Where it is published, it counts before that comes. The display mode of a take-off that begins now may come
+        first. With the authority from before it, the mode would be another's. Where it has shown, and is lost again,
         this answer is late.
         """
         self.authority.grant(is_granted=True)

@@ -134,8 +134,8 @@ class OsdkVehicleNode(Wrapper):
     """dji-sdk/Onboard-SDK-ROS 4.1 on ROS 1, its node `dji_vehicle_node`: M210, M300.
 
     Its services do not begin with the name of the package. One thread serves them one after another, and its own
-    landing (task 6) answers only when the aircraft stands: nobody could confirm that landing, nor release the authority
-    or send a velocity meanwhile.
+    landing (task 6) answers only when the aircraft stands. Meanwhile it would be impossible to confirm that landing, to
+    release the authority or to send a velocity.
     """
 
     name = "dji_osdk_ros"

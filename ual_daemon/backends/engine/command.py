@@ -29,8 +29,8 @@ class NotYetError(WrongStateError):
 class Repeat(NamedTuple):
     """Whether a command may be sent again: at this interval in seconds, and so often in all.
 
-    `after_answer_s` is for a bridge that may execute a call late: it is called again only once the call was answered,
-    and the autopilot has said, so many seconds after the answer, what shows that there was no effect.
+    `after_answer_s` is for a bridge that may execute a call late. It is called again only once the call was answered.
+    The autopilot must also have said, so many seconds after the answer, what shows that there was no effect.
     """
 
     every_s: float = math.inf

@@ -95,7 +95,7 @@ class Reading(Generic[T]):
 
 class Readings:
     """All readings of one vehicle. `order` is that of the present message: a number that grows with what is sent later
-    (a sequence number without wraps, a stamp of the device); it is set before the message is taken.
+    (a sequence number without wraps, a stamp of the device). It is set before the message is taken.
     """
 
     def __init__(self) -> None:

@@ -351,7 +351,7 @@ def _unread(total: int, found: FoundZones) -> str:
 def _above_home_m(snapshot: Snapshot) -> float | None:
     """Returns its height above home; None where that is not known well enough to climb by it.
 
-    On a bad link ArduPilot's own value comes sooner than the positions of home and origin do, but it may be from before
+    On a bad link ArduPilot's own value comes sooner than the positions of home and origin do. But it may be from before
     the arming, which moved home to where it stands. So it counts only where it makes little difference, which is
     corrected at the end of the climb. Otherwise a climb from a home down in the valley would go that much too high.
     """
@@ -367,7 +367,7 @@ def velocity_lead(setpoint: PositionSetpoint, parameters: Mapping[str, float]) -
 
     Its input shaping (AP_Math/control.cpp, `shape_vel_accel`) accelerates by a_in + (v_in - v) * jerk / accel, with
     its own limits of both. So a velocity that is higher by a * accel / jerk has the same effect as a_in = a, until
-    setpoints end. tau is that time, and the time that the vehicle takes to tilt. The result is never faster than
+    setpoints end. That time, and the time that the vehicle takes to tilt, is tau. The result is never faster than
     ArduPilot's own speed limits, unless the reference is; it is the reference's velocity while the limits are not
     known.
     """

@@ -12,18 +12,18 @@ from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Cause, Control, Mode
 
 BEFORE_S = 1.5
-"""A sign may come so long before the mode that it explains: PX4's events come 10 to 20 ms before it, ArduPilot
+"""A sign may come so long before the mode that it explains. PX4's events come 10 to 20 ms before it, ArduPilot
 distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s late."""
 EPISODE_S = 3.0
 """How long before a failsafe flies PX4 may have said what triggered it."""
 SETTLE_S = 0.4
-"""Until then the reason of a new mode may still come: ArduPilot's texts follow the heartbeat, its SYS_STATUS comes at
-5 Hz, and PX4 may report the mode in a heartbeat before it says whether it was intended."""
+"""Until then the reason of a new mode may still come. ArduPilot's texts follow the heartbeat, and its SYS_STATUS comes
+at 5 Hz. PX4 may report the mode in a heartbeat before it says whether it was intended."""
 OWN_COMMAND_S = 5.0
 """A mode that comes this soon after a command of ours for it is ours."""
 STREAM_S = 0.5
-"""A failsafe that comes after no setpoint of ours came for so long may be for that reason alone; where it is known how
-long the autopilot waits for them, after `LOST_SHARE` of that."""
+"""A failsafe that comes after no setpoint of ours came for so long may be for that reason alone. Where it is known how
+long the autopilot waits for them, it is `LOST_SHARE` of that."""
 STATUS_S = 1.2
 """The status of a heartbeat is up to 0.8 s late."""
 LOST_SHARE = 0.9

@@ -2,11 +2,11 @@
 
 Two things are learned in flight, and added to each position setpoint:
 
-- **Drag.** PX4's controllers do not model it. In steady flight they compensate it by a position error (larger
-  horizontally than vertically, so that the line is bent) and by an integral, which then carries the UAV beyond its
-  goal. The linear drag of a multirotor (Faessler et al., "Differential Flatness of Quadrotor Dynamics Subject to Rotor
-  Drag", RA-L 2018) is the part of its acceleration that its tilt does not explain and that grows with its speed. The
-  part that does not grow with its speed (wind, a tilted level) is left to the integral.
+- **Drag.** PX4's controllers do not model it. In steady flight they compensate it by a position error, larger
+  horizontally than vertically, so that the line is bent. They also compensate it by an integral, which then carries the
+  UAV beyond its goal. The linear drag of a multirotor is the part of its acceleration that its tilt does not explain
+  and that grows with its speed. See Faessler et al., "Differential Flatness of Quadrotor Dynamics Subject to Rotor
+  Drag", RA-L 2018. The part that does not grow with its speed (wind, a tilted level) is left to the integral.
 - **The error of the velocity.** The position and the velocity of an estimator do not always agree: after an
   acceleration PX4's position moves by up to 0.5 m/s otherwise than its velocity says, for seconds. PX4 controls its
   velocity, and its position error grows until it makes up for the difference.

@@ -16,7 +16,7 @@ _log = logging.getLogger(__name__)
 class FenceReader:
     """The fence by the newest `parameters`, which their owner fills. Belongs to the thread that receives.
 
-    With `awaits_zones` nothing is logged until the zones are known, or until it is given up to wait for them: a fence
+    With `awaits_zones` nothing is logged until the zones are known, or until the wait for them is given up. A fence
     whose zones are about to be read is no reason for a warning.
     """
 

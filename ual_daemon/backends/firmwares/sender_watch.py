@@ -11,13 +11,13 @@ from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Control, LandedState, Mode, Sample
 
 QUIET_S = 4.0
-"""When we have sent nothing for this long, no target of the autopilot is ours any more: ArduPilot ends the last one by
+"""When we have sent nothing for this long, no target of the autopilot is ours any more. ArduPilot ends the last one by
 itself after GUID_TIMEOUT (3 s), and PX4 leaves OFFBOARD without setpoints (COM_OF_LOSS_T, 1 s)."""
 MOVED_M, MOVED_M_S = 0.5, 0.3
 """A target that changes by more than this was sent by somebody. It shows the last one exactly, without noise."""
 STRANGE_M = 3.0
-"""A target this far from all that we have sent lately is another program's: far more than the autopilot moves a target
-that comes with a velocity until the next one comes."""
+"""A target this far from all that we have sent lately is another program's. It is far more than the autopilot moves a
+target that comes with a velocity until the next one comes."""
 STRANGE_COUNT, STRANGE_S = 2, 3.0
 """So many strange targets within so many seconds, while we send, show another program."""
 SENDING_S = 0.5

@@ -129,9 +129,9 @@ class World:
             self.fleet.wind[index] = (x, y, z)
 
     def listen(self, index: int, on_step: Callable[[], None], is_needed: Callable[[], bool] = lambda: True) -> None:
-        """From now on calls back after the next step, after each step that has changed the vehicle's conditions (mode,
-        armed, landed, has a position), and after each step for which `is_needed` returns True (but see `Thinning`).
-        Time runs while there is any listener.
+        """From now on calls back after the next step, and after each step that has changed the vehicle's conditions
+        (mode, armed, landed, has a position). It also calls back after each step for which `is_needed` returns True
+        (but see `Thinning`). Time runs while there is any listener.
         """
         with self._changed:
             self._listeners[index] = _Listener(on_step, is_needed)

@@ -1,8 +1,8 @@
 """The two connections of a link, supervised as one.
 
-With ROS 2 rosbridge executes the operations of a client one after another, and a call of a service holds up all that
-come after it until it is answered, however long that takes (``call_services_in_new_thread`` is false by default). So
-what is published has a connection of its own.
+With ROS 2 rosbridge executes the operations of a client one after another. A call of a service holds up all that come
+after it until it is answered, however long that takes (``call_services_in_new_thread`` is false by default). So what is
+published has a connection of its own.
 """
 
 from __future__ import annotations

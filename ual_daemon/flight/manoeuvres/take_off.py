@@ -127,7 +127,7 @@ class TakeOff(Manoeuvre):
     def _is_taken_over(self, snapshot: Snapshot, estimate: Estimate) -> bool:
         """Whether others took over before the climb began: the UAV flies, or another mode than at the start was chosen.
 
-        The command must not be repeated then: a repeated OFFBOARD would take control from the safety pilot, and an
+        The command must not be repeated then. A repeated OFFBOARD would take control from the safety pilot, and an
         autopilot that climbs by itself may do so in other modes, too (ArduPilot in LOITER).
         """
         is_ours = _is_ours(snapshot)

@@ -15,7 +15,7 @@ SIDES = 64
 """A circle becomes a polygon of so many sides, on the safe side by up to 0.12 % of its radius."""
 _STEP_M = 1000.0
 """A side is straight in latitude and longitude, as both autopilots compute it (Polygon_outside of ArduPilot,
-Geofence::insidePolygon of PX4), so in the local frame it is bent: by 2 m on 10 km at a latitude of 47 degrees. Cut into
+Geofence::insidePolygon of PX4). So in the local frame it is bent: by 2 m on 10 km at a latitude of 47 degrees. Cut into
 parts of this length it is off by 2 cm."""
 _MAX_STEPS = 200
 
@@ -46,8 +46,8 @@ def _between(begin: float, end: float, share: float) -> float:
 def _circle(zone: Zone, radius_m: float, projection: Projection) -> Iterator[Point2]:
     """Yields a polygon that lies within an inclusion, or around an exclusion.
 
-    Its radius is measured as the autopilot does, from the centre: in a local frame that begins far away the circle is
-    none (ArduPilot's metres to the east depend on the latitude half way to the origin).
+    Its radius is measured as the autopilot does, from the centre. In a local frame that begins far away the circle is
+    none: ArduPilot's metres to the east depend on the latitude half way to the origin.
     """
     ((latitude_deg, longitude_deg),) = zone.points
     around = replace(projection, latitude_deg=latitude_deg, longitude_deg=longitude_deg)

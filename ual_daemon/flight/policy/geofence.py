@@ -34,8 +34,8 @@ _MAX_POINTS = 200
 _SPEED_MARGIN = 2.0
 """A trajectory is assumed to be nowhere faster than this many times the limits and the speed of its start."""
 _GENTLE_M_S = 0.2
-"""A velocity that sinks more slowly may lead as near to the ground as a goal, one that climbs more slowly as far above
-the ceiling as the estimate may be off: a hover must not be refused because of noise.
+"""A velocity that sinks more slowly may lead as near to the ground as a goal. One that climbs more slowly may lead as
+far above the ceiling as the estimate may be off. A hover must not be refused because of noise.
 """
 _SINKING_M_S = 0.02
 """A velocity that sinks no faster keeps its height."""
@@ -376,11 +376,11 @@ class Geofence:
         """Checks that a UAV that is commanded a velocity can still stop inside the fence.
 
         It must be able to stop from the commanded velocity, from its own, and from the one that it has when it can next
-        be commanded to brake; `reach` has these points. Outside, a velocity that brings it nearer, and not out again on
-        another side, is allowed. Anywhere, a velocity that stops it as well as it can be stopped is allowed.
+        be commanded to brake. These points are those of `reach`. Outside, a velocity that brings it nearer, and not out
+        again on another side, is allowed. Anywhere, a velocity that stops it as well as it can be stopped is allowed.
 
         A stream of setpoints pays for polygons only now and then. What was found to be inside serves the next setpoint
-        as a convex part of the fence (`Room`): where all points of the reach lie in it, so does every way between them,
+        as a convex part of the fence (`Room`). Where all points of the reach lie in it, so does every way between them,
         and the rule would admit it. What was admitted without that is admitted for the same data, limits and fence.
 
         Raises:

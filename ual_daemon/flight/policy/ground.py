@@ -28,8 +28,9 @@ class Datum(NamedTuple):
 class Ground:
     """The ground of the present or the last take-off, as the autopilot's data have shown it.
 
-    It is not known after the daemon was started in flight or the link was lost, since the UAV may have landed and taken
-    off elsewhere in the meantime, nor after the local frame has moved. The autopilot's home is then taken for it.
+    It is not known after the daemon was started in flight or the link was lost: the UAV may have landed and taken off
+    elsewhere in the meantime. Nor is it known after the local frame has moved. The autopilot's home is then taken for
+    it.
     """
 
     def __init__(self) -> None:

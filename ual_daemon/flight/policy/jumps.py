@@ -1,6 +1,6 @@
 """Detects that the autopilot's estimate of its position has jumped: a reset of its estimator, or a moved origin.
 
-The effect is what counts, as not all autopilots report a reset (PX4 counts its resets, ArduPilot does not): the
+The effect is what counts, as not all autopilots report a reset (PX4 counts its resets, ArduPilot does not). The
 position changed by far more than the velocity explains, and stays there. `heading_jumps` does so for the heading.
 """
 

@@ -26,8 +26,8 @@ DRY RUNS. A request with `dry_run` moves nothing, begins no task and sends nothi
 check of the request without it, and is refused with the same error; else its response has the `plan` of what would
 happen.
 
-ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of these reasons, and metadata with the
-`state` and what was needed (of TASK_ABORTED `by`: who or what ended it, a documented list):
+ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of the reasons below, and metadata with the
+`state` and what was needed. Of TASK_ABORTED, `by` says who or what ended it; docs/errors.md lists that.
 
   reason                  gRPC status           when
   WRONG_STATE             FAILED_PRECONDITION   not allowed in the present state; the message names both
@@ -48,9 +48,9 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
   PERMISSION_DENIED       PERMISSION_DENIED     the caller, or this daemon, may not do that
 
 CALLERS. Whoever is on the daemon's own computer is a commander, unless its configuration says otherwise. Others show a
-token (metadata `authorization: Bearer <token>`) or a TLS certificate, and have the role that belongs to it: an
-observer reads, a pilot flies, too, and a commander also arms, disarms, moves home, acts on a simulation, and takes
-the lease from others.
+token (metadata `authorization: Bearer <token>`) or a TLS certificate, and have the role that belongs to it. An
+observer reads, and a pilot flies, too. A commander also arms, disarms, moves home, acts on a simulation, and takes the
+lease from others.
 
 LEASE. A program that flies may acquire a lease, and gives its id with each later call (metadata `ual-lease: <id>`).
 While it is held, flying calls without that id are refused with LEASE_HELD. Nobody has to: without a lease every pilot

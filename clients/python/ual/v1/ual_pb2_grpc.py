@@ -373,9 +373,9 @@ class UalServiceServicer(object):
     def SetExternalPose(self, request, context):
         """A pose of the UAV that was measured from outside (motion capture, vision, Lighthouse computed elsewhere), for the
         autopilot's estimator. Allowed in every state; it commands nothing. Not taken, with INVALID_ARGUMENT, where it is
-        older than 0.2 s, in the future, or older than the newest one; a jump that no vehicle flies is dropped, and the
-        response says so. A pose in `map`, or in a frame below it but not below `<ns>/odom`, says where the UAV is in the
-        autopilot's local frame as it was before any SetHome; that holds before the autopilot has a position, too.
+        older than 0.2 s, in the future, or older than the newest one. A jump that no vehicle flies is dropped, and the
+        response says so. A pose in `map`, or in a frame below it but not below `<ns>/odom`, is a place in the autopilot's
+        local frame as that was before any SetHome. That holds before the autopilot has a position, too.
         Errors: UNKNOWN_FRAME; WRONG_STATE (it is not known where the frame is); NOT_SUPPORTED.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)

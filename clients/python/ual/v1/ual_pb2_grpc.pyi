@@ -26,8 +26,8 @@ DRY RUNS. A request with `dry_run` moves nothing, begins no task and sends nothi
 check of the request without it, and is refused with the same error; else its response has the `plan` of what would
 happen.
 
-ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of these reasons, and metadata with the
-`state` and what was needed (of TASK_ABORTED `by`: who or what ended it, a documented list):
+ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of the reasons below, and metadata with the
+`state` and what was needed. Of TASK_ABORTED, `by` says who or what ended it; docs/errors.md lists that.
 
   reason                  gRPC status           when
   WRONG_STATE             FAILED_PRECONDITION   not allowed in the present state; the message names both
@@ -48,9 +48,9 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
   PERMISSION_DENIED       PERMISSION_DENIED     the caller, or this daemon, may not do that
 
 CALLERS. Whoever is on the daemon's own computer is a commander, unless its configuration says otherwise. Others show a
-token (metadata `authorization: Bearer <token>`) or a TLS certificate, and have the role that belongs to it: an
-observer reads, a pilot flies, too, and a commander also arms, disarms, moves home, acts on a simulation, and takes
-the lease from others.
+token (metadata `authorization: Bearer <token>`) or a TLS certificate, and have the role that belongs to it. An
+observer reads, and a pilot flies, too. A commander also arms, disarms, moves home, acts on a simulation, and takes the
+lease from others.
 
 LEASE. A program that flies may acquire a lease, and gives its id with each later call (metadata `ual-lease: <id>`).
 While it is held, flying calls without that id are refused with LEASE_HELD. Nobody has to: without a lease every pilot
@@ -989,9 +989,9 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     SetExternalPose: _UalServiceSetExternalPoseType
     """A pose of the UAV that was measured from outside (motion capture, vision, Lighthouse computed elsewhere), for the
     autopilot's estimator. Allowed in every state; it commands nothing. Not taken, with INVALID_ARGUMENT, where it is
-    older than 0.2 s, in the future, or older than the newest one; a jump that no vehicle flies is dropped, and the
-    response says so. A pose in `map`, or in a frame below it but not below `<ns>/odom`, says where the UAV is in the
-    autopilot's local frame as it was before any SetHome; that holds before the autopilot has a position, too.
+    older than 0.2 s, in the future, or older than the newest one. A jump that no vehicle flies is dropped, and the
+    response says so. A pose in `map`, or in a frame below it but not below `<ns>/odom`, is a place in the autopilot's
+    local frame as that was before any SetHome. That holds before the autopilot has a position, too.
     Errors: UNKNOWN_FRAME; WRONG_STATE (it is not known where the frame is); NOT_SUPPORTED.
     """
 
@@ -1390,9 +1390,9 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
     ) -> typing.Union[ual.v1.ual_pb2.SetExternalPoseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.SetExternalPoseResponse]]:
         """A pose of the UAV that was measured from outside (motion capture, vision, Lighthouse computed elsewhere), for the
         autopilot's estimator. Allowed in every state; it commands nothing. Not taken, with INVALID_ARGUMENT, where it is
-        older than 0.2 s, in the future, or older than the newest one; a jump that no vehicle flies is dropped, and the
-        response says so. A pose in `map`, or in a frame below it but not below `<ns>/odom`, says where the UAV is in the
-        autopilot's local frame as it was before any SetHome; that holds before the autopilot has a position, too.
+        older than 0.2 s, in the future, or older than the newest one. A jump that no vehicle flies is dropped, and the
+        response says so. A pose in `map`, or in a frame below it but not below `<ns>/odom`, is a place in the autopilot's
+        local frame as that was before any SetHome. That holds before the autopilot has a position, too.
         Errors: UNKNOWN_FRAME; WRONG_STATE (it is not known where the frame is); NOT_SUPPORTED.
         """
 

@@ -1,6 +1,6 @@
 """Fills ``{index}``, ``{14539+index}``, ``{ns}`` and the like into the texts of a team's file.
 
-Sums and products of `index` with whole numbers are all the arithmetic there is: ports, system ids and places in a row
+Sums and products of `index` with whole numbers are all the arithmetic there is. Ports, system ids and places in a row
 need no more, and a text of the file can do nothing else.
 """
 

@@ -2,7 +2,7 @@
 
 The first repeat comes 225 to 660 ms after the press (the defaults of macOS, Linux and X11), the others 25 to 92 ms
 apart. So a press alone cannot tell a tap from a key that is held. It deflects the axis by `TAP` and keeps that until
-the first repeat must have come; the repeat then tells that the key is held, and the axis goes on to 1. A held key thus
+the first repeat must have come. The repeat then tells that the key is held, and the axis goes on to 1. A held key thus
 never dips, and a tap moves little. Released, the axis falls from 1 to 0 within `HELD_S` + `FALL_S`.
 """
 

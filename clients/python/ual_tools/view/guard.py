@@ -1,7 +1,7 @@
 """Who may open the page: this computer's own browsers, those with the token where there is one. No viser.
 
-A page of another site must neither read this one nor click on it: a browser names the site in `Origin`, and would
-show this page within the other one if it were allowed to.
+A page of another site must neither read this one nor click on it. A browser names the site in `Origin`, and would show
+this page within the other one if it were allowed to.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 COMPANION = 191
 PX4_ID, ARDUPILOT_ID = 7, 1
 ARDUPILOT_GUIDED, ARDUPILOT_LAND = 4, 9
-# Sent only at times (what was asked for, events), or by what the recorded flights happened to do (a camera is looked
-# for, a parameter changed, a setpoint of the kind that the other flight had not).
+# Sent only at times (what was asked for, events), or by what the recorded flights happened to do. They looked for a
+# camera, changed a parameter, or had a setpoint of a kind that the other flight had not.
 NOT_STREAMED = {
     "ATTITUDE_TARGET",
     "AUTOPILOT_VERSION",

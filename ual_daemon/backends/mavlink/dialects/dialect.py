@@ -22,8 +22,8 @@ class Dialect(Autopilot):
     """Whether it reports which mode it was asked for beside the one that flies: another one is then a failsafe's."""
     freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=5.0, landed_s=1.5, estimator_s=3.0)
     """Chosen for PX4's slowest rates without a request: heartbeat and estimator status 1 Hz, landed state 5 Hz,
-    position 30 Hz. They are long enough that on a link that loses and damages 40 % every requested value comes in time,
-    over years of flying (a late heartbeat is requested ten times a second). The link's limit is the shortest: when
+    position 30 Hz. They are long enough for a link that loses and damages 40 %: every requested value comes in time,
+    over years of flying. A late heartbeat is requested ten times a second. The link's limit is the shortest: when
     nothing comes at all, the lost link is what to report."""
     estimator_message: int = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
     """The message whose `flags` describe the estimator."""

@@ -112,7 +112,7 @@ class TcpClientLink(Link):
 class TcpServerLink(Link):
     """A port at which one other end at a time can connect to us.
 
-    Others are refused, unless the present connection has fallen silent: when an autopilot comes back after its cable
+    Others are refused, unless the present connection has fallen silent. When an autopilot comes back after its cable
     was pulled, its own old connection, which was never closed, must not keep it out.
     """
 

@@ -32,7 +32,7 @@ _MOST_OTHERS = 8
 """So many other autopilots, and so many reasons why nothing is taken, are named in the log."""
 ODD_WAIT_S = 1.5
 """An autopilot with odd ids (system 0, or not component 1) is taken once none with usual ids has been heard for so long
-beside it: a heartbeat comes each second."""
+beside it. A heartbeat comes each second."""
 _AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 _CALLER_SYSTEM_ID = 245
 """Our system until the autopilot is found, whose system we then join."""

@@ -1,7 +1,7 @@
 """Downloads the items of the autopilot's own fence by the mission protocol, again whenever they may have changed.
 
-https://mavlink.io/en/services/mission.html: the list is requested, then each item, one at a time: PX4 ends the
-transfer when it is asked for any other than the next one or the last again (handle_mission_request_both in its
+https://mavlink.io/en/services/mission.html. The list is requested, then each item, one at a time. PX4 ends the transfer
+when it is asked for any other than the next one or the last again (handle_mission_request_both in its
 mavlink_mission.cpp). The end is acknowledged, without which PX4 lets no ground station transfer anything for 5 s.
 """
 

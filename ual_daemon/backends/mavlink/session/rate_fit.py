@@ -26,8 +26,8 @@ MOST = 4
 class RateFit:
     """Judges the loss once a second. Belongs to the thread that receives.
 
-    `level` is how much less to ask for: 0 nothing, 1 the messages that UAL does not use only once a second, and from
-    2 on those that it uses at half, a quarter, an eighth of the rate that is wanted.
+    `level` is how much less to ask for. At 0 it is nothing. At 1 the messages that UAL does not use come only once a
+    second. From 2 on those that it uses come at half, a quarter, an eighth of the rate that is wanted.
     """
 
     def __init__(self) -> None:

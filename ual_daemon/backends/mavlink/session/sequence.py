@@ -12,8 +12,8 @@ class SequenceUnwrapper:
     """Turns the sequence numbers of one sender into numbers that keep growing where they wrap.
 
     Each number is compared with the newest of any kind of message, which was sent a moment ago. Two messages of one
-    kind may be so far apart that their numbers alone do not show which is older (128 messages are 0.3 s of a PX4 that
-    streams at its defaults). After a silence of `late_s` nothing can still be late, and any number is the next one.
+    kind may be so far apart that their numbers alone do not show which is older. 128 messages are 0.3 s of a PX4 that
+    streams at its defaults. After a silence of `late_s` nothing can still be late, and any number is the next one.
     """
 
     def __init__(self, late_s: float) -> None:

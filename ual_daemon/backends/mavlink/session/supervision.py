@@ -19,11 +19,11 @@ _SHORT_SILENCE_S = 0.1
 class LinkStatistics:
     """Statistics of the link: of the last `WINDOW_S`, or counts since the start.
 
-    `rate_hz` is the autopilot's messages per second, `loss` the part of its messages that did not arrive (0 to 1), and
-    `round_trip_s` the newest one measured by TIMESYNC (None: not measured). Counted are pieces that belong to no frame
-    (`corrupt_count`), frames dropped for their signature (`unsigned_count`) or because another host sent them
-    (`stranger_count`), values that cannot be true (`impossible_count`), reboots of the autopilot, and how often the
-    link was lost.
+    `rate_hz` is the autopilot's messages per second, and `loss` the part of its messages that did not arrive (0 to 1).
+    `round_trip_s` is the newest one measured by TIMESYNC (None: not measured). Counted are pieces that belong to no
+    frame (`corrupt_count`), and frames dropped for their signature (`unsigned_count`) or because another host sent them
+    (`stranger_count`). So are values that cannot be true (`impossible_count`), reboots of the autopilot, and how often
+    the link was lost.
     """
 
     state: LinkState = LinkState.CONNECTING

@@ -156,7 +156,7 @@ class Telemetry:
         """Takes from a heartbeat, or from an event ahead of it, that it is armed or disarmed.
 
         Autopilots move home to where they are armed. So the home from before the arming, or from before a time in which
-        it may have been armed, is not known any more; and a message from before it does not bring it back.
+        it may have been armed, is not known any more. A message from before it does not bring it back.
         """
         if not self.armed.is_next(now_s):
             return

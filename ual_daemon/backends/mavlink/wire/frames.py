@@ -84,7 +84,7 @@ class FrameReader:
     however the stream is cut, with one exception. The work on false beginnings is limited to `CREDIT_PER_BYTE` for each
     byte, so that the time is linear in the number of bytes, whatever they are. Where false beginnings are so dense that
     the credit is used up, up to 90 bytes are passed over unseen, and a frame that begins in them is lost. Damaged
-    frames alone do not use it up: one of n bytes pays for 4 n and costs n + 48, and the shortest that matter, the
+    frames alone do not use it up. One of n bytes pays for 4 n and costs n + 48, and the shortest that matter, the
     heartbeats, have 17 and 21. Where `refill` tells the time, the work is also limited to `WORK_PER_S`. In a flood that
     uses this up, the rest of a datagram, or of a piece, is passed over from its first false beginning on.
 

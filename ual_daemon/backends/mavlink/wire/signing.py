@@ -31,8 +31,9 @@ _LARGEST_FILE = 4096
 
 
 def read_key(path: str) -> bytes:
-    """Returns the key in a file, in the form that it says: ``hex:`` and 64 digits, ``raw:`` and 32 bytes, or
-    else a line of text as passphrase, whose SHA-256 is the key (as in QGroundControl, MAVProxy and Mission Planner).
+    """Returns the key in a file, in the form that it says: ``hex:`` and 64 digits, ``raw:`` and 32 bytes, or else a
+    passphrase. A passphrase is a line of text, whose SHA-256 is the key (as in QGroundControl, MAVProxy and Mission
+    Planner).
 
     Raises:
         ConfigError: The file cannot be read, holds no key, or could be read by other users.
@@ -102,8 +103,8 @@ class Signer:
 
     One thread may call `next_timestamp` (sending) while another one calls `check` (receiving).
 
-    pymavlink's own check is not used: it stores a timestamp before it knows that the signature is right, so that one
-    forged frame would lock the autopilot out, and it does not check messages that it does not know.
+    The check of pymavlink is not used. It stores a timestamp before it knows that the signature is right, so that one
+    forged frame would lock the autopilot out. It does not check messages that it does not know.
     """
 
     def __init__(
