@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from ual.errors import UalError
 
 caller: ContextVar[Callable[[], str] | None] = ContextVar("ual_caller", default=None)
-"""Returns the peer's address of whoever gave the present command; None for a command from this process."""
+"""Returns the address of the peer that gave the present command; None for a command from this process."""
 
 uav: ContextVar[str] = ContextVar("ual_uav", default="")
 """The namespace of the UAV that the event is about, if the process flies several; else empty."""
 
 
 def caller_text() -> str:
-    """Returns the address of whoever gave the present command; empty for a command from this process."""
+    """Returns the address of the peer that gave the present command; empty for a command from this process."""
     get_caller = caller.get()
     return "" if get_caller is None else get_caller()
 

@@ -96,7 +96,7 @@ class Server:
         more: Sequence[AddedService] = (),
         time_of: Callable[[Simulation], SimulatedTime] | None = None,
     ) -> None:
-        """`observers` observe each call; see `call_log`. `access` says who calls; None: whoever is on this computer.
+        """`observers` observe each call; see `call_log`. `access` says who calls; None: any caller on this computer.
         `more` are the services of extensions. `time_of` returns the time that callers change for a simulation, if that
         is not its own.
         """

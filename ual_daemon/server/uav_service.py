@@ -52,7 +52,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._vehicle = vehicle
         self._updates = updates
         self._planning = Planning()
-        self._routing = Planning()  # so that whoever only looks takes no place from whoever flies
+        self._routing = Planning()  # so that reading a route takes no place from planning a flight
 
     # Names and order are those of the contract.
 

@@ -49,7 +49,7 @@ class Preconditions(RefusalLog):
             raise only_watching(command)
 
     def require_own_ground(self, command: str) -> None:
-        """Checks that nobody else has flown the UAV since it was disarmed, unless control was asked back.
+        """Checks that no other has flown the UAV since it was disarmed, unless control was asked back.
 
         A pilot who has taken over and landed by hand may step up to the UAV while its motors run. A take-off that a
         client repeats must not lift it again.

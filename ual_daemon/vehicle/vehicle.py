@@ -96,7 +96,7 @@ class Vehicle(ReportedVehicle):
     # --- The lease ----------------------------------------------------------------------------------------------------
 
     def lease(self) -> LeaseInfo | None:
-        """Returns who holds the lease; None where nobody does."""
+        """Returns who holds the lease; None where there is no lease."""
         return self._flight.lease.info
 
     def acquire_lease(

@@ -344,7 +344,7 @@ class TeamMembers(ABC):
         self._wait(self._team.disarm(timeout_s=timeout_s))
 
     def lease_info(self) -> dict[str, LeaseInfo | None]:
-        """Returns who holds the lease; None where nobody does.
+        """Returns who holds the lease; None where there is no lease.
 
         See `ual.interface.Uav.lease_info`.
 

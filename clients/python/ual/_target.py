@@ -117,7 +117,7 @@ class Target:
         self._answered_ns = ns
 
     def described(self, status: str) -> str:
-        """Returns in words which UAV it is, where it is, and the status of the connection. Asks nobody."""
+        """Returns in words which UAV it is, where it is, and the status of the connection. Makes no call."""
         where = f"at {self._address}" if self._address else ""
         return f"{' '.join(filter(None, (self.shown_ns, where))) or 'the only UAV'}, {status}"
 

@@ -510,7 +510,7 @@ class TaskCommands(ABC, Generic[T]):
 
 
 class Lease(ABC):
-    """The lease of a UAV: while it is held, nobody else flies it. It ends at `release`, or with its ``with`` block.
+    """The lease of a UAV: while it is held, no other program flies it. It ends at `release`, or with its ``with``.
 
     It also ends if the program dies or hangs for 2 s, and if a commander takes it. Whenever a lease begins or ends,
     what is under way is aborted, and the UAV holds its position; only a take-off or a landing goes on.
@@ -796,7 +796,7 @@ class Uav(TaskCommands[Task]):
     def lease(self, holder: str = "", *, take: bool = False) -> Lease:
         """Makes this object the only one that flies the UAV, until the lease ends.
 
-        Nobody has to: without a lease, every pilot may fly.
+        A lease is optional: without one, every pilot may fly.
 
         Args:
             holder: How the program is called where others are refused, at most 64 characters. Empty: its address.
@@ -833,7 +833,7 @@ class Uav(TaskCommands[Task]):
 
     @abstractmethod
     def lease_info(self) -> LeaseInfo | None:
-        """Returns who holds the lease; None where nobody does."""
+        """Returns who holds the lease; None where there is no lease."""
 
     @abstractmethod
     def set_pose(self, pose: PoseStamped | Pose) -> None:

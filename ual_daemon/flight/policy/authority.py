@@ -45,7 +45,7 @@ class Authority:
 
     def begin(self) -> None:
         """Notes that UAL is commanded. Called with the flight's lock held."""
-        # What is heard now was there when the command was judged: a silence before it ended before it.
+        # What is heard now was there when the command was judged: a silence before it had already ended.
         self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
         self._has_flown, self.taken = True, ""
 

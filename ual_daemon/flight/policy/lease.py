@@ -47,7 +47,7 @@ class Lease:
 
     @property
     def info(self) -> LeaseInfo | None:
-        """Who holds it; None where nobody does."""
+        """Who holds it; None where there is no lease."""
         held = self._held
         return None if held is None else held.info
 

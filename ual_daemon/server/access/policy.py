@@ -71,7 +71,7 @@ class Access:
         """Returns who calls.
 
         Raises:
-            UnauthenticatedError: It is nobody who is known here.
+            UnauthenticatedError: The caller is not known here.
 
         """
         given = _given(call)

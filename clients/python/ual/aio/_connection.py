@@ -39,7 +39,7 @@ class Connection:
 
     @property
     def described(self) -> str:
-        """Which UAV it is, where, and whether its daemon has answered. Asks nobody."""
+        """Which UAV it is, where, and whether its daemon has answered. Makes no call."""
         status = "closed" if self._is_closed else "connected" if self._was_reached else "not connected"
         return self.target.described(status)
 

@@ -191,7 +191,7 @@ class UavMembers(ABC):
         await self._command(_calls.disarm(), timeout_s)
 
     async def lease_info(self) -> LeaseInfo | None:
-        """Returns who holds the lease; None where nobody does."""
+        """Returns who holds the lease; None where there is no lease."""
         return await self._connection.run(_calls.lease_info())
 
     async def set_pose(self, pose: PoseStamped | Pose) -> None:
@@ -561,7 +561,7 @@ class TeamMembers(ABC):
         await self.each(lambda _, uav: uav.disarm(timeout_s=timeout_s))
 
     async def lease_info(self) -> dict[str, LeaseInfo | None]:
-        """Returns who holds the lease; None where nobody does.
+        """Returns who holds the lease; None where there is no lease.
 
         See `ual.interface.Uav.lease_info`.
 

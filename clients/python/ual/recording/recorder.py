@@ -1,4 +1,4 @@
-"""Writes a recording on a thread of its own. Whoever has something to record only appends it to a queue."""
+"""Writes a recording on a thread of its own. What is to be recorded is only appended to a queue."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 FLUSH_S = 0.5
 """How often a chunk is ended and written to the disk. With the time that this takes, less than a second can be lost."""
 _TAKE_S = 0.02
-"""How often the queue is looked at. Nobody who puts something into it has to wake the thread."""
+"""How often the queue is looked at. An addition does not have to wake the thread."""
 MOST_ENTRIES = 50_000
 """So many entries wait at most: 50 s of one UAV with its raw packets, or a disk that writes nothing for as long."""
 MOST_BYTES = 64 << 20

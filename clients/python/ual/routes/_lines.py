@@ -114,7 +114,7 @@ def parse_angle(text: str) -> float:
     """Parses ``90deg``, ``1.57rad`` or ``1.57``; returns radians.
 
     Raises:
-        BareAngleError: A number without a unit is beyond a full turn: nobody means 90 radians.
+        BareAngleError: A number without a unit is beyond a full turn: 90 radians are not meant.
         ValueError: It is not an angle.
 
     """

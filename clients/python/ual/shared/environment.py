@@ -69,7 +69,7 @@ def mistake_in(given: Mapping[str, str]) -> str:
 
 
 def _did_you_mean(name: str, known: set[str]) -> str:
-    import difflib  # imported late: nearly nobody needs it
+    import difflib  # imported late: only a mistake needs it
 
     alike = difflib.get_close_matches(name, sorted(known), n=1)
     return f"; did you mean {alike[0]}?" if alike else ""

@@ -53,11 +53,11 @@ observer reads, and a pilot flies, too. A commander also arms, disarms, moves ho
 lease from others.
 
 LEASE. A program that flies may acquire a lease, and gives its id with each later call (metadata `ual-lease: <id>`).
-While it is held, flying calls without that id are refused with LEASE_HELD. Nobody has to: without a lease every pilot
-may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, what is under way is aborted, and the UAV
+While it is held, flying calls without that id are refused with LEASE_HELD. A lease is optional: without one every
+pilot may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, what is under way is aborted, and the UAV
 holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no lease.
 
-Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that nobody can mean (beyond
+Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that cannot be meant (beyond
 10,000 km or 1,000 m/s) are refused with INVALID_ARGUMENT before anything moves. A request may carry the metadata
 `ual-ns: <namespace>`; a daemon of another namespace refuses it.
 """
@@ -1132,9 +1132,9 @@ class GetInfoResponse(google.protobuf.message.Message):
     is_arming_allowed: builtins.bool
     """True where Arm and Disarm are permitted."""
     url: builtins.str
-    """The autopilot's address, for people."""
+    """The autopilot's address, human-readable."""
     has_safety_pilot: builtins.bool
-    """Whether a person can take over at any time (a transmitter, a simulated pilot). Where nobody can, Abort ends take-offs
+    """Whether a person can take over at any time (a transmitter, a simulated pilot). Where that is not so, Abort ends take-offs
     and landings, too.
     """
     @property
@@ -2297,7 +2297,7 @@ class AcquireLeaseRequest(google.protobuf.message.Message):
     holder: builtins.str
     """How the program is called where others are refused, at most 64 characters. Empty: its address."""
     take: builtins.bool
-    """Take it from whoever holds it. Only a commander may."""
+    """Take it from its holder. Only a commander may."""
     def __init__(
         self,
         *,
@@ -2400,7 +2400,7 @@ class GetLeaseResponse(google.protobuf.message.Message):
     LEASE_FIELD_NUMBER: builtins.int
     @property
     def lease(self) -> Global___Lease:
-        """Not set where nobody holds it."""
+        """Not set where there is no lease."""
 
     def __init__(
         self,

@@ -53,11 +53,11 @@ observer reads, and a pilot flies, too. A commander also arms, disarms, moves ho
 lease from others.
 
 LEASE. A program that flies may acquire a lease, and gives its id with each later call (metadata `ual-lease: <id>`).
-While it is held, flying calls without that id are refused with LEASE_HELD. Nobody has to: without a lease every pilot
-may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, what is under way is aborted, and the UAV
+While it is held, flying calls without that id are refused with LEASE_HELD. A lease is optional: without one every
+pilot may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, what is under way is aborted, and the UAV
 holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no lease.
 
-Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that nobody can mean (beyond
+Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that cannot be meant (beyond
 10,000 km or 1,000 m/s) are refused with INVALID_ARGUMENT before anything moves. A request may carry the metadata
 `ual-ns: <namespace>`; a daemon of another namespace refuses it.
 """

@@ -947,7 +947,7 @@ def _enum(kind: type[_E], value: int, field: str) -> _E:
 
 
 def lease_to_proto(lease: LeaseInfo | None) -> pb.Lease | None:
-    """Returns the message of a lease; None where nobody has it."""
+    """Returns the message of a lease; None where there is none."""
     if lease is None:
         return None
     message = pb.Lease(holder=lease.holder, identity=lease.identity)
@@ -956,7 +956,7 @@ def lease_to_proto(lease: LeaseInfo | None) -> pb.Lease | None:
 
 
 def lease_from_proto(response: pb.GetLeaseResponse) -> LeaseInfo | None:
-    """Reads who has the lease; None where nobody has it."""
+    """Reads who has the lease; None where there is none."""
     if not response.HasField("lease"):
         return None
     return LeaseInfo(response.lease.holder, response.lease.identity, stamp_from_proto(response.lease.since))

@@ -53,4 +53,4 @@ LEVELS = (
     Level(4.0, 2.0, 60.0, 1.0, 45.0),
 )
 FIRST_LEVEL = 1
-"""Half a metre a second: nobody is surprised by it."""
+"""Half a metre a second: slow enough to surprise no pilot."""

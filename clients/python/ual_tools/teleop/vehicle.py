@@ -15,7 +15,7 @@ from ual.types import Info, Setpoint, Telemetry
 
 TELEMETRY_HZ = 10.0
 STALE_S = 0.2
-"""A setpoint that waited for longer (the daemon did not answer) is dropped: nobody holds the stick so any more."""
+"""A setpoint that waited for longer (the daemon did not answer) is dropped: the stick is elsewhere by now."""
 DROPPED = "sticks: a step was dropped, as the daemon was too slow for it"
 _RETRY_S = 1.0
 _IN_FLIGHT_S = 0.3

@@ -552,7 +552,7 @@ class Session:
         )
 
     def release(self) -> None:
-        """Requests the default rates of all messages, as nobody needs ours any more; does not wait for answers."""
+        """Requests the default rates of all messages, as ours are not needed any more; does not wait for answers."""
         unused = (set_message_interval(each, UNUSED_RATE_HZ) for each in self._unused_ids)
         for stream in (*self._streams(), *(unused if self._fit.level else ())):
             self._send_command(default_interval(stream))
