@@ -677,7 +677,7 @@ class Health(google.protobuf.message.Message):
     """
     @property
     def failing_checks(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[builtins.str]:
-        """What fails of its checks and sensors, for people; empty where nothing does, or where it does not say."""
+        """What fails of its checks and sensors, human-readable; empty where nothing does, or where it does not say."""
 
     def __init__(
         self,
@@ -723,16 +723,16 @@ class Telemetry(google.protobuf.message.Message):
     HEALTH_FIELD_NUMBER: builtins.int
     state: Global___State.ValueType
     flight_mode: builtins.str
-    """The autopilot's own name of its mode, for people."""
+    """The autopilot's own name of its mode, human-readable."""
     armed: builtins.bool
     state_reason: builtins.str
     """Why the state is UNINITIALIZED; else what the state follows from. For people."""
     sequence: builtins.int
     """Counts the samples of this daemon from its start."""
     status_text: builtins.str
-    """The autopilot's newest words to the operator (status text), for people."""
+    """The autopilot's newest words to the operator (status text), human-readable."""
     frame_lost: builtins.str
-    """Why it is not known where `<ns>/odom` is (FRAME_LOST), since when, and what makes it known again; for people. Empty
+    """Why it is not known where `<ns>/odom` is (FRAME_LOST), since when, and what makes it known again, human-readable. Empty
     while it is known. While it is lost, a pose in a lost frame is not set, nor is `odometry`.
     """
     @property
@@ -863,7 +863,7 @@ class Task(google.protobuf.message.Message):
     waypoint_index: builtins.int
     """Of FollowPath: the waypoint it flies to, counted from 0."""
     description: builtins.str
-    """What it was told to do, for people."""
+    """What it was told to do, human-readable."""
     is_paused: builtins.bool
     """It runs, but Pause stopped it on its way; Resume goes on."""
     @property
@@ -1999,7 +1999,7 @@ class SetExternalPoseResponse(google.protobuf.message.Message):
 
     DROPPED_FIELD_NUMBER: builtins.int
     dropped: builtins.str
-    """Why it was dropped, for people; empty: it was given to the autopilot."""
+    """Why it was dropped, human-readable; empty: it was given to the autopilot."""
     def __init__(
         self,
         *,
