@@ -17,7 +17,7 @@ def answers() -> dict[str, list[str]]:
 
 
 HAND_WRITTEN = ("proto/ual/v1", "ual_daemon", "clients/python/ual")
-GENERATED = re.compile(r"_pb2|/_derived\.py$|\.pyi$")
+GENERATED = re.compile(r"/python/ual/v1/|/_derived(_team)?\.py$")
 
 
 def files_with(pattern: str) -> set[str]:
@@ -36,7 +36,7 @@ def test_the_files_of_a_new_method_are_those_of_a_method_that_is_there() -> None
     assert "seven files" in section
     listed = re.findall(r"^\| `([^`]+)` \|", section, re.MULTILINE)
     assert len(listed) == 7
-    assert files_with(r"\bGetRoute(Request)?\b|\bdef route\(") == set(listed)
+    assert files_with(r"\bGetGeofence(Request)?\b|\bdef geofence\(") == set(listed)
     of_a_command = {*listed, "ual_daemon/vehicle/commands.py"} - {"ual_daemon/vehicle/vehicle.py"}
     assert files_with(r"\bRemoveFrame(Request)?\b|\bdef remove_frame\(") == of_a_command
 

@@ -12,7 +12,6 @@ import inspect
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,8 +43,7 @@ _OF_UAV_BY_HAND = {"wait_for": "ask"}
 """Members that each client has of its own, and how a team gives them to its UAVs."""
 
 
-@dataclass(frozen=True)
-class _Member:
+class _Member(NamedTuple):
     """A member of the interface: its signature and its documentation."""
 
     name: str
@@ -71,7 +69,7 @@ class _Member:
 
 
 def main() -> None:
-    """Writes both modules."""
+    """Writes the modules."""
     for path, source in sources().items():
         path.write_text(source, encoding="utf-8")
 
@@ -88,10 +86,17 @@ def sources() -> dict[Path, str]:
     missing = set(MEMBERS) - {each.name for each in (*uav, *simulation)}
     if missing:
         sys.exit(f"tools/clients.py: ual.interface has no {', '.join(sorted(missing))}, which ual._calls declares")
-    return {
-        CLIENT / "_derived.py": _formatted(_sync_module(tree, uav, simulation)),
-        CLIENT / "aio" / "_derived.py": _formatted(_aio_module(tree, uav, simulation)),
+    calls = [each for each in uav if each.name in MEMBERS]
+    of_aio = [each for each in uav if each.name in MEMBERS or _is_view(each)]
+    of_simulation = [each for each in simulation if each.name in MEMBERS]
+    of_team = [each for each in uav if _given_by(each)]
+    modules = {
+        "_derived.py": (_SYNC, [_SYNC_UAV, *map(_sync_call, calls), _SYNC_SIMULATION, *map(_sync_call, of_simulation)]),
+        "_derived_team.py": (_SYNC_TEAM_HEAD, [_SYNC_TEAM, *map(_sync_team_member, of_team)]),
+        "aio/_derived.py": (_AIO, [_AIO_UAV, *map(_aio_call, of_aio), _AIO_SIMULATION, *map(_aio_call, of_simulation)]),
+        "aio/_derived_team.py": (_AIO_TEAM_HEAD, [_AIO_TEAM, *map(_aio_team_member, of_team)]),
     }
+    return {CLIENT / name: _module(tree, head, "".join(body)) for name, (head, body) in modules.items()}
 
 
 def _members(tree: ast.Module, owner: str) -> list[_Member]:
@@ -108,36 +113,8 @@ def _members(tree: ast.Module, owner: str) -> list[_Member]:
     ]
 
 
-def _sync_module(tree: ast.Module, uav: list[_Member], simulation: list[_Member]) -> str:
-    body = [
-        _SYNC_UAV,
-        *(_sync_call(each) for each in uav if each.name in MEMBERS),
-        _SYNC_SIMULATION,
-        *(_sync_call(each) for each in simulation if each.name in MEMBERS),
-        _SYNC_TEAM,
-        *(_sync_team_member(each) for each in uav if _given_by(each)),
-    ]
-    return _module(tree, _SYNC_HEAD, body)
-
-
-def _aio_module(tree: ast.Module, uav: list[_Member], simulation: list[_Member]) -> str:
-    body = [
-        _AIO_UAV,
-        *(_aio_call(each) if each.name in MEMBERS else _aio_view(each) for each in uav if _is_derived(each)),
-        _AIO_SIMULATION,
-        *(_aio_call(each) for each in simulation if each.name in MEMBERS),
-        _AIO_TEAM,
-        *(_aio_team_member(each) for each in uav if _given_by(each)),
-    ]
-    return _module(tree, _AIO_HEAD, body)
-
-
 def _is_view(member: _Member) -> bool:
     return inspect.isfunction(getattr(views, member.name, None))
-
-
-def _is_derived(member: _Member) -> bool:
-    return member.name in MEMBERS or _is_view(member)
 
 
 def _given_by(member: _Member) -> str:
@@ -163,18 +140,11 @@ def _sync_call(member: _Member) -> str:
 
 
 def _aio_call(member: _Member) -> str:
+    called = f"views.{member.name}(await self.telemetry())" if _is_view(member) else f"await {_call(member)}"
     return f"""
     async def {member.signature} -> {member.returned}:
 {_documented(_without_example(member.documentation))}
-        {member.returning(f"await {_call(member)}")}
-"""
-
-
-def _aio_view(member: _Member) -> str:
-    return f"""
-    async def {member.signature} -> {member.returned}:
-{_documented(_without_example(member.documentation))}
-        return views.{member.name}(await self.telemetry())
+        {member.returning(called)}
 """
 
 
@@ -215,10 +185,9 @@ def _documented(text: str) -> str:
     return "\n".join(f"        {line}" if line else "" for line in "\n".join(lines).splitlines())
 
 
-def _module(tree: ast.Module, head: str, body: list[str]) -> str:
-    classes = "".join(body)
-    imports = "".join(_imports(tree, used=_names(classes) - _names(head)))
-    return head.replace(_IMPORTS, imports) + classes
+def _module(interface: ast.Module, head: str, classes: str) -> str:
+    imports = "".join(_imports(interface, used=_names(classes) - _names(head)))
+    return _formatted(head.replace(_IMPORTS, imports) + classes)
 
 
 def _names(source: str) -> set[str]:
@@ -243,13 +212,12 @@ def _formatted(source: str) -> str:
 
 
 _IMPORTS = "# imports\n"
-_SYNC_HEAD = '''"""The members that are one call each. ``make clients`` writes this file: do not edit it."""
+_SYNC = '''"""The members that are one call each. ``make clients`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Coroutine
-from typing import TYPE_CHECKING, Any, TypeVar
+from abc import abstractmethod
+from typing import TypeVar
 
 from typing_extensions import override
 
@@ -258,9 +226,6 @@ from ual._calls import Call
 from ual._connection import Connection
 from ual._setpoints import Setpoints
 # imports
-
-if TYPE_CHECKING:
-    from ual import aio
 
 T = TypeVar("T")
 '''
@@ -282,6 +247,19 @@ class SimulationMembers(interface.Simulation):
 
     _connection: Connection
 '''
+_SYNC_TEAM_HEAD = '''"""A team's members that are one call each. ``make clients`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Coroutine
+from typing import Any, TypeVar
+
+from ual import aio
+# imports
+
+T = TypeVar("T")
+'''
 _SYNC_TEAM = '''
 class TeamMembers(ABC):
     """Those of `ual.Team`."""
@@ -292,13 +270,12 @@ class TeamMembers(ABC):
     def _wait(self, coroutine: Coroutine[Any, Any, T]) -> T:
         """Runs a coroutine of the asynchronous team to its end."""
 '''
-_AIO_HEAD = '''"""The members that are one call each, for asyncio. ``make clients`` writes this file: do not edit it."""
+_AIO = '''"""The members that are one call each, for asyncio. ``make clients`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Coroutine
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TypeVar
 
 from ual import _calls
 from ual._calls import Call
@@ -306,9 +283,6 @@ from ual.aio._connection import Connection
 from ual.aio._setpoints import Setpoints
 from ual.shared import views
 # imports
-
-if TYPE_CHECKING:
-    from ual.aio._client import Uav
 
 T = TypeVar("T")
 '''
@@ -329,6 +303,19 @@ class SimulationMembers:
     """Those of `ual.aio.Uav.simulation`."""
 
     _connection: Connection
+'''
+_AIO_TEAM_HEAD = '''"""A team's members that are one call each, for asyncio. ``make clients`` writes it: do not edit."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+from ual.aio._client import Uav
+# imports
+
+T = TypeVar("T")
 '''
 _AIO_TEAM = '''
 class TeamMembers(ABC):

@@ -13,7 +13,7 @@ from typing_extensions import Self, override
 
 from ual import aio
 from ual._client import Uav
-from ual._derived import TeamMembers
+from ual._derived_team import TeamMembers
 from ual.credentials import Credentials
 from ual.errors import UalError
 from ual.interface import DryRun, TaskCommands

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from typing_extensions import Self, override
 
 from ual.aio._client import Uav
-from ual.aio._derived import TeamMembers
+from ual.aio._derived_team import TeamMembers
 from ual.aio._lease import Lease
 from ual.aio._task import Task
 from ual.credentials import Credentials

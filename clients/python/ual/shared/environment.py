@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 _PREFIX = "UAL_"
 _OF_TESTS = "UAL_TEST_"
+_LEAST_ALIKE = 0.75
+"""How similar a name has to be to be meant: all begin alike."""
 OTHERS_VARIABLE = "UAL_OTHER_VARIABLES"
 """Names, separated by commas, of variables ``UAL_...`` that belong to programs beside UAL."""
 OF_CLIENTS = (
@@ -71,5 +73,5 @@ def mistake_in(given: Mapping[str, str]) -> str:
 def _did_you_mean(name: str, known: set[str]) -> str:
     import difflib  # imported late: only a mistake needs it
 
-    alike = difflib.get_close_matches(name, sorted(known), n=1)
+    alike = difflib.get_close_matches(name, sorted(known), n=1, cutoff=_LEAST_ALIKE)
     return f"; did you mean {alike[0]}?" if alike else ""

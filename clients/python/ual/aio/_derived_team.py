@@ -1,0 +1,235 @@
+"""A team's members that are one call each, for asyncio. ``make clients`` writes it: do not edit."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+from ual.aio._client import Uav
+from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
+from ual.types import Frame, Geofence, Info, LeaseInfo, Odometry, Route, State, Telemetry
+
+T = TypeVar("T")
+
+
+class TeamMembers(ABC):
+    """Those of `ual.aio.Team`."""
+
+    @abstractmethod
+    async def ask(self, call: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
+        """Calls something for each UAV at the same time. Returns the results by name."""
+
+    @abstractmethod
+    async def each(self, command: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
+        """Gives each UAV a command, all at the same moment. Returns the results by name."""
+
+    async def info(self) -> dict[str, Info]:
+        """Returns who the UAV is and what it can do: backend, autopilot, capabilities, limits.
+
+        See `ual.interface.Uav.info`.
+
+        """
+        return await self.ask(lambda _, uav: uav.info())
+
+    async def telemetry(self) -> dict[str, Telemetry]:
+        """Returns the newest sample of everything known. What is not known is None.
+
+        See `ual.interface.Uav.telemetry`.
+
+        """
+        return await self.ask(lambda _, uav: uav.telemetry())
+
+    async def state(self) -> dict[str, State]:
+        """Returns the state, estimated from the newest data of the autopilot.
+
+        See `ual.interface.Uav.state`.
+
+        """
+        return await self.ask(lambda _, uav: uav.state())
+
+    async def wait_for(self, *states: State, timeout_s: float | None = None) -> dict[str, State]:
+        """Blocks until the UAV is in one of some states, and returns that one. It returns at once if it is already.
+
+        See `ual.interface.Uav.wait_for`.
+
+        """
+        return await self.ask(lambda _, uav: uav.wait_for(*states, timeout_s=timeout_s))
+
+    async def is_ready(self) -> dict[str, bool]:
+        """Returns True when the state is not UNINITIALIZED.
+
+        See `ual.interface.Uav.is_ready`.
+
+        """
+        return await self.ask(lambda _, uav: uav.is_ready())
+
+    async def is_idle(self) -> dict[str, bool]:
+        """Returns True when no task runs.
+
+        See `ual.interface.Uav.is_idle`.
+
+        """
+        return await self.ask(lambda _, uav: uav.is_idle())
+
+    async def pose(self) -> dict[str, PoseStamped]:
+        """Returns the pose of the body, in ``<ns>/odom`` or in the configured `pose_frame_id`.
+
+        See `ual.interface.Uav.pose`.
+
+        """
+        return await self.ask(lambda _, uav: uav.pose())
+
+    async def velocity(self) -> dict[str, TwistStamped]:
+        """Returns the velocity in m/s and rad/s, along the axes of the frame of `pose`.
+
+        See `ual.interface.Uav.velocity`.
+
+        """
+        return await self.ask(lambda _, uav: uav.velocity())
+
+    async def odometry(self) -> dict[str, Odometry]:
+        """Returns the pose in ``<ns>/odom`` with the velocity along the axes of the body.
+
+        See `ual.interface.Uav.odometry`.
+
+        """
+        return await self.ask(lambda _, uav: uav.odometry())
+
+    async def reference_pose(self) -> dict[str, PoseStamped | None]:
+        """Returns where the UAV is commanded to be now; None while no pose is commanded.
+
+        See `ual.interface.Uav.reference_pose`.
+
+        """
+        return await self.ask(lambda _, uav: uav.reference_pose())
+
+    async def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> dict[str, Transform]:
+        """Returns what takes coordinates in the source frame to the target frame.
+
+        See `ual.interface.Uav.transform`.
+
+        """
+        return await self.ask(
+            lambda _, uav: uav.transform(target_frame_id=target_frame_id, source_frame_id=source_frame_id)
+        )
+
+    async def frames(self) -> dict[str, list[Frame]]:
+        """Returns all frames, each with its parent.
+
+        See `ual.interface.Uav.frames`.
+
+        """
+        return await self.ask(lambda _, uav: uav.frames())
+
+    async def geofence(self) -> dict[str, Geofence]:
+        """Returns where the UAV may fly now: the geofence, the floor, the ceiling, and the autopilot's own fence.
+
+        See `ual.interface.Uav.geofence`.
+
+        """
+        return await self.ask(lambda _, uav: uav.geofence())
+
+    async def route(self) -> dict[str, Route | None]:
+        """Returns the way of the running task, or to the goal of `set_pose` in a frame that moves.
+
+        See `ual.interface.Uav.route`.
+
+        """
+        return await self.ask(lambda _, uav: uav.route())
+
+    async def add_frame(self, transform: Transform) -> None:
+        """Adds a frame, or moves one that was added. A frame may be moved often (50 Hz).
+
+        See `ual.interface.Uav.add_frame`.
+
+        """
+        await self.each(lambda _, uav: uav.add_frame(transform))
+
+    async def remove_frame(self, frame_id: str) -> None:
+        """Removes a frame that was added. A UAV that follows a goal in it (a frame that moves) stops.
+
+        See `ual.interface.Uav.remove_frame`.
+
+        """
+        await self.each(lambda _, uav: uav.remove_frame(frame_id))
+
+    async def set_home(self, set_z: bool = False) -> None:
+        """Makes the present position the origin of ``<ns>/odom``. Allowed in LANDED_DISARMED and LANDED_ARMED.
+
+        See `ual.interface.Uav.set_home`.
+
+        """
+        await self.each(lambda _, uav: uav.set_home(set_z))
+
+    async def arm(self, *, timeout_s: float | None = None) -> None:
+        """Arms the motors, and returns when the autopilot says that they are. Allowed in LANDED_DISARMED.
+
+        See `ual.interface.Uav.arm`.
+
+        """
+        await self.each(lambda _, uav: uav.arm(timeout_s=timeout_s))
+
+    async def disarm(self, *, timeout_s: float | None = None) -> None:
+        """Disarms the motors, and returns when the autopilot says that they are. Allowed in LANDED_ARMED.
+
+        See `ual.interface.Uav.disarm`.
+
+        """
+        await self.each(lambda _, uav: uav.disarm(timeout_s=timeout_s))
+
+    async def lease_info(self) -> dict[str, LeaseInfo | None]:
+        """Returns who holds the lease; None where there is no lease.
+
+        See `ual.interface.Uav.lease_info`.
+
+        """
+        return await self.ask(lambda _, uav: uav.lease_info())
+
+    async def set_pose(self, pose: PoseStamped | Pose) -> None:
+        """Sends a pose as the reference, as it is: no straight line, no smoothing. Allowed in FLYING_AUTO.
+
+        See `ual.interface.Uav.set_pose`.
+
+        """
+        await self.ask(lambda _, uav: uav.set_pose(pose))
+
+    async def set_velocity(self, velocity: TwistStamped | Twist) -> None:
+        """Sends a velocity as the reference. Allowed in FLYING_AUTO.
+
+        See `ual.interface.Uav.set_velocity`.
+
+        """
+        await self.ask(lambda _, uav: uav.set_velocity(velocity))
+
+    async def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
+        """Takes control back from the safety pilot, and holds the pose found. Allowed in FLYING_MANUAL.
+
+        See `ual.interface.Uav.recover_from_manual`.
+
+        """
+        await self.each(lambda _, uav: uav.recover_from_manual(force=force, timeout_s=timeout_s))
+
+    async def abort(self, freeze: bool = False) -> None:
+        """Cancels the task or reference, and stops the UAV. Allowed in FLYING_AUTO. Returns at once.
+
+        See `ual.interface.Uav.abort`.
+
+        """
+        await self.ask(lambda _, uav: uav.abort(freeze))
+
+    async def pause(self) -> None:
+        """Brakes on the way of the running task and holds there. Allowed in FLYING_AUTO. Returns at once.
+
+        See `ual.interface.Uav.pause`.
+
+        """
+        await self.ask(lambda _, uav: uav.pause())
+
+    async def resume(self) -> None:
+        """Goes on with the paused task, along the rest of its way. Allowed in FLYING_AUTO. Returns at once.
+
+        See `ual.interface.Uav.resume`.
+
+        """
+        await self.each(lambda _, uav: uav.resume())
