@@ -45,9 +45,9 @@ def crossed(uav: UAL) -> set[tuple[str, str]]:
 
 
 def test_a_velocity_setpoint_crosses_no_more_than_the_architecture_says(uav: UAL) -> None:
-    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    page = " ".join((ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").split())
     said = re.search(r"it crosses (\d+) functions in (\d+) files", page)
-    said_first = re.search(r"the first setpoint at a place crosses (\d+) in (\d+)", page)
+    said_first = re.search(r"The first setpoint at a place crosses (\d+) functions in (\d+) files", page)
     assert said is not None
     assert said_first is not None
     for limits in (said_first, said):
