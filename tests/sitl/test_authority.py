@@ -11,7 +11,7 @@ from tests.sitl.copter_pilot import GUIDED, CopterPilot
 from tests.sitl.flights import HEIGHT_M, PATIENCE_S, Flight
 from tests.sitl.transmitter import Sticks, Transmitter
 from tests.sitl.wiretap import Wiretap
-from ual.errors import PermissionDeniedError, TaskAbortedError, WrongStateError
+from ual.errors import GeofenceError, PermissionDeniedError, TaskAbortedError, WrongStateError
 from ual.types import Health, State
 from ual_daemon import UAL
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -180,18 +180,21 @@ def test_a_lost_transmitter_is_named_and_its_return_is_ended_by_force_only(
 
 
 def test_a_breached_fence_is_named(flight: Flight, uav: UAL, copter: CopterPilot) -> None:
+    """UAL ends its go-to, but cannot stop before the fence. The failsafe that takes the flight then is named, too."""
     flight.take_off()
-    for name, value in (("FENCE_TYPE", 2.0), ("FENCE_RADIUS", 30.0), ("FENCE_ACTION", 1.0), ("AVOID_ENABLE", 0.0)):
+    for name, value in (("FENCE_TYPE", 2.0), ("FENCE_RADIUS", 46.0), ("FENCE_ACTION", 1.0), ("AVOID_ENABLE", 0.0)):
         set_parameter(copter, name, value)
-    # A fence that is enabled is read, and the goal refused: so it is enabled on the way, when the UAV is beyond it.
+    # A fence that is enabled is read, and the goal refused: so it is enabled on the way, too near to stop before it.
     start = uav.pose().pose.position
-    task = uav.go_to_waypoint(flight.beside(60.0), blocking=False)
-    flight.wait_for(lambda: (uav.pose().pose.position - start).norm() > 40.0, "being beyond the fence", 60.0)
+    task = uav.go_to_waypoint(flight.beside(100.0), blocking=False)
+    flight.wait_for(lambda: (uav.pose().pose.position - start).norm() > 40.0, "being near the fence", 60.0)
     set_parameter(copter, "FENCE_ENABLE", 1.0)
     try:
-        with pytest.raises(TaskAbortedError, match="fence") as caught:
+        with pytest.raises(GeofenceError, match="this has changed in flight") as caught:
             task.wait(30.0)
-        assert caught.value.metadata["by"] == "fence"
+        assert caught.value.metadata["parameter"] == "FENCE_RADIUS"
+        flight.wait_for(lambda: health(uav).held_by == "fence", "the fence's failsafe", 5.0)
+        assert uav.telemetry().flight_mode == "RTL"
         with pytest.raises(WrongStateError, match="fence"):
             uav.recover_from_manual()
         flight.wait_for(lambda: uav.telemetry().health is not None and not health(uav).failsafe, "being inside again")

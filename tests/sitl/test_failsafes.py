@@ -9,16 +9,22 @@ import pytest
 
 from tests.sitl.flights import HEIGHT_M, PATIENCE_S, Flight
 from tests.sitl.simulators import Simulator
-from tests.sitl.transmitter import Transmitter
-from tests.sitl.troubles import CAUSES, trouble
+from tests.sitl.transmitter import Sticks, Transmitter
+from tests.sitl.troubles import CAUSES, NEAR_FENCE_M, Change, changed, trouble
 from tests.sitl.wiretap import Wiretap
 from ual.errors import RejectedByAutopilotError, TaskAbortedError, WrongStateError
+from ual.interface import Task
 from ual.types import Health, State
 from ual_daemon import UAL
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 
 FAR_M = 40.0
+OUT_M, BACK_M_S = 20.0, 2.0
+"""Beyond the fence that comes, and still beyond it when the failsafe sets in."""
+STICK = 0.6
+UNAVOIDED = {"PX4": (), "ArduPilot": (Change("AVOID_ENABLE", 0.0, 3.0),)}
+"""ArduPilot stops its pilot before the fence, unless it is told not to."""
 LATE_S = 1.0
 """An autopilot acts on its own sensors; the daemon's task must end so soon after the mode has changed."""
 
@@ -47,13 +53,22 @@ def health(uav: UAL) -> Health:
     return found
 
 
+def fly_back_from_afar(flight: Flight) -> Task:
+    """Flies out, and begins the way back. A fence that comes then is breached already, and UAL's task leads into it.
+
+    UAL ends a go-to that would leave a new fence (`test_a_new_fence_stops_a_go_to_before_it`), before the failsafe.
+    """
+    flight.uav.go_to_waypoint(flight.beside(OUT_M))
+    return flight.uav.go_to_waypoint(flight.beside(-OUT_M), blocking=False, max_speed_m_s=BACK_M_S)
+
+
 @pytest.mark.parametrize("cause", CAUSES)
 def test_a_failsafe_in_flight_is_named_and_ended_by_force_only(
     flight: Flight, uav: UAL, wiretap: Wiretap, simulator: Simulator, pilot: Transmitter, cause: str
 ) -> None:
     """The recipe: battery, transmitter and fence were all "taken by the safety pilot", and `recover` cancelled them."""
     flight.take_off()
-    task = uav.go_to_waypoint(flight.beside(FAR_M), blocking=False)
+    task = fly_back_from_afar(flight) if cause == "fence" else uav.go_to_waypoint(flight.beside(FAR_M), blocking=False)
     flight.wait_for_speed(1.0)
     with trouble(pilot, simulator.autopilot, cause):
         with pytest.raises(TaskAbortedError, match=cause) as caught:
@@ -71,6 +86,33 @@ def test_a_failsafe_in_flight_is_named_and_ended_by_force_only(
         assert uav.telemetry().flight_mode != simulator.references_name
         uav.recover_from_manual(force=True)
         assert uav.state() is State.FLYING_AUTO
+        uav.land()
+    flight.wait_for_state(State.LANDED_DISARMED)
+
+
+def test_a_fence_that_the_pilot_flies_out_of_is_named(
+    flight: Flight, uav: UAL, wiretap: Wiretap, simulator: Simulator, pilot: Transmitter
+) -> None:
+    """UAL does not fence the safety pilot. The autopilot does: its failsafe is told as that, and not as the pilot's."""
+    flight.take_off()
+    begin = flight.position()
+    with changed(pilot, UNAVOIDED[simulator.autopilot]), trouble(pilot, simulator.autopilot, "fence"):
+        pilot.take_over()
+        flight.wait_for_state(State.FLYING_MANUAL)
+        taken_s = time.monotonic()
+        pilot.sticks = Sticks(forward=STICK)
+        flight.wait_for(lambda: (flight.position() - begin).horizontal_norm() > NEAR_FENCE_M - 1.0, "the fence")
+        pilot.sticks = Sticks()  # it glides out; a stick that is held would end the failsafe of PX4
+        flight.wait_for(lambda: health(uav).held_by == "fence", "its failsafe", 15.0)
+        assert "fence" in uav.telemetry().state_reason
+        with pytest.raises(WrongStateError, match="fence") as refused:
+            uav.recover_from_manual()
+        assert refused.value.metadata["needed"] == "force"
+        assert wiretap.setpoints(taken_s) == 0
+        assert wiretap.orders(taken_s) == []
+        pilot.stand_by()
+        if uav.state() is State.FLYING_MANUAL:
+            uav.recover_from_manual(force=True)
         uav.land()
     flight.wait_for_state(State.LANDED_DISARMED)
 

@@ -16,7 +16,7 @@ from tests.sitl.flights import PATIENCE_S, Flight
 from tests.sitl.simulators import Simulator
 from tests.sitl.transmitter import Transmitter
 from tests.sitl.troubles import Change, changed, trouble
-from ual.errors import GeofenceError, TaskAbortedError
+from ual.errors import GeofenceError, TaskAbortedError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import AltitudeReference, State
 from ual_daemon import UAL
@@ -27,6 +27,7 @@ pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 FAST_M_S, SLOW_M_S = 5.0, 2.0
 AHEAD_M = 12.0
 """It brakes from 5 m/s within 8 m of the new fence's coming."""
+TOO_NEAR_M = 2.5
 WIDE_M = 150.0
 BRAKES_S = 4.0
 WANTED_M, MOVED_M = 9.0, 6.0
@@ -92,6 +93,24 @@ def test_a_new_fence_stops_a_go_to_before_it(
     print(f"the new fence was at {radius_m:.1f} m; it stopped at {(flight.position() - begin).horizontal_norm():.1f} m")
     assert (flight.position() - begin).horizontal_norm() < radius_m
     assert uav.state() is State.FLYING_AUTO
+    uav.land()
+
+
+def test_a_new_fence_that_is_too_near_ends_the_go_to_and_then_the_failsafe_is_named(
+    flight: Flight, uav: UAL, begin: Vector3, new_fence: Callable[[float], None]
+) -> None:
+    """UAL's own rule ends its task at once; no braking can do it, and the autopilot's failsafe takes the flight."""
+    task = uav.go_to_waypoint(flight.beside(60.0), blocking=False, max_speed_m_s=FAST_M_S)
+    flight.wait_for_speed(0.9 * FAST_M_S)
+    new_fence((flight.position() - begin).horizontal_norm() + TOO_NEAR_M)
+    with pytest.raises(GeofenceError, match="this has changed in flight"):
+        task.wait(PATIENCE_S)
+    flight.wait_for_state(State.FLYING_MANUAL)
+    flight.wait_for(lambda: "fence" in uav.telemetry().state_reason, "the fence's name", WORDS_S)
+    with pytest.raises(WrongStateError, match="fence") as refused:
+        uav.recover_from_manual()
+    assert refused.value.metadata["needed"] == "force"
+    uav.recover_from_manual(force=True)
     uav.land()
 
 
