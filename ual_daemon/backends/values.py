@@ -315,8 +315,9 @@ class VelocityGains(NamedTuple):
 class VelocityResponse(NamedTuple):
     """How the vehicle follows a step of a commanded velocity along one axis; see `ual_daemon.tracker.drift`.
 
-    It hears what is commanded through a low pass of `delay_s` (link, tilt). It then accelerates by what is missing of
-    the velocity over `time_s`, within its limits of acceleration and jerk. `holds_place` says that the autopilot itself
+    It hears what is commanded through a low pass of `delay_s` (the link). It then accelerates by what is missing of
+    the velocity over `time_s`, within its limits of acceleration and jerk. Its acceleration follows that through a low
+    pass of `rise_s`, where this is known apart (a multirotor tilts). `holds_place` says that the autopilot itself
     integrates the velocity to a place and holds that: an error of its estimated velocity does not carry it away.
     """
 
@@ -326,6 +327,7 @@ class VelocityResponse(NamedTuple):
     jerk_m_s3: float = 1000.0
     delay_s: float = 0.2
     holds_place: bool = False
+    rise_s: float = 0.0
 
 
 class VelocityResponses(NamedTuple):

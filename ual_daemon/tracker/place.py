@@ -51,7 +51,8 @@ class ExpectedMotion:
         time_s = max(response.time_s, step_s)
         wx, wy, wz = (hx - v.x) / time_s, (hy - v.y) / time_s, (hz - v.z) / time_s
         part = min(1.0, response.acceleration_m_s2 / max(math.hypot(wx, wy, wz), _TINY))
-        jx, jy, jz = wx * part - a.x, wy * part - a.y, wz * part - a.z
+        risen = _share(step_s, response.rise_s)
+        jx, jy, jz = (wx * part - a.x) * risen, (wy * part - a.y) * risen, (wz * part - a.z) * risen
         part = min(1.0, response.jerk_m_s3 * step_s / max(math.hypot(jx, jy, jz), _TINY))
         ax, ay, az = a.x + jx * part, a.y + jy * part, a.z + jz * part
         half_s = step_s * step_s / 2

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from tests.ual_daemon.tracker.craft import ARDUPILOT, LIMITS, PX4, STEP_S, Craft, ErrorAt, Flown
 from ual.geometry import Vector3
 from ual_daemon.backends.values import VelocityResponses
-from ual_daemon.tracker.place import MOST_CHANGE_M_S2
+from ual_daemon.tracker.place import MOST_CHANGE_M_S2, ExpectedMotion
 from ual_daemon.tracker.references import Hold, TrajectoryReference
 from ual_daemon.trajectory import Line, Motion, Waypoint, path
 
@@ -182,6 +182,24 @@ def test_drag_that_is_not_learned_yet_shortens_the_way_by_less_than_a_twentieth(
     off = fly(errors.craft(PX4, is_drag_known=False), hold, [along(angle_rad, 1.0)])
     assert off.beside_m < BESIDE_M
     assert off.along_m < MADE * FLOWN_S + 0.1
+
+
+@pytest.mark.parametrize("drag_1_s", [0.0, 0.3])
+@pytest.mark.parametrize("commanded", [Vector3(), Vector3(0.0, 1.0), Vector3(-2.0)])
+def test_px4_brakes_out_of_a_fast_go_to_as_is_expected(drag_1_s: float, commanded: Vector3) -> None:
+    """Its integral, wound up while it brakes, held it 0.6 to 0.7 m before the place for seconds."""
+    flown = Flown(Errors(drag_1_s=drag_1_s).craft(PX4))
+    hold(flown)
+    line = Line(Motion(Vector3(), 0.0), Vector3(60.0), 0.0, replace(LIMITS, horizontal_speed_m_s=5.0))
+    reference = TrajectoryReference(line, flown.craft.now_s)
+    flown.fly(reference, 6.0)
+    before = reference.motion(flown.craft.snapshot())
+    expected = ExpectedMotion(before.position, before.velocity, before.acceleration, PX4.horizontal)
+    velocity = flown.velocity(commanded)
+    for _ in range(round(FLOWN_S / STEP_S)):
+        (here,) = flown.fly(velocity, STEP_S)
+        expected.advance(commanded, STEP_S, PX4.horizontal)
+        assert (here - expected.position).horizontal_norm() < BESIDE_M
 
 
 def test_a_velocity_of_0_after_a_hold_is_not_felt() -> None:

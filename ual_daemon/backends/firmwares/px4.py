@@ -15,6 +15,7 @@ from ual_daemon.backends.firmwares.autopilot import (
     fence_limit,
     positive_parameter,
 )
+from ual_daemon.backends.firmwares.feed_forward import VELOCITY_GAINS
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.numbers import Sensor, VtolState
 from ual_daemon.backends.values import (
@@ -96,7 +97,10 @@ _CAREFUL = Limits(
 MPC_Z_VEL_MAX_DN 1, MPC_ACC_HOR 3, MPC_ACC_DOWN_MAX 2 (4061_atl_mantis_edu), MPC_YAWRAUTO_MAX 45."""
 _CAREFUL_CRUISE_M_S = 5.0
 """The MPC_XY_CRUISE that all of them ship."""
-_GAINS = ("MPC_XY_VEL_P_ACC", "MPC_XY_VEL_D_ACC", "MPC_Z_VEL_P_ACC", "MPC_Z_VEL_D_ACC")
+_LINK_S, _RISE_S = 0.1, 0.12
+"""When it hears of a velocity, and how its horizontal acceleration rises then: it tilts within 0.15 s."""
+_HORIZONTAL, _VERTICAL = VELOCITY_GAINS, {"MPC_Z_VEL_P_ACC": 4.0, "MPC_Z_VEL_D_ACC": 0.0}
+_GAINS = (*_HORIZONTAL, *_VERTICAL)
 """The gains of its velocity. Their defaults count where they are not read."""
 
 
@@ -195,8 +199,8 @@ class Px4(Autopilot):
     @override
     def velocity_responses(self, parameters: Mapping[str, float]) -> VelocityResponses:
         return VelocityResponses(
-            VelocityResponse(_response_s(parameters, "MPC_XY_VEL_P_ACC", 1.8, "MPC_XY_VEL_D_ACC", 0.2)),
-            VelocityResponse(_response_s(parameters, "MPC_Z_VEL_P_ACC", 4.0, "MPC_Z_VEL_D_ACC", 0.0)),
+            VelocityResponse(_response_s(parameters, _HORIZONTAL), delay_s=_LINK_S, rise_s=_RISE_S),
+            VelocityResponse(_response_s(parameters, _VERTICAL)),
         )
 
     @override
@@ -223,9 +227,10 @@ class Px4(Autopilot):
         )
 
 
-def _response_s(parameters: Mapping[str, float], p_name: str, p: float, d_name: str, d: float) -> float:
+def _response_s(parameters: Mapping[str, float], gains: Mapping[str, float]) -> float:
     """Returns the time constant of its velocity, by its gains and their defaults.
 
     PositionControl.cpp accelerates by P (wanted - v) - D a: so a (1 + D) = P (wanted - v).
     """
+    (p_name, p), (d_name, d) = gains.items()
     return (1.0 + parameters.get(d_name, d)) / positive_parameter(parameters, p_name, p)

@@ -80,7 +80,7 @@ class Session:
         self.freshness = FRESHNESS
         self._call = call
         learns = settings.learns_feed_forward and autopilot.takes_feed_forward
-        self._feed_forward = FeedForward(settings.drag_1_s) if learns else None
+        self._feed_forward = FeedForward(settings.drag_1_s, telemetry.parameters) if learns else None
         self._holds_up_calls = holds_up_calls
         self.runner: CommandRunner[Call] = CommandRunner(
             autopilot.name,

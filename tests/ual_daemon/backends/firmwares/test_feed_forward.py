@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
 import math
 
@@ -173,27 +172,61 @@ def test_a_steady_speed_is_no_error_however_seldom_positions_come() -> None:
         assert learner.velocity_error.norm() < 1e-6  # it was 0.5 m/s at 10 Hz
 
 
-def test_a_velocity_gets_the_acceleration_against_the_drag_as_far_as_it_is_flown() -> None:
-    learner = FeedForward(0.5)
-    accelerations = []
-    for step in range(200):
-        sent = learner.apply(VelocitySetpoint(Vector3(2.0, -1.0, 0.5), 0.3), step * STEP_S)
-        assert (sent.velocity, sent.yaw_rate_rad_s) == (Vector3(2.0, -1.0, 0.5), 0.3)
+def test_a_velocity_is_sent_as_it_is_flown_with_the_acceleration_that_leads_to_it() -> None:
+    """PX4's own answer: a (1 + D) = P (commanded - v), with the drag added."""
+    learner, commanded = FeedForward(0.5), Vector3(2.0, -1.0, 0.5)
+    flown = Vector3()
+    learner.apply(PositionSetpoint(STILL, 0.0), 0.0)
+    for step in range(1, 400):
+        sent = learner.apply(VelocitySetpoint(commanded, 0.3), step * STEP_S)
         assert sent.acceleration is not None
-        accelerations.append(sent.acceleration)
-    assert accelerations[0].norm() < 0.05
-    assert all(after.x >= before.x for before, after in itertools.pairwise(accelerations))
-    assert (accelerations[-1] - Vector3(1.0, -0.5, 0.0)).norm() < 0.01
-    assert accelerations[-1].z == 0.0
+        missing = commanded - sent.velocity
+        assert sent.acceleration.x == pytest.approx(1.8 * missing.x + 0.5 * sent.velocity.x)
+        assert sent.acceleration.y == pytest.approx(1.8 * missing.y + 0.5 * sent.velocity.y)
+        assert (sent.velocity.z, sent.acceleration.z, sent.yaw_rate_rad_s) == (0.5, 0.0, 0.3)
+        gained = (sent.velocity - flown).x / STEP_S
+        assert gained * 1.2 == pytest.approx(1.8 * (commanded.x - (sent.velocity.x + flown.x) / 2), abs=0.02)
+        flown = sent.velocity
+    assert (flown - commanded).norm() < 0.01
 
 
-def test_a_velocity_after_a_flight_to_a_goal_begins_with_the_drag_of_that() -> None:
-    learner = FeedForward(0.5)
-    before = learner.apply(PositionSetpoint(STILL, 0.0, Vector3(4.0)), 1.0)
-    sent = learner.apply(VelocitySetpoint(STILL), 1.0 + STEP_S)
+def test_the_gains_are_those_that_were_read() -> None:
+    parameters: dict[str, float] = {}
+    learner = FeedForward(0.0, parameters)
+    parameters.update({"MPC_XY_VEL_P_ACC": 3.0, "MPC_XY_VEL_D_ACC": 0.5})
+    learner.apply(PositionSetpoint(STILL, 0.0), 0.0)
+    sent = learner.apply(VelocitySetpoint(Vector3(1.0)), 0.5)
+    assert sent.velocity.x == pytest.approx(1.0 - math.exp(-1.0))
     assert sent.acceleration is not None
-    assert sent.acceleration.x == pytest.approx(before.acceleration.x, abs=0.1)
+    assert sent.acceleration.x == pytest.approx(3.0 * math.exp(-1.0))
 
 
-def test_without_drag_a_velocity_gets_no_acceleration() -> None:
-    assert FeedForward().apply(VelocitySetpoint(Vector3(2.0)), 0.0).acceleration is None
+def test_no_velocity_asks_for_more_than_a_tilt_of_45_degrees() -> None:
+    learner = FeedForward()
+    learner.apply(PositionSetpoint(STILL, 0.0, Vector3(-6.0, 8.0)), 0.0)
+    velocity = Vector3(-6.0, 8.0)
+    for step in range(1, 400):
+        sent = learner.apply(VelocitySetpoint(Vector3(6.0, -8.0)), step * STEP_S)
+        assert sent.acceleration is not None
+        assert sent.acceleration.norm() <= GRAVITY_M_S2 + 1e-9
+        assert (sent.velocity - velocity).norm() <= GRAVITY_M_S2 * STEP_S / 1.2 + 1e-9
+        velocity = sent.velocity
+    assert (velocity - Vector3(6.0, -8.0)).norm() < 0.01
+
+
+def test_a_velocity_after_a_pause_is_sent_as_it_is() -> None:
+    learner = FeedForward()
+    learner.apply(PositionSetpoint(STILL, 0.0), 0.0)
+    sent = learner.apply(VelocitySetpoint(Vector3(2.0, -1.0)), 60.0)
+    assert (sent.velocity - Vector3(2.0, -1.0)).norm() < 1e-9
+    assert sent.acceleration is not None
+    assert sent.acceleration.norm() < 1e-9
+
+
+def test_a_velocity_after_a_flight_to_a_goal_begins_with_the_motion_of_that() -> None:
+    learner = FeedForward(0.5)
+    learner.apply(PositionSetpoint(STILL, 0.0, Vector3(4.0)), 1.0)
+    sent = learner.apply(VelocitySetpoint(STILL), 1.0)
+    assert sent.velocity == Vector3(4.0)
+    assert sent.acceleration is not None
+    assert (sent.acceleration - Vector3(-1.8 * 4.0 + 0.5 * 4.0)).norm() < 1e-9

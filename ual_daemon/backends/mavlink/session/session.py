@@ -105,7 +105,7 @@ class Session:
         self.freshness = dialect.freshness
         """As the dialect's, with a shorter `link_s` where the autopilot leaves the mode of our setpoints sooner."""
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
-        self._feed_forward = FeedForward(settings.drag_1_s) if learns else None
+        self._feed_forward = FeedForward(settings.drag_1_s, self.telemetry.parameters) if learns else None
         self.setpoint_encoder = SetpointEncoder(dialect, source, self.telemetry.parameters, self._feed_forward)
         self._own_ids = (self.system_id, settings.component_id)
         self._pose_rate_hz = settings.pose_rate_hz
