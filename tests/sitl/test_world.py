@@ -52,6 +52,7 @@ def new_fence(flight: Flight, simulator: Simulator) -> Iterator[Callable[[float]
     """Narrows the autopilot's own fence to a radius around its home."""
     name = {"PX4": "GF_MAX_HOR_DIST", "ArduPilot": "FENCE_RADIUS"}[simulator.autopilot]
     is_switched = [Change("FENCE_ENABLE", 1.0, 0.0)] if simulator.autopilot == "ArduPilot" else []
+    flight.pilot.set_parameter(name, WIDE_M)  # another test may have left it narrow
     with changed(flight.pilot, is_switched):
         yield lambda radius_m: flight.pilot.set_parameter(name, radius_m)
         flight.pilot.set_parameter(name, WIDE_M)
