@@ -14,7 +14,7 @@ Two things are learned in flight, and added to each position setpoint:
 In addition, the acceleration leads by as long as the vehicle takes to tilt.
 
 A velocity setpoint becomes the velocity that is flown by now and the acceleration towards the commanded one, as PX4's
-own answer winds up its integral (decision 42).
+own answer winds up its integral (decision 44).
 """
 
 from __future__ import annotations
