@@ -52,8 +52,6 @@ class AirsimServer:
         self.is_paused = False
         self.is_silent = False
         """Takes requests and answers nothing, until this is False again: then all at once, late."""
-        self.flies_on = False
-        """Whether its time passes while it is silent, as ours does."""
         self.on_step: Callable[[], object] = list
         """Called before each step of its time, by the thread that steps it."""
         self.calls: list[tuple[str, tuple[Any, ...]]] = []
@@ -129,8 +127,6 @@ class AirsimServer:
             with self._lock:
                 for key, _ in events:
                     self._serve(key.data)
-                if self.is_silent and self.flies_on and not events:
-                    self._advance(1)
                 if not self.is_silent:
                     late, self._late = self._late, []
                     for answer in late:

@@ -2,54 +2,33 @@
 
 from __future__ import annotations
 
-import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import contextmanager
 
 from typing_extensions import override
 
 from ual.errors import RejectedByAutopilotError
 from ual.interface import Simulation
 from ual.types import Capability, Limits
-from ual_daemon import logs
 from ual_daemon.backends import futures
 from ual_daemon.backends.airsim.clock import SimulatorClock
-from ual_daemon.backends.airsim.collisions import CollisionWatch
 from ual_daemon.backends.airsim.commands import Action, CommandQueue
 from ual_daemon.backends.airsim.link import Simulator, SimulatorLink
 from ual_daemon.backends.airsim.pilot import Pilot
 from ual_daemon.backends.airsim.procedures import Procedures
+from ual_daemon.backends.airsim.rpc import Connection
+from ual_daemon.backends.airsim.session import LINK_S, Request, Session, nothing
 from ual_daemon.backends.airsim.setpoints import SetpointSender
-from ual_daemon.backends.airsim.settings import DEFAULT_URL, SECTION, AirsimSettings, parse_address
+from ual_daemon.backends.airsim.settings import DEFAULT_URL, SECTION, Address, AirsimSettings, parse_address
 from ual_daemon.backends.airsim.simulation import AirsimSimulation
-from ual_daemon.backends.airsim.snapshots import (
-    API,
-    COLLISION,
-    HOVER,
-    REMOTE_CONTROL,
-    make_snapshot,
-    projection_of,
-)
-from ual_daemon.backends.airsim.state import Report
+from ual_daemon.backends.airsim.snapshots import API, HOVER, REMOTE_CONTROL
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
-from ual_daemon.backends.engine.plausibility import Plausibility
+from ual_daemon.backends.engine.command import ARMING, FLYING, Command
+from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.mailbox import SetpointMailbox
-from ual_daemon.backends.values import (
-    Freshness,
-    LandedState,
-    Mode,
-    Setpoint,
-    SetpointLoss,
-    Snapshot,
-    Takes,
-    VehicleInfo,
-    VelocityGains,
-)
+from ual_daemon.backends.values import Freshness, Setpoint, SetpointLoss, Snapshot, Takes, VehicleInfo, VelocityGains
 from ual_daemon.settings import convert
-
-_log = logging.getLogger(__name__)
 
 _LIMITS = Limits(
     horizontal_speed_m_s=5.0,
@@ -92,36 +71,35 @@ class AirsimBackend(Backend):
     """One vehicle of a simulator."""
 
     name = "airsim"
-    freshness = Freshness(link_s=2.0, pose_s=2.0, mode_s=2.0, landed_s=2.0, estimator_s=2.0)  # Unreal pauses, too
+    freshness = Freshness(link_s=LINK_S, pose_s=LINK_S, mode_s=LINK_S, landed_s=LINK_S, estimator_s=LINK_S)
     outlived = True
 
     def __init__(self, options: BackendOptions) -> None:
         super().__init__(options)
-        self._settings = convert(options.settings, AirsimSettings, SECTION)
-        self._address = parse_address(options.url or DEFAULT_URL)
-        self.clock = self._clock = SimulatorClock()
+        self._settings = settings = convert(options.settings, AirsimSettings, SECTION)
+        self._address = address = parse_address(options.url or DEFAULT_URL)
+        self.clock = clock = SimulatorClock(self._wall_s)
         self._info: tuple[Simulator | None, VehicleInfo | None] = (None, None)
-        self._link = SimulatorLink(
-            self._address,
-            self._settings.vehicle_name,
-            self._settings.rate_hz,
-            self._renew,
-            self._on_report,
-            self._update,
+        self._on_update: UpdateCallback = lambda _: None
+        link = SimulatorLink(address, settings.vehicle_name, settings.rate_hz, self._connect, self._wall_s)
+        self._link = link
+        self._commands = CommandQueue(address, f"airsim commands {options.ns}")
+        self._sender = SetpointSender(address, lambda: self._session.vehicle, lambda: self._session.report)
+        self._mailbox = SetpointMailbox(self._sender.send, clock, f"airsim setpoints {options.ns}")
+        self._session = Session(
+            link, self._commands, self._mailbox, clock, settings.mass_kg, self._wall_s, self._update
         )
-        self._commands = CommandQueue(self._address, f"airsim commands {options.ns}")
-        self._procedures = Procedures(self._vehicle)
-        self._sender = SetpointSender(self._address, self._vehicle, self._newest)
-        self._mailbox = SetpointMailbox(self._sender.send, self.clock, f"airsim setpoints {options.ns}")
-        self._pilot = Pilot(self._address, self._vehicle, self._newest)
-        self._plausibility = Plausibility()
-        self._collisions = CollisionWatch()
-        self._on_update: UpdateCallback | None = None
-        self._report: Report | None = None
-        self._snapshot = Snapshot(0.0)
-        self._looked_s = 0.0
-        self._has_collided = self._is_holding = self._is_silent = self._is_disarming = False
-        self._status_text = ""
+        link.on_connect = self._on_connect
+        self._procedures = Procedures(lambda: self._session.vehicle)
+        self._pilot = Pilot(address, lambda: self._session.vehicle, lambda: self._session.report)
+        self._desk = CommandDesk(self._session.loop, clock, self._session.reach)
+
+    def _connect(self, address: Address) -> Connection:
+        return Connection(address)
+
+    def _wall_s(self) -> float:
+        """The clock of this computer, by which silences and pauses are judged."""
+        return time.monotonic()
 
     # --- The backend --------------------------------------------------------------------------------------------------
 
@@ -130,11 +108,11 @@ class AirsimBackend(Backend):
         self._on_update = on_update
         self._commands.open()
         self._mailbox.open()
-        self._link.open()
+        self._session.thread.open()
 
     @override
     def close(self) -> None:
-        self._link.close()
+        self._session.thread.close(self._link.close)
         self._pilot.let_go()
         self._sender.close()
         self._mailbox.close()
@@ -167,30 +145,25 @@ class AirsimBackend(Backend):
 
     @override
     def snapshot(self) -> Snapshot:
-        now_s, link = self.clock.now_s(), self._link
-        looked_s = self._looked_s if link.is_up else now_s  # while it is down, nothing can come
-        snapshot = self._snapshot._replace(time_s=now_s, updated_s=looked_s, link_trouble=link.trouble)
-        if link.why_not:  # the simulator answers, but not for our vehicle
-            return snapshot._replace(heard_s=now_s, conflict=link.why_not)
-        return snapshot
+        return self._session.loop.newest.at(self.clock.now_s())
 
     @override
     def send(self, setpoint: Setpoint) -> None:
-        is_free = not (self._has_collided or self._is_holding or self._is_silent or self._is_disarming)
-        if self._link.is_up and is_free:
-            self._mailbox.put(setpoint)
+        self._session.send(setpoint)
 
     @override
     def arm(self) -> Future[None]:
-        if not self._is_on_ground():
-            return _refusal("Arm: not on the ground")
-        return self._command(self._procedures.arm)
+        procedures = self._procedures
+        return self._grounded("arm", self._controlled(procedures.arm, procedures.arm_controlled))
 
     @override
     def disarm(self) -> Future[None]:
-        if not self._is_on_ground():
-            return _refusal("Disarm: not on the ground")
-        return self._command(self._procedures.disarm)
+        procedures = self._procedures
+        return self._grounded("disarm", self._controlled(procedures.disarm, procedures.disarm_controlled))
+
+    @override
+    def disarm_landed(self) -> Future[None]:
+        return self._grounded("disarm", self._procedures.disarm_controlled, self._session.begin_disarming)
 
     @override
     def take_off(self, height_m: float, limits: Limits) -> Future[None]:
@@ -202,23 +175,16 @@ class AirsimBackend(Backend):
         return _refusal("Land: UAL's setpoints fly it (VehicleInfo.flies_landing_on_setpoints)")
 
     @override
-    def disarm_landed(self) -> Future[None]:
-        if not self._is_on_ground():
-            return _refusal("Disarm: not on the ground")
-        self._is_disarming = True  # a velocity would start the motors again
-        self._mailbox.drop()
-        return self._command(self._procedures.disarm_landed)
-
-    @override
     def take_control(self) -> Future[None]:
-        self._has_collided = self._is_holding = self._is_disarming = False
-        return self._command(self._procedures.take_control)
+        action = self._controlled(self._procedures.take_control, self._procedures.keep_control)
+        request = Request(action, self._session.begin_control)
+        return self._desk.give("take control", lambda: Command("take control", request, FLYING, mode=API.name))
 
     @override
     def hold(self) -> Future[None]:
-        self._is_holding = True
-        self._mailbox.drop()
-        return self._command(self._procedures.hover)
+        self._session.begin_hold()
+        request = Request(self._procedures.hover)
+        return self._desk.give("hold", lambda: Command("hold", request, FLYING, mode=HOVER.name))
 
     @override
     def safety_pilot(self) -> SafetyPilot:
@@ -226,101 +192,46 @@ class AirsimBackend(Backend):
 
     @override
     def simulation(self) -> Simulation:
-        return AirsimSimulation(
-            self._commands.submit,
-            self._procedures,
-            self._pilot,
-            self._newest,
-            self._is_on_ground,
-            self._own_speed,
-            self._silence,
-        )
+        return AirsimSimulation(self._session, self._procedures, self._pilot)
 
     @override
     def utc_s(self) -> float:
-        report = self._report
-        return time.time() if report is None else report.time_s
+        simulated_s = self._session.utc_s
+        return time.time() if simulated_s is None else simulated_s
 
     def is_ready(self) -> bool:
         """Whether the vehicle stands on the ground and is heard."""
-        return self._is_on_ground()
+        return self._session.is_on_ground
 
-    # --- Data ---------------------------------------------------------------------------------------------------------
+    # --- Its commands -------------------------------------------------------------------------------------------------
 
-    def _vehicle(self) -> str:
-        assert self._link.simulator is not None
-        return self._link.simulator.vehicle
+    def _controlled(self, taking: Action, keeping: Action) -> Action:
+        """Returns how to do what needs API control: taking it only where the caller saw that it was off.
 
-    @contextmanager
-    def _silence(self) -> Iterator[None]:
-        """No setpoint is sent until the block ends."""
-        self._is_silent = True
-        self._mailbox.drop()
-        try:
-            yield
-        finally:
-            self._is_silent = False
+        Where it was on, the safety pilot may switch it off before the command is executed, and then keeps it off.
+        """
+        mode = self._session.loop.newest.mode
+        return taking if mode is not None and mode.value is REMOTE_CONTROL else keeping
 
-    def _own_speed(self) -> float:
-        simulator = self._link.simulator
-        return 1.0 if simulator is None else simulator.clock_speed
+    def _grounded(self, what: str, action: Action, begin: Callable[[], None] = nothing) -> Future[None]:
+        """Gives a command for a vehicle on the ground: the simulator would disarm it in the air, too."""
+        if not self.is_ready():
+            return _refusal(f"{what.capitalize()}: not on the ground")
+        command = Command(what, Request(action, begin), ARMING, mode=API.name, waits=self._why_not_on_ground)
+        return self._desk.give(what, lambda: command)
 
-    def _newest(self) -> Report | None:
-        return self._report if self._link.is_up else None
+    def _why_not_on_ground(self, _: Snapshot) -> str:
+        return "" if self.is_ready() else "it is not on the ground"
 
-    def _is_on_ground(self) -> bool:
-        report = self._newest()
-        return report is not None and report.is_on_ground(self._settings.mass_kg)
+    # --- On the loop's thread -----------------------------------------------------------------------------------------
 
-    def _renew(self) -> None:
+    def _on_connect(self, has_booted: bool) -> None:
         """Has the other connections made anew, as the link's was: the old ones are lost as well."""
-        self._commands.disconnect()
+        self._session.on_connect(has_booted)
         self._sender.disconnect()
 
-    def _on_report(self, report: Report) -> None:
-        """Takes what the simulator reports; runs on the link's thread."""
-        assert self._link.simulator is not None
-        now_s = self._clock.advance(report.time_s)
-        self._report = report
-        is_on_ground = report.is_on_ground(self._settings.mass_kg)
-        self._note_collision(report, is_on_ground)
-        self._is_disarming = self._is_disarming and is_on_ground and report.is_armed
-        landed = LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR
-        snapshot = make_snapshot(
-            report,
-            now_s,
-            self._mode(report),
-            landed,
-            projection_of(self._link.simulator),
-            is_plausible=self._plausibility.accepts_motion(report.pose, report.velocity),
-        )
-        self._snapshot = snapshot._replace(status_text=self._status_text, boots_count=self._link.starts_count)
-
-    def _mode(self, report: Report) -> Mode:
-        if not report.has_api_control:
-            return REMOTE_CONTROL
-        if self._is_holding:
-            return HOVER
-        return COLLISION if self._has_collided else API
-
-    def _note_collision(self, report: Report, is_on_ground: bool) -> None:
-        what = self._collisions.observe(report)
-        if what:
-            self._status_text = f"collision with {what}"
-            logs.event(_log, logging.WARNING, "collision", object=what)
-            self._mailbox.drop()
-            self._has_collided = not is_on_ground
-        elif is_on_ground:
-            self._has_collided = self._is_holding = False
-
-    def _update(self) -> None:
-        self._looked_s = self.clock.now_s()
-        if self._on_update is not None:
-            self._on_update(self.snapshot())
-
-    def _command(self, action: Action) -> Future[None]:
-        """Has a command executed; while the link is down it is dropped, and its future stays open."""
-        return Future() if not self._link.is_up else self._commands.submit(action)
+    def _update(self, snapshot: Snapshot) -> None:
+        self._on_update(snapshot)
 
 
 def _refusal(text: str) -> Future[None]:

@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 from typing_extensions import override
 
 from ual_daemon.backends.base import Clock
+from ual_daemon.backends.engine.limits import SILENT_S
 
-SILENCE_S = 0.25
-"""After so long without an answer the wall's clock goes on: otherwise nothing would ever be too old."""
 _LONGEST_STEP_S = 10.0
 
 
 class SimulatorClock(Clock):
     """Advances by what the simulator's time advances: not at all while it is paused, faster in a fast simulation.
 
-    While the simulator does not answer, it advances with the wall's clock. It never goes back.
+    Once the simulator has not answered for `SILENT_S` by the wall's clock, that clock counts from the last answer on:
+    otherwise nothing would ever be too old. It never goes back.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, wall_s: Callable[[], float] = time.monotonic) -> None:
+        self._wall_s = wall_s
         self._lock = threading.Lock()
         self._now_s = 0.0
-        self._heard_wall_s = time.monotonic()
+        self._answered_wall_s = wall_s()
         self._simulated_s: float | None = None
 
     @override
@@ -38,8 +40,9 @@ class SimulatorClock(Clock):
             step_s = 0.0 if self._simulated_s is None else simulated_s - self._simulated_s
             if 0.0 <= step_s <= _LONGEST_STEP_S:  # else the simulator was started anew
                 now_s = max(now_s, self._now_s + step_s)
-            self._simulated_s, self._now_s, self._heard_wall_s = simulated_s, now_s, time.monotonic()
+            self._simulated_s, self._now_s, self._answered_wall_s = simulated_s, now_s, self._wall_s()
             return now_s
 
     def _silence_s(self) -> float:
-        return max(0.0, time.monotonic() - self._heard_wall_s - SILENCE_S)
+        silence_s = self._wall_s() - self._answered_wall_s
+        return silence_s if silence_s > SILENT_S else 0.0

@@ -1,4 +1,4 @@
-"""Executes commands one after another, on a thread and a connection of their own: each waits for its answer."""
+"""Executes commands one after another, on a thread and a connection of their own: each waits for its answers."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import NamedTuple
 
-from ual.errors import RejectedByAutopilotError
+from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual_daemon import logs
 from ual_daemon.backends import futures
-from ual_daemon.backends.airsim.rpc import Connection, RemoteError
+from ual_daemon.backends.airsim.rpc import Caller, Connection, RemoteError, T
 from ual_daemon.backends.airsim.settings import Address
 
 _log = logging.getLogger(__name__)
 
-Action = Callable[[Connection], None]
+Action = Callable[[Caller], None]
 """Executes one command. Raises RefusedError or RemoteError where the simulator refuses."""
 
 
@@ -24,28 +25,70 @@ class RefusedError(Exception):
     """The simulator refused a command; the message says why, human-readable."""
 
 
+class _StoppedError(Exception):
+    """A command must not go on."""
+
+
+def _always() -> bool:
+    return True
+
+
+class _Submitted(NamedTuple):
+    action: Action
+    may_go_on: Callable[[], bool]
+    answer: Future[None]
+
+
+class _Calls:
+    """The calls of one command, each of which leaves only while the command is wanted and may go on."""
+
+    def __init__(self, connection: Connection, submitted: _Submitted) -> None:
+        self._connection = connection
+        self._submitted = submitted
+
+    def call(self, kind: type[T], timeout_s: float, method: str, *arguments: object) -> T:
+        self._check()
+        return self._connection.call(kind, timeout_s, method, *arguments)
+
+    def post(self, method: str, *arguments: object) -> None:
+        self._check()
+        self._connection.post(method, *arguments)
+
+    def _check(self) -> None:
+        if self._submitted.answer.cancelled() or not self._submitted.may_go_on():
+            raise _StoppedError("it was stopped, as others may have acted meanwhile")
+
+
 class CommandQueue:
     """One thread that executes commands in their order."""
 
     def __init__(self, address: Address, thread_name: str) -> None:
         self._address = address
-        self._queue: queue.SimpleQueue[tuple[Action, Future[None]] | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[_Submitted | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
+        self._unfinished_count = 0
         self._connection: Connection | None = None
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name=thread_name, daemon=True)
+
+    @property
+    def why_late(self) -> str:
+        """Why a command would be executed late now, human-readable; empty if it would not."""
+        return "the simulator still executes an earlier command" if self._unfinished_count else ""
 
     def open(self) -> None:
         """Starts the thread."""
         self._thread.start()
 
-    def submit(self, action: Action) -> Future[None]:
+    def submit(self, action: Action, may_go_on: Callable[[], bool] = _always) -> Future[None]:
         """Executes a command as soon as those before it have ended.
 
-        The future ends with None, or with a RejectedByAutopilotError. It stays open where the answer is lost.
+        The future ends with None, with a RejectedByAutopilotError, or with a LinkLostError where an answer is lost, or
+        where the command had to stop: before each of its calls, `may_go_on` is asked. Cancelling it stops it, too.
         """
         answer: Future[None] = Future()
-        self._queue.put((action, answer))
+        self._count(1)
+        self._queue.put(_Submitted(action, may_go_on, answer))
         return answer
 
     def close(self) -> None:
@@ -57,24 +100,39 @@ class CommandQueue:
             self._thread.join()
 
     def _run(self) -> None:
-        while (item := self._queue.get()) is not None and not self._is_closed:
-            action, answer = item
-            if not answer.cancelled():
-                self._execute(action, answer)
+        while (submitted := self._queue.get()) is not None and not self._is_closed:
+            error = self._execute(submitted)
+            self._count(-1)
+            futures.end(submitted.answer, error)
         self.disconnect()
 
-    def _execute(self, action: Action, answer: Future[None]) -> None:
+    def _execute(self, submitted: _Submitted) -> Exception | None:
+        """Returns why a command was not done; None if it was."""
         try:
-            action(self._connected())
+            submitted.action(_Calls(self._connected(), submitted))
         except (RefusedError, RemoteError) as error:
             text = str(error)
-            futures.end(answer, RejectedByAutopilotError(f"the simulator refused: {text}", {"text": text}))
-        except (OSError, ValueError) as error:  # the answer is lost
-            self.disconnect()
-            if not self._is_closed:
-                logs.event(_log, logging.WARNING, "command_not_answered", why=str(error) or repr(error))
-        else:
-            futures.end(answer)
+            return RejectedByAutopilotError(f"the simulator refused: {text}", {"text": text})
+        except _StoppedError as error:
+            return LinkLostError(str(error))
+        except (OSError, ValueError) as error:
+            return self._lost(error)
+        except Exception as error:  # noqa: BLE001  logged with its traceback; the next command is executed
+            _log.exception("a command failed; this is a defect of UAL, please report it")
+            return self._lost(error)
+        return None
+
+    def _lost(self, error: Exception) -> LinkLostError:
+        """Makes the connection anew: the answer is lost, and the command may have been executed."""
+        self.disconnect()
+        why = str(error) or repr(error)
+        if not self._is_closed:
+            logs.event(_log, logging.WARNING, "command_not_answered", why=why)
+        return LinkLostError(f"the simulator has not answered: {why}")
+
+    def _count(self, by: int) -> None:
+        with self._lock:
+            self._unfinished_count += by
 
     def _connected(self) -> Connection:
         with self._lock:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any
 
 import msgspec
 
@@ -18,14 +19,16 @@ from ual_daemon.backends.airsim.state import Location, Report, Rotors, State
 
 _log = logging.getLogger(__name__)
 
-T = TypeVar("T")
-
-_UPDATE_S = 0.1
-"""Updates come at least this often, with or without data."""
 _RETRY_S = 0.1
 _GIVE_UP_S = 3.0
 """A connection that has not answered for so long is made anew."""
 _CALL_S = 2.0
+_QUESTIONS: tuple[tuple[type, str], ...] = (
+    (State, "getMultirotorState"),
+    (Rotors, "getRotorStates"),
+    (bool, "isApiControlEnabled"),
+)
+"""What a poll asks, one after another: the simulator delays answers that follow each other."""
 
 
 class Simulator(msgspec.Struct, frozen=True):
@@ -43,116 +46,117 @@ class WrongVehicleError(Exception):
 
 
 class SimulatorLink:
-    """One thread, which connects, polls, and calls `on_poll` after each answer, and every 0.1 s without one."""
+    """Connects, and polls. For the thread that calls `receive`; others may read its attributes."""
 
     def __init__(
         self,
         address: Address,
         vehicle_name: str,
         rate_hz: float,
-        on_connect: Callable[[], None],
-        on_report: Callable[[Report], None],
-        on_poll: Callable[[], None],
+        connect: Callable[[Address], Connection],
+        wall_s: Callable[[], float],
     ) -> None:
-        """`on_connect` is called after each connection, before its first report."""
-        self._address = address
+        self.on_connect: Callable[[bool], None]
+        """Called after each connection, before its first report, with whether it is to a simulator that was started."""
+        self.address = address
         self._vehicle_name = vehicle_name
         self._period_s = 1.0 / rate_hz
-        self._on_connect = on_connect
-        self._on_report = on_report
-        self._on_poll = on_poll
-        self._closing = threading.Event()
+        self._make_connection = connect
+        self._wall_s = wall_s
+        self._waking = threading.Event()
+        self._is_closing = False
         self._connection: Connection | None = None
-        self._thread = threading.Thread(target=self._run, name=f"airsim {address}", daemon=True)
-        self._was_refused = self._was_connected = False
-        self._failure = ""
+        self._due_s = -math.inf
+        """When to poll next, or to connect."""
+        self._number: int | None = None
+        """The question that is unanswered."""
+        self._answers: list[Any] = []
+        self._asked_s = 0.0
+        self._is_old = False
+        self._was_refused, self._was_connected = False, False
         self.simulator: Simulator | None = None
         """None until the first connection; then what the newest one has found."""
         self.is_up = False
         self.why_not = ""
         """Why no vehicle is flown although the simulator answers; empty if one is."""
-        self.trouble = ""
+        self.trouble = "no simulator was found yet"
         """Why the simulator does not answer; empty while it does."""
-        self.starts_count = 0
-        """How often the simulator was found to have been started anew."""
 
-    def open(self) -> None:
-        """Starts the thread."""
-        self._thread.start()
+    def wake(self) -> None:
+        """Ends the wait between two polls. From any thread."""
+        self._waking.set()
 
     def close(self) -> None:
-        """Ends the thread. It may call this itself."""
-        self._closing.set()
+        """Ends each wait of `receive`, which connects no more. From any thread."""
+        self._is_closing = True
+        self.wake()
         connection = self._connection
         if connection is not None:
             connection.close()
-        if self._thread.is_alive() and threading.current_thread() is not self._thread:
-            self._thread.join()
 
-    def _run(self) -> None:
-        while not self._closing.is_set():
-            self._turn()
-            self._closing.wait(_RETRY_S)
-
-    def _turn(self) -> None:
-        """Connects, and polls until that fails. No error ends the thread."""
+    def receive(self, timeout_s: float) -> Report | None:
+        """Goes on for about so long: connects, or polls. Returns the report of a poll once it is complete."""
+        if not self._is_due(timeout_s):
+            return None
         try:
-            self._connect_and_poll()
+            if self._connection is not None:
+                return self._poll(self._connection, timeout_s)
+            self._connect()
         except (OSError, ValueError, RemoteError, WrongVehicleError) as error:
-            self._lost(error)
-        except Exception as error:  # noqa: BLE001  logged with its traceback
-            self._log_failure(error)
-            self._lost(error)
-        try:
-            self._on_poll()
-        except Exception as error:  # noqa: BLE001  logged with its traceback
-            self._log_failure(error)
+            self.lose(error)
+        return None
 
-    def _log_failure(self, error: Exception) -> None:
-        """Logs an error with its traceback, unless it is the same as the last one."""
-        text = repr(error)
-        if text != self._failure:
-            self._failure = text
-            _log.error("the link to AirSim failed; this is a defect of UAL, please report it", exc_info=error)
+    def discard(self) -> None:
+        """Has the poll that is under way reported no more: it was begun before a pause of this computer."""
+        self._is_old = self._number is not None
 
-    def _connect_and_poll(self) -> None:
-        self._connection = connection = Connection(self._address)
-        try:
-            self.simulator = self._identify(connection)
-            self._connected()
-            while not self._closing.is_set():
-                begun_s = time.monotonic()
-                self._poll(connection, self.simulator.vehicle)
-                self._on_poll()
-                period_s = self._period_s / self.simulator.clock_speed
-                self._closing.wait(max(0.0, begun_s + period_s - time.monotonic()))
-        finally:
+    def lose(self, error: Exception) -> None:
+        """Closes the connection because of an error, and says what that means."""
+        connection, self._connection = self._connection, None
+        if connection is not None:
             connection.close()
+        self._number = None
+        self._answers.clear()
+        self._due_s = time.monotonic() + _RETRY_S
+        self._say_lost(error)
 
-    def _poll(self, connection: Connection, vehicle: str) -> None:
-        """Reads the state once: one request after another, as the simulator delays answers that follow each other."""
-        state = self._ask(connection, State, "getMultirotorState", vehicle)
-        rotors = self._ask(connection, Rotors, "getRotorStates", vehicle)
-        has_api_control = self._ask(connection, bool, "isApiControlEnabled", vehicle)
-        self._on_report(Report(state, rotors, has_api_control))
+    def _is_due(self, timeout_s: float) -> bool:
+        """Waits until the next poll is due, for so long at most, or until it is woken."""
+        if self._number is None:
+            self._waking.wait(min(max(0.0, self._due_s - time.monotonic()), timeout_s))
+            self._waking.clear()
+        return not self._is_closing and (self._number is not None or time.monotonic() >= self._due_s)
 
-    def _ask(self, connection: Connection, kind: type[T], method: str, vehicle: str) -> T:
-        """Calls a method, with updates while no answer comes."""
-        number = connection.request(method, vehicle)
-        self._wait(connection, number)
-        return connection.answer(kind, number, _CALL_S)
+    def _connect(self) -> None:
+        self._connection = self._make_connection(self.address)
+        self.simulator = self._identify(self._connection)
+        self._connected(self.simulator)
 
-    def _wait(self, connection: Connection, number: int) -> None:
-        """Waits for an answer, with updates meanwhile.
+    def _poll(self, connection: Connection, timeout_s: float) -> Report | None:
+        if self._number is None:
+            assert self.simulator is not None
+            self._is_old, self._due_s = False, time.monotonic() + self._period_s / self.simulator.clock_speed
+            self._ask(connection)
+        assert self._number is not None
+        while connection.has_answer(self._number, timeout_s):
+            self._answers.append(connection.answer(_QUESTIONS[len(self._answers)][0], self._number, 0.0))
+            if len(self._answers) == len(_QUESTIONS):
+                return self._end_poll()
+            self._ask(connection)
+        if self._wall_s() - self._asked_s > _GIVE_UP_S:
+            raise TimeoutError(f"the simulator has not answered for {_GIVE_UP_S:g} s")
+        return None
 
-        Raises:
-            TimeoutError: None came for long.
-        """
-        deadline_s = time.monotonic() + _GIVE_UP_S
-        while not connection.has_answer(number, _UPDATE_S):
-            if time.monotonic() > deadline_s:
-                raise TimeoutError(f"the simulator has not answered for {_GIVE_UP_S:g} s")
-            self._on_poll()
+    def _ask(self, connection: Connection) -> None:
+        assert self.simulator is not None
+        method = _QUESTIONS[len(self._answers)][1]
+        self._number, self._asked_s = connection.request(method, self.simulator.vehicle), self._wall_s()
+
+    def _end_poll(self) -> Report | None:
+        report = Report(*self._answers)
+        self._number = None
+        self._answers.clear()
+        return None if self._is_old else report
 
     def _identify(self, connection: Connection) -> Simulator:
         vehicles = tuple(connection.call(list[str], _CALL_S, "listVehicles"))
@@ -170,16 +174,13 @@ class SimulatorLink:
             raise WrongVehicleError(f"set airsim.vehicle_name: the simulator's vehicles are {names}")
         return self._vehicle_name or vehicles[0]
 
-    def _connected(self) -> None:
-        assert self.simulator is not None
-        if self._was_connected and self._was_refused:
-            self.starts_count += 1
-        self._on_connect()
+    def _connected(self, simulator: Simulator) -> None:
+        self.on_connect(self._was_refused or not self._was_connected)
         self._was_connected, self._was_refused, self.is_up, self.why_not = True, False, True, ""
         self.trouble = ""
-        logs.event(_log, logging.INFO, "simulator_connected", url=str(self._address), vehicle=self.simulator.vehicle)
+        logs.event(_log, logging.INFO, "simulator_connected", url=str(self.address), vehicle=simulator.vehicle)
 
-    def _lost(self, error: Exception) -> None:
+    def _say_lost(self, error: Exception) -> None:
         self._was_refused = self._was_refused or isinstance(error, ConnectionRefusedError)
         why = self.trouble = str(error) or repr(error)
         if isinstance(error, OSError):
@@ -189,14 +190,14 @@ class SimulatorLink:
         elif not self.is_up:  # one damaged answer in flight is no reason yet: the connection is made anew
             whose = "its answers are not those of AirSim" if isinstance(error, ValueError) else "a defect of UAL"
             self._say_why_not(f"{whose}: {why}")
-        if self.is_up and not self._closing.is_set():
-            logs.event(_log, logging.WARNING, "simulator_lost", url=str(self._address), why=why)
+        if self.is_up and not self._is_closing:
+            logs.event(_log, logging.WARNING, "simulator_lost", url=str(self.address), why=why)
         self.is_up = False
 
     def _say_why_not(self, why: str) -> None:
         """Notes why the simulator, which answers, offers no vehicle."""
         if why != self.why_not:
-            logs.event(_log, logging.WARNING, "vehicle_not_found", url=str(self._address), why=why)
+            logs.event(_log, logging.WARNING, "vehicle_not_found", url=str(self.address), why=why)
         self.why_not = why
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from ual.geometry import Vector3
 from ual_daemon import logs
 from ual_daemon.backends.airsim.commands import RefusedError
-from ual_daemon.backends.airsim.rpc import Connection, RemoteError
+from ual_daemon.backends.airsim.rpc import Caller, Connection, RemoteError
 from ual_daemon.backends.airsim.settings import Address
 from ual_daemon.backends.airsim.state import Report, State
 
@@ -80,7 +80,7 @@ class Pilot:
         """Whether the sticks are held."""
         return self._thread is not None and self._thread.is_alive() and not self._stopping.is_set()
 
-    def take_over(self, connection: Connection) -> None:
+    def take_over(self, connection: Caller) -> None:
         """Takes the sticks, and switches API control off. Runs on the thread of the commands.
 
         Raises:
@@ -101,7 +101,7 @@ class Pilot:
         if thread is not None and thread is not threading.current_thread():
             thread.join()
 
-    def _require_sticks(self, connection: Connection) -> None:
+    def _require_sticks(self, connection: Caller) -> None:
         """Tries whether the simulator keeps the sticks that its API moves: not where a real remote control does."""
         report = self._newest()
         if report is not None and report.state.rc_data.is_valid:

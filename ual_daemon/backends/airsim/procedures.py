@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from ual.geometry import Vector3
 from ual_daemon.backends.airsim.commands import RefusedError
-from ual_daemon.backends.airsim.rpc import Connection
+from ual_daemon.backends.airsim.rpc import Caller
 from ual_daemon.backends.airsim.setpoints import move_arguments
 from ual_daemon.backends.values import VelocitySetpoint
 
@@ -31,27 +31,32 @@ class Procedures:
     def __init__(self, vehicle: Callable[[], str]) -> None:
         self._vehicle = vehicle
 
-    def arm(self, connection: Connection) -> None:
-        """Arms; the API must have control for that."""
+    def arm(self, connection: Caller) -> None:
+        """Arms, and gives the API the control that is needed for that."""
         self._require_api_control(connection)
+        self.arm_controlled(connection)
+
+    def arm_controlled(self, connection: Caller) -> None:
+        """Arms where the API has control. The safety pilot may have taken over meanwhile: it is never enabled."""
+        self._require_own_control(connection)
         self._arm_or_disarm(connection, True)
 
-    def disarm(self, connection: Connection) -> None:
+    def disarm(self, connection: Caller) -> None:
         """Disarms. The simulator does it in the air, too: the caller refuses that."""
         self._require_api_control(connection)
         self._stop_motors(connection)
 
-    def disarm_landed(self, connection: Connection) -> None:
-        """Disarms after a landing. The safety pilot may have taken over meanwhile: API control is never enabled."""
+    def disarm_controlled(self, connection: Caller) -> None:
+        """Disarms where the API has control. The safety pilot may have taken over: it is never enabled."""
         self._require_own_control(connection)
         self._stop_motors(connection)
 
-    def hover(self, connection: Connection) -> None:
+    def hover(self, connection: Caller) -> None:
         """Stops the vehicle, which then hovers by itself."""
         self._require_own_control(connection)
         connection.post("moveByVelocity", *move_arguments(_STILL, self._vehicle()))
 
-    def take_control(self, connection: Connection) -> None:
+    def take_control(self, connection: Caller) -> None:
         """Gives the API control, and hovers.
 
         A vehicle that gets API control in the air falls until a command comes, also if it had it already.
@@ -59,7 +64,11 @@ class Procedures:
         if self._require_api_control(connection):
             connection.post("moveByVelocity", *move_arguments(_STILL, self._vehicle()))
 
-    def place(self, connection: Connection, position: Vector3, yaw_rad: float) -> None:
+    def keep_control(self, connection: Caller) -> None:
+        """Checks that the API has control, for a vehicle that is in flight under it."""
+        self._require_own_control(connection)
+
+    def place(self, connection: Caller, position: Vector3, yaw_rad: float) -> None:
         """Puts the vehicle somewhere, at rest, and disarms it."""
         self._require_api_control(connection)
         self._stop_motors(connection)
@@ -71,23 +80,23 @@ class Procedures:
         still = {**_STANDING, **pose}
         connection.call(object, _ANSWER_S, "simSetKinematics", still, True, self._vehicle())
 
-    def set_wind(self, connection: Connection, wind: Vector3) -> None:
+    def set_wind(self, connection: Caller, wind: Vector3) -> None:
         """Sets the wind of the whole simulator."""
         connection.call(object, _ANSWER_S, "simSetWind", _vector(wind.y, wind.x, -wind.z))
 
-    def pause(self, connection: Connection, stands_still: bool) -> None:
+    def pause(self, connection: Caller, stands_still: bool) -> None:
         """Pauses the simulator, or lets it run on."""
         connection.call(object, _ANSWER_S, "simPause", stands_still)
 
-    def is_paused(self, connection: Connection) -> bool:
+    def is_paused(self, connection: Caller) -> bool:
         """Whether the simulator is paused."""
         return connection.call(bool, _ANSWER_S, "simIsPaused")
 
-    def step(self, connection: Connection, duration_s: float) -> None:
+    def step(self, connection: Caller, duration_s: float) -> None:
         """Lets a paused simulator run on for a while. Returns when it has."""
         connection.call(object, _ANSWER_S + 20.0 * duration_s, "simContinueForTime", duration_s)
 
-    def _require_api_control(self, connection: Connection) -> bool:
+    def _require_api_control(self, connection: Caller) -> bool:
         """Gives the API control unless it has it. Returns whether it had none.
 
         Raises:
@@ -101,7 +110,7 @@ class Procedures:
             raise RefusedError("API control is not allowed: see AllowAPIAlways in the simulator's settings.json")
         return True
 
-    def _require_own_control(self, connection: Connection) -> None:
+    def _require_own_control(self, connection: Caller) -> None:
         """Checks that the API has control, and leaves it as it is.
 
         Raises:
@@ -110,7 +119,7 @@ class Procedures:
         if not connection.call(bool, _ANSWER_S, "isApiControlEnabled", self._vehicle()):
             raise RefusedError("the safety pilot has the control (API control is off)")
 
-    def _stop_motors(self, connection: Connection) -> None:
+    def _stop_motors(self, connection: Caller) -> None:
         """Disarms a vehicle on the ground.
 
         A velocity that is still flown would start the motors again, and could then not be disarmed. So it is ended
@@ -120,6 +129,6 @@ class Procedures:
         self._arm_or_disarm(connection, True)
         self._arm_or_disarm(connection, False)
 
-    def _arm_or_disarm(self, connection: Connection, arms: bool) -> None:
+    def _arm_or_disarm(self, connection: Caller, arms: bool) -> None:
         if not connection.call(bool, _ANSWER_S, "armDisarm", arms, self._vehicle()):
             raise RefusedError("armDisarm returned False")

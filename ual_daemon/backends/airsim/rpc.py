@@ -8,7 +8,7 @@ import time
 from collections.abc import Hashable
 from functools import lru_cache
 from itertools import count
-from typing import Any, TypeVar, cast
+from typing import Any, Protocol, TypeVar, cast
 
 import msgspec
 
@@ -36,6 +36,18 @@ _decode_answer = msgspec.msgpack.Decoder(_Answer).decode
 @lru_cache(maxsize=32)
 def _decoder(kind: Hashable) -> msgspec.msgpack.Decoder[Any]:
     return msgspec.msgpack.Decoder(cast("type[Any]", kind))
+
+
+class Caller(Protocol):
+    """What calls methods of the simulator; see `Connection`."""
+
+    def call(self, kind: type[T], timeout_s: float, method: str, *arguments: object) -> T:
+        """Calls a method, and returns its result."""
+        ...
+
+    def post(self, method: str, *arguments: object) -> None:
+        """Sends a request whose answer is not waited for."""
+        ...
 
 
 class RemoteError(Exception):

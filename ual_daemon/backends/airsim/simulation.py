@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotInTime
-from contextlib import AbstractContextManager
 
 from typing_extensions import override
 
@@ -18,7 +16,8 @@ from ual_daemon import validation
 from ual_daemon.backends.airsim.commands import Action
 from ual_daemon.backends.airsim.pilot import Pilot, Sticks
 from ual_daemon.backends.airsim.procedures import Procedures
-from ual_daemon.backends.airsim.rpc import Connection
+from ual_daemon.backends.airsim.rpc import Caller
+from ual_daemon.backends.airsim.session import Session
 from ual_daemon.backends.airsim.state import Report
 
 _PATIENCE_S = 10.0
@@ -30,26 +29,10 @@ _PARTS = frozenset({SimulationPart.PILOT, SimulationPart.TIME, SimulationPart.WI
 class AirsimSimulation(Simulation):
     """See `ual.interface.Simulation`. Each member waits until its effect is seen."""
 
-    def __init__(
-        self,
-        execute: Callable[[Action], Future[None]],
-        procedures: Procedures,
-        pilot: Pilot,
-        newest: Callable[[], Report | None],
-        is_on_ground: Callable[[], bool],
-        own_speed: Callable[[], float],
-        silence: Callable[[], AbstractContextManager[None]],
-    ) -> None:
-        """`execute` executes a command; `own_speed` is the speed of time in the simulator's settings. No setpoint is
-        sent within `silence`.
-        """
-        self._execute = execute
+    def __init__(self, session: Session, procedures: Procedures, pilot: Pilot) -> None:
+        self._session = session
         self._procedures = procedures
         self._pilot = pilot
-        self._newest = newest
-        self._is_on_ground = is_on_ground
-        self._own_speed = own_speed
-        self._silence = silence
 
     @override
     def parts(self) -> frozenset[SimulationPart]:
@@ -93,7 +76,7 @@ class AirsimSimulation(Simulation):
     @override
     def set_speed_factor(self, speed_factor: float) -> None:
         """Pauses the simulator (0), or lets it run on at its own speed, for all its vehicles."""
-        own = self._own_speed()
+        own = self._session.own_speed
         if speed_factor not in (0.0, own):
             raise NotSupportedError(
                 f"the simulator's time runs {own:g} times as fast as real time (ClockSpeed in settings.json) or "
@@ -121,19 +104,19 @@ class AirsimSimulation(Simulation):
         place = validation.position(position, "position")
         yaw_rad = validation.heading(yaw_rad, "yaw_rad")
 
-        def put(connection: Connection) -> None:
+        def put(connection: Caller) -> None:
             self._procedures.place(connection, place, yaw_rad)
 
         def is_there(report: Report) -> bool:
             is_near = (report.pose.position - place).horizontal_norm() < _NEAR_M
-            return is_near and not report.is_armed and self._is_on_ground()
+            return is_near and not report.is_armed and self._session.is_on_ground
 
-        with self._silence():  # a velocity that holds where it was would start the motors again
+        with self._session.without_setpoints():  # a velocity that holds where it was would start the motors again
             self._do(put)
             self._wait(is_there, "placed")
 
     def _require_ground(self, what: str) -> None:
-        if not self._is_on_ground():
+        if not self._session.is_on_ground:
             raise RejectedByAutopilotError(f"the safety pilot does not {what} a vehicle that is not on the ground")
 
     def _do(self, action: Action, patience_s: float = _PATIENCE_S) -> None:
@@ -144,13 +127,13 @@ class AirsimSimulation(Simulation):
             LinkLostError: It does not answer.
         """
         try:
-            self._execute(action).result(patience_s)
+            self._session.execute(action).result(patience_s)
         except NotInTime:
             raise LinkLostError("the simulator does not answer") from None
 
     def _wait(self, condition: Callable[[Report], bool], what: str) -> None:
         deadline_s = time.monotonic() + _PATIENCE_S
-        while (report := self._newest()) is None or not condition(report):
+        while (report := self._session.report) is None or not condition(report):
             if time.monotonic() > deadline_s:
                 raise LinkLostError(f"the vehicle was not {what} within {_PATIENCE_S:g} s")
             time.sleep(_LOOK_S)

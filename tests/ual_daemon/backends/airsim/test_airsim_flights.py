@@ -21,7 +21,7 @@ from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.airsim import AirsimBackend
 from ual_daemon.backends.airsim.procedures import Procedures
-from ual_daemon.backends.airsim.rpc import Connection
+from ual_daemon.backends.airsim.rpc import Caller
 from ual_daemon.backends.base import BackendOptions
 
 RATE_HZ = 25.0
@@ -140,16 +140,16 @@ def test_a_pilot_who_takes_over_at_the_touch_down_keeps_the_control(
     uav: UAL, server: AirsimServer, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between the report that shows the ground and the disarming that follows it."""
-    disarm, taken = Procedures.disarm_landed, threading.Event()
+    disarm, taken = Procedures.disarm_controlled, threading.Event()
 
-    def after_the_take_over(self: Procedures, connection: Connection) -> None:
+    def after_the_take_over(self: Procedures, connection: Caller) -> None:
         if not taken.is_set():
             vehicle.enable_api_control(False)
             server.calls.clear()
             taken.set()
         disarm(self, connection)
 
-    monkeypatch.setattr(Procedures, "disarm_landed", after_the_take_over)
+    monkeypatch.setattr(Procedures, "disarm_controlled", after_the_take_over)
     uav.take_off(2.0)
     uav.land(blocking=False)
     until(taken.is_set, "its landing")

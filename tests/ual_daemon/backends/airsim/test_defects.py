@@ -44,10 +44,11 @@ def backend() -> AirsimBackend:
 
 
 def test_an_orientation_of_all_zeros_is_no_pose(backend: AirsimBackend) -> None:
-    backend._on_report(report())
-    assert backend._snapshot.pose is not None
-    backend._on_report(report(Rotation(0.0, 0.0, 0.0, 0.0)))
-    assert backend._snapshot.pose is None
+    session = backend._session
+    session._on_report(report())
+    assert session._snapshot.pose is not None
+    session._on_report(report(Rotation(0.0, 0.0, 0.0, 0.0)))
+    assert session._snapshot.pose is None
 
 
 def test_the_link_survives_what_nobody_expects(
@@ -56,31 +57,17 @@ def test_the_link_survives_what_nobody_expects(
     link, updates = backend._link, list[Snapshot]()
     backend._on_update = updates.append
 
-    def fails() -> None:
+    def fails(_: float) -> None:
         raise AttributeError("landing")
 
-    monkeypatch.setattr(link, "_connect_and_poll", fails)
+    monkeypatch.setattr(link, "receive", fails)
     link.is_up = True
     with caplog.at_level(logging.ERROR):
         for _ in range(3):
-            link._turn()
+            backend._session.thread.turn()
     assert not link.is_up
     assert not updates[0].conflict  # it may be well again
     assert "a defect of UAL: landing" in updates[-1].conflict
     assert len(updates) == 3
     (record,) = caplog.records  # told once
     assert record.exc_info is not None
-
-
-def test_the_link_survives_an_update_that_fails(
-    backend: AirsimBackend, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    monkeypatch.setattr(backend._link, "_connect_and_poll", lambda: None)
-
-    def fails(_: Snapshot) -> None:
-        raise AttributeError("update")
-
-    backend._on_update = fails
-    with caplog.at_level(logging.ERROR):
-        backend._link._turn()
-    assert "this is a defect of UAL" in caplog.text

@@ -9,12 +9,12 @@ import pytest
 
 from tests.simulators.airsim import quaternion
 from ual.geometry import Vector3
-from ual_daemon.backends.airsim import clock as clock_module
 from ual_daemon.backends.airsim.clock import SimulatorClock
 from ual_daemon.backends.airsim.pilot import Hands, Sticks
 from ual_daemon.backends.airsim.setpoints import led, move_arguments
 from ual_daemon.backends.airsim.settings import Address, parse_address
 from ual_daemon.backends.airsim.state import Rotation, Vector
+from ual_daemon.backends.engine.limits import SILENT_S
 from ual_daemon.backends.values import VelocitySetpoint
 from ual_daemon.settings import ConfigError
 
@@ -69,43 +69,40 @@ def test_what_is_sent_leads_by_what_is_missing_and_not_more_than_it_may() -> Non
 class Wall:
     """The wall's clock, as a test sets it."""
 
-    now_s = 100.0
-
-    def monotonic(self) -> float:
-        return self.now_s
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.clock = SimulatorClock(lambda: self.now_s)
 
 
 @pytest.fixture
-def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
-    wall = Wall()
-    monkeypatch.setattr(clock_module, "time", wall)
-    return wall
+def wall() -> Wall:
+    return Wall()
 
 
 def test_the_clock_is_the_simulators(wall: Wall) -> None:
-    clock = SimulatorClock()
-    began_s = clock.advance(5000.0)
+    began_s = wall.clock.advance(5000.0)
     wall.now_s += 0.1
-    assert clock.now_s() == began_s  # nothing was heard since
-    assert clock.advance(5000.3) - began_s == pytest.approx(0.3)
+    assert wall.clock.now_s() == began_s  # nothing was heard since
+    assert wall.clock.advance(5000.3) - began_s == pytest.approx(0.3)
 
 
 def test_the_clock_goes_on_while_the_simulator_is_silent(wall: Wall) -> None:
-    clock = SimulatorClock()
-    began_s = clock.advance(5000.0)
-    wall.now_s += 3.0
-    assert clock.now_s() - began_s == pytest.approx(2.75)
-    assert clock.advance(5000.1) - began_s == pytest.approx(2.75)  # it never goes back
-    assert clock.advance(5000.2) - began_s == pytest.approx(2.85)
+    began_s = wall.clock.advance(5000.0)
+    wall.now_s += SILENT_S + 0.01
+    assert wall.clock.now_s() - began_s == pytest.approx(
+        SILENT_S + 0.01
+    )
+    wall.now_s += 3.0 - SILENT_S - 0.01
+    assert wall.clock.now_s() - began_s == pytest.approx(3.0)
+    assert wall.clock.advance(5000.1) - began_s == pytest.approx(3.0)  # it never goes back
+    assert wall.clock.advance(5000.2) - began_s == pytest.approx(3.1)
 
 
-@pytest.mark.usefixtures("wall")
 @pytest.mark.parametrize("later_s", [-4000.0, 4000.0])
-def test_a_simulator_that_was_started_anew_does_not_make_the_clock_jump(later_s: float) -> None:
-    clock = SimulatorClock()
-    began_s = clock.advance(5000.0)
-    assert clock.advance(5000.0 + later_s) == began_s
-    assert clock.advance(5000.0 + later_s + 0.5) == pytest.approx(began_s + 0.5)
+def test_a_simulator_that_was_started_anew_does_not_make_the_clock_jump(wall: Wall, later_s: float) -> None:
+    began_s = wall.clock.advance(5000.0)
+    assert wall.clock.advance(5000.0 + later_s) == began_s
+    assert wall.clock.advance(5000.0 + later_s + 0.5) == pytest.approx(began_s + 0.5)
 
 
 def channels(**arguments: Any) -> Sticks:

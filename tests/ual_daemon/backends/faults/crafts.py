@@ -17,6 +17,7 @@ from tests.simulators.crazyflie import Crazyflie
 from tests.simulators.dji import RC, STEP_S
 from tests.simulators.faults import BadLink, Faults
 from tests.simulators.lockstep import LockstepBackend
+from tests.simulators.lockstep_airsim import LockstepAirsim
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie, SteppedLink
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdkVehicle, LockstepPsdk
 from tests.simulators.lockstep_hover import LockstepHover
@@ -27,7 +28,6 @@ from tests.simulators.px4 import Px4
 from tests.simulators.rosbridge import Message
 from tests.ual_daemon.backends.faults.craft import Can, Craft
 from ual.simulation import Command, CommandRefused, LinkLost
-from ual_daemon.backends.airsim import AirsimBackend
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, LAND, PLATFORM, SET_ARMED, SETPOINT, Packet
 from ual_daemon.backends.light import LightBackend
@@ -470,14 +470,13 @@ class OfAirsim(Craft):
     """AirSim, whose pilot takes over by ending the control of its API. It lands by setpoints."""
 
     can = frozenset((Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT, Can.STALL))
-    link_s = 3.0
+    link_s = 2.2
 
     def __init__(self, _: Path) -> None:
         self.vehicle = Vehicle("Drone1")
         self._setpoints_s: list[float] = []
         self._commands: list[tuple[float, str]] = []
         self.server = AirsimServer([self.vehicle], clock_speed=SPEED)
-        self.server.flies_on = True
         begin = self.server._begin
 
         def note(peer: Peer, number: int, method: str, arguments: list[Any]) -> None:
@@ -488,7 +487,7 @@ class OfAirsim(Craft):
             begin(peer, number, method, arguments)
 
         self.server._begin = note  # type: ignore[method-assign]
-        super().__init__(AirsimBackend(BackendOptions("uav_1", self.server.url, {"rate_hz": 25.0})))
+        super().__init__(LockstepAirsim(OPTIONS, self.server, self.vehicle))
         self.server.on_step = self.step_script
 
     @override

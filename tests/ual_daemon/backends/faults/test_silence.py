@@ -41,7 +41,7 @@ def test_nothing_is_commanded_in_a_silence(craft: Craft, name: str) -> None:
     assert craft.commands_since(begin_s, begin_s + 1.2) == []
 
 
-@over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT, red="airsim")
+@over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT)
 @pytest.mark.parametrize(("name", "taken_s"), [("land", 0.5), ("land", 0.9), ("take_control", 0.5), ("take_off", 0.9)])
 def test_a_command_in_a_silence_overrules_no_pilot_after_it(craft: Craft, name: str, taken_s: float) -> None:
     craft.fly()

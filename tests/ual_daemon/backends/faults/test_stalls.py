@@ -15,7 +15,7 @@ BEGUN_S = 0.15
 """A stall has begun by then, with the next update."""
 
 
-@over(Can.STALL, Can.BE_FLOWN_BY_A_PILOT, red="airsim")
+@over(Can.STALL, Can.BE_FLOWN_BY_A_PILOT)
 @pytest.mark.parametrize("stall_s", [0.5, 1.5])
 def test_no_setpoint_leaves_while_nothing_is_read(craft: Craft, stall_s: float) -> None:
     """A program goes on with its velocities; the pilot takes over."""
@@ -31,11 +31,7 @@ def test_no_setpoint_leaves_while_nothing_is_read(craft: Craft, stall_s: float) 
     assert craft.uav.state() is State.FLYING_MANUAL
 
 
-@over(
-    Can.STALL,
-    Can.BE_FLOWN_BY_A_PILOT,
-    red="airsim",
-)
+@over(Can.STALL, Can.BE_FLOWN_BY_A_PILOT)
 @pytest.mark.parametrize(("name", "stall_s"), [("land", 0.6), ("land", 1.5), ("take_control", 0.6)])
 def test_a_command_in_a_stall_overrules_no_pilot(craft: Craft, name: str, stall_s: float) -> None:
     craft.fly()
@@ -56,7 +52,7 @@ def test_a_command_that_waits_for_too_long_in_a_stall_is_not_executed(craft: Cra
     assert craft.commands_since(begin_s) == []
 
 
-@over(Can.STALL, red="airsim")
+@over(Can.STALL)
 def test_a_stall_is_not_blamed_on_the_vehicle(craft: Craft) -> None:
     craft.fly()
     craft.uav.go_to_waypoint(Pose.at(10.0, 0.0, 3.0), blocking=False)
