@@ -2,7 +2,7 @@
 
 The rules of the pilot stand here once, for all backends, in `CommandRunner._hindrance` and `_judge_modes`:
 
-- never first nor again into a silence, and after one only once what it changes was heard anew;
+- never first nor again into a silence; after one for the first time only, once what it changes was heard anew;
 - never over a mode that others chose since it was asked for;
 - never after it was withdrawn, which is cancelling its future;
 - never when it may be executed late: by a bridge that is held up, or by a thread of ours that did not run;
@@ -298,6 +298,12 @@ class CommandRunner(Generic[R]):
         is_shown = said is not None and said.time_s >= pending.passed_on_s + after_s
         return "" if is_shown else "it may still be executed"
 
+    def _has_missed(self, pending: _Pending[R]) -> bool:
+        """Whether a silence came after it was sent: it may have been obeyed, and others may have undone that."""
+        command = pending.command
+        is_meant = command.group in (FLYING, ARMING) and not command.is_harmless
+        return is_meant and pending.sends_count > 0 and self._watch.spoken_s > pending.first_s
+
     def _judge_modes(self, now_s: float) -> None:
         """Ends the commands since which others have chosen a mode: sent now, they would take control from those."""
         judged = [each for each in (*self._waiting, *self._in_flight.values()) if _is_judged_by_mode(each)]
@@ -366,15 +372,23 @@ class CommandRunner(Generic[R]):
         command = pending.command
         if (pending.refusal and command.refusal_is_final) or pending.accepts_count:
             self._finish(pending, now_s)
-        elif pending.sends_count < command.repeat.most:
+        elif pending.sends_count < command.repeat.most and not self._has_missed(pending):
             if not pending.is_withdrawn and not self._hindrance(pending, now_s):
                 self._transmit(pending, now_s)
         elif pending.refusal:
             self._finish(pending, now_s)
+        elif self._has_missed(pending):
+            self._give_up_missed(pending, now_s)
         elif command.repeat.after_answer_s is None:  # else see `_give_up_bridged`
             level = logging.WARNING if command.group else logging.DEBUG  # requests are repeated
             _log.log(level, "%s did not answer the command to %s", self._name, command.what)
             self._end(pending, now_s)
+
+    def _give_up_missed(self, pending: _Pending[R], now_s: float) -> None:
+        """Ends a command that must not be sent again after a silence, once what it changes was heard without it."""
+        if now_s - pending.sent_s >= EFFECT_S and not self._unknown(pending, self._snapshot(now_s), now_s):
+            text = f"{self._name} has not answered the command to {pending.command.what}, which is not sent again"
+            self._fail(pending, now_s, UalTimeoutError(f"{text} after a silence: others may have acted in it"))
 
     def _give_up_late_ones(self, now_s: float) -> None:
         """Ends the commands that could not leave, or that a bridge did not execute, before those who wait give up."""

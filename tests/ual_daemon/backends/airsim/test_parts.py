@@ -89,9 +89,7 @@ def test_the_clock_is_the_simulators(wall: Wall) -> None:
 def test_the_clock_goes_on_while_the_simulator_is_silent(wall: Wall) -> None:
     began_s = wall.clock.advance(5000.0)
     wall.now_s += SILENT_S + 0.01
-    assert wall.clock.now_s() - began_s == pytest.approx(
-        SILENT_S + 0.01
-    )
+    assert wall.clock.now_s() - began_s == pytest.approx(SILENT_S + 0.01)
     wall.now_s += 3.0 - SILENT_S - 0.01
     assert wall.clock.now_s() - began_s == pytest.approx(3.0)
     assert wall.clock.advance(5000.1) - began_s == pytest.approx(3.0)  # it never goes back

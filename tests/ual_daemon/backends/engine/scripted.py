@@ -172,6 +172,7 @@ class Judge:
             "too often": len(order.sent_s) >= order.command.repeat.most,
             "too soon": bool(order.sent_s) and now_s - order.sent_s[-1] < order.command.repeat.every_s - TINY,
             "again without a sign of life": bool(order.sent_s) and self.heard_s[-1] <= order.sent_s[-1],
+            "again after a silence": bool(order.sent_s) and self.believable_since_s() > order.sent_s[0] + TINY,
             "again before the bridge has answered": self._is_bridged_open(order),
         }
         broken = [rule for rule, is_broken in rules.items() if is_broken]

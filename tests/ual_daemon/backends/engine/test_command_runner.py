@@ -193,6 +193,33 @@ def test_a_refusal_that_is_not_final_is_believed_at_the_end_of_the_repetitions(p
     assert str(future.exception(0)) == "Hover refused to arm: just landed"
 
 
+@pytest.mark.parametrize("silent_s", [0.3, 1.5])
+def test_what_others_have_undone_in_a_silence_is_not_sent_again_after_it(silent_s: float) -> None:
+    """The vehicle has armed, or entered the mode, and its pilot has changed that back, all of it unheard."""
+    for name in ("arm", "hold"):
+        scripted = Scripted()
+        scripted.wait(0.2)
+        order = scripted.ask(name)
+        scripted.wait(0.05)
+        scripted.is_silent = True
+        scripted.wait(silent_s)
+        scripted.is_silent = False
+        scripted.wait(3.0)
+        assert len(scripted.requests) == 1
+        text = "which is not sent again after a silence: others may have acted in it"
+        assert str(order.result.exception(0)).endswith(text)
+
+
+def test_an_effect_that_shows_after_a_silence_ends_the_command(plain: Plain) -> None:
+    future = plain.runner.submit(mode_command("hold"), plain.now_s)
+    plain.run(0.5, mode="")
+    plain.run(0.4)
+    assert not future.done()
+    plain.run(0.05, mode="hold")
+    assert future.result(0) is None
+    assert plain.sent == ["mode hold"]
+
+
 def test_the_refusal_of_a_repetition_waits_for_the_effect_of_the_first(plain: Plain) -> None:
     future = plain.runner.submit(mode_command("hold"), plain.now_s)
     plain.run(0.3)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -41,26 +42,48 @@ def _events(
 
 
 RECENT = st.integers(-3, -1)
-EVENTS = st.one_of(
-    _events("wait", st.sampled_from([0.05, 0.1, 0.3, 0.6, 1.5, 5.0])),
-    _events("ask", st.sampled_from(sorted(COMMANDS))),
+ASKED = _events("ask", st.sampled_from(sorted(COMMANDS)))
+SHORT = _events("wait", st.sampled_from([0.05, 0.1, 0.3]))
+WAITED = _events("wait", st.sampled_from([0.05, 0.1, 0.3, 0.6, 1.5, 5.0]))
+OTHERS = st.one_of(
     _events("withdraw", RECENT),
     _events("pilot", st.sampled_from(MODES)),
     _events("arm", st.integers(0, 1)),
-    _events("silent", st.integers(0, 1)),
-    _events("state", st.integers(0, 1)),
-    _events("setpoints", st.integers(0, 1)),
-    _events("held up", st.integers(0, 1)),
-    _events("accepted", RECENT),
-    _events("passed on", RECENT),
-    _events("in progress", RECENT),
-    _events("refused", RECENT),
-    _events("lost", RECENT),
     _events("obey", RECENT),
     _events("pause", st.sampled_from([0.1, 0.3, 0.8, 1.2, 4.0])),
     _events("reboot", st.just(0)),
 )
-SCRIPTS = st.lists(EVENTS, min_size=1, max_size=40)
+ANSWERED = st.one_of(*(_events(what, RECENT) for what in ("accepted", "passed on", "in progress", "refused", "lost")))
+SWITCHED = st.one_of(*(_events(what, st.integers(0, 1)) for what in ("silent", "state", "setpoints", "held up")))
+EVENT = st.one_of(ASKED, WAITED, OTHERS, ANSWERED, SWITCHED)
+
+
+def _scene(*events: st.SearchStrategy[Event]) -> st.SearchStrategy[list[Event]]:
+    return st.tuples(*events).map(list)
+
+
+def _episode(what: str, begun: int) -> st.SearchStrategy[list[Event]]:
+    """Returns scenes in which something is switched, and back: most of what else happens comes to nothing meanwhile."""
+
+    def switched(during: list[Event]) -> list[Event]:
+        return [Event(what, begun), *during, Event(what, 1 - begun)]
+
+    return st.lists(EVENT, min_size=1, max_size=4).map(switched)
+
+
+SCENES = st.one_of(
+    _scene(EVENT),
+    _scene(ASKED, SHORT),
+    _scene(ASKED, SHORT, OTHERS, WAITED),
+    _scene(ASKED, SHORT, ANSWERED, WAITED, OTHERS, WAITED),
+    _scene(ASKED, OTHERS, WAITED),
+    _episode("silent", 1),
+    _episode("state", 0),
+    _episode("held up", 1),
+    _episode("setpoints", 1),
+)
+SCRIPTS = st.lists(SCENES, min_size=1, max_size=12).map(lambda scenes: list(itertools.chain.from_iterable(scenes)))
+"""Any events in any order. Most are of scenes in which commands are under way, as only then a rule can be broken."""
 VERDICTS = {
     "accepted": Verdict.ACCEPTED,
     "passed on": Verdict.PASSED_ON,
@@ -135,6 +158,12 @@ def _ignoring_bridges(self: CommandRunner[str], *args: object, hindrance: object
     real(self, *args)
 
 
+def _again_into_silences(self: CommandRunner[str], *args: object, real: Callable[..., str]) -> str:
+    pending = args[0]
+    assert isinstance(pending, command_runner._Pending)
+    return "" if pending.sends_count else real(self, *args)
+
+
 class Mutation(NamedTuple):
     """An engine in which a rule was removed, and the shortest script that the search has found to show it."""
 
@@ -145,6 +174,14 @@ class Mutation(NamedTuple):
 MUTATIONS = {
     "into a silence": Mutation(
         _without(LinkWatch, "why_silent", lambda *_: ""), (("silent", 1), ("wait", 0.3), ("ask", "arm"))
+    ),
+    "again without a sign of life": Mutation(
+        _without(CommandRunner, "_hindrance", partialmethod(_again_into_silences, real=CommandRunner._hindrance)),
+        (("ask", "arm"), ("wait", 0.05), ("silent", 1), ("wait", 0.6)),
+    ),
+    "again after a silence": Mutation(
+        _without(CommandRunner, "_has_missed", lambda *_: False),
+        (("ask", "arm"), ("wait", 0.05), ("silent", 1), ("wait", 0.3), ("silent", 0), ("wait", 0.3)),
     ),
     "before what it changes was heard": Mutation(
         _without(CommandRunner, "_unknown", lambda *_: ""), (("ask", "arm"), ("state", 0), ("pause", 0.3))

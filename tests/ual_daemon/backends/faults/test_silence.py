@@ -71,7 +71,8 @@ def test_nothing_is_repeated_in_a_silence(craft: Craft) -> None:
 
 
 @over(Can.BE_UNHEARD)
-def test_what_was_disarmed_in_a_silence_is_not_armed_again(craft: Craft) -> None:
+@pytest.mark.parametrize("silent_s", [0.7, 3.0])
+def test_what_was_disarmed_in_a_silence_is_not_armed_again(craft: Craft, silent_s: float) -> None:
     craft.arm()
     craft.uav.disarm()
     craft.run(3.0)
@@ -80,11 +81,28 @@ def test_what_was_disarmed_in_a_silence_is_not_armed_again(craft: Craft) -> None
         (0.0, craft.uav.vehicle.commands.arm),
         (0.02, craft.fall_silent),
         (0.6, craft.pilot_disarms),
-        (3.0, craft.speak),
-        for_s=7.0,
+        (silent_s, craft.speak),
+        for_s=silent_s + 4.0,
     )
     assert craft.commands_since(begin_s + 0.6) == []
     assert craft.uav.state() is State.LANDED_DISARMED
+
+
+@over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT)
+def test_what_a_pilot_took_back_in_a_silence_is_not_taken_again(craft: Craft) -> None:
+    craft.fly()
+    craft.pilot_takes_over()
+    craft.until_state(State.FLYING_MANUAL)
+    craft.run(1.0)
+    begin_s = craft.play(
+        (0.0, lambda: craft.command("take_control")),
+        (0.02, craft.fall_silent),
+        (0.5, craft.pilot_takes_over),
+        (0.7, craft.speak),
+        for_s=4.0,
+    )
+    assert craft.commands_since(begin_s + 0.5) == []
+    assert craft.uav.state() is State.FLYING_MANUAL
 
 
 @over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT)
