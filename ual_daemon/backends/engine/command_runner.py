@@ -24,7 +24,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Verdict
 from ual_daemon.backends.engine.limits import OWN_MODE_S, SETPOINTS_WAIT_S, UNSENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
-from ual_daemon.backends.values import Mode, Sample, Snapshot
+from ual_daemon.backends.values import Control, Mode, Sample, Snapshot
 
 _log = logging.getLogger(__name__)
 
@@ -298,11 +298,17 @@ class CommandRunner(Generic[R]):
         is_shown = said is not None and said.time_s >= pending.passed_on_s + after_s
         return "" if is_shown else "it may still be executed"
 
-    def _has_missed(self, pending: _Pending[R]) -> bool:
-        """Whether a silence came after it was sent: it may have been obeyed, and others may have undone that."""
+    def _has_missed(self, pending: _Pending[R], now_s: float) -> bool:
+        """Whether a silence came after it was sent: it may have been obeyed, and others may have undone that.
+
+        A mode in which the autopilot takes our references was not chosen against us: what leads out of it goes on.
+        """
         command = pending.command
-        is_meant = command.group in (FLYING, ARMING) and not command.is_harmless
-        return is_meant and pending.sends_count > 0 and self._watch.spoken_s > pending.first_s
+        if command.is_harmless or not pending.sends_count or self._watch.spoken_s <= pending.first_s:
+            return False
+        mode = self._snapshot(now_s).mode
+        is_ours = mode is not None and mode.value.control is Control.REFERENCES
+        return command.group == ARMING or (command.group == FLYING and not is_ours)
 
     def _judge_modes(self, now_s: float) -> None:
         """Ends the commands since which others have chosen a mode: sent now, they would take control from those."""
@@ -372,12 +378,12 @@ class CommandRunner(Generic[R]):
         command = pending.command
         if (pending.refusal and command.refusal_is_final) or pending.accepts_count:
             self._finish(pending, now_s)
-        elif pending.sends_count < command.repeat.most and not self._has_missed(pending):
+        elif pending.sends_count < command.repeat.most and not self._has_missed(pending, now_s):
             if not pending.is_withdrawn and not self._hindrance(pending, now_s):
                 self._transmit(pending, now_s)
         elif pending.refusal:
             self._finish(pending, now_s)
-        elif self._has_missed(pending):
+        elif self._has_missed(pending, now_s):
             self._give_up_missed(pending, now_s)
         elif command.repeat.after_answer_s is None:  # else see `_give_up_bridged`
             level = logging.WARNING if command.group else logging.DEBUG  # requests are repeated

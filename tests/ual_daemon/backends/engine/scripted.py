@@ -172,7 +172,7 @@ class Judge:
             "too often": len(order.sent_s) >= order.command.repeat.most,
             "too soon": bool(order.sent_s) and now_s - order.sent_s[-1] < order.command.repeat.every_s - TINY,
             "again without a sign of life": bool(order.sent_s) and self.heard_s[-1] <= order.sent_s[-1],
-            "again after a silence": bool(order.sent_s) and self.believable_since_s() > order.sent_s[0] + TINY,
+            "again after a silence": self._may_undo(order),
             "again before the bridge has answered": self._is_bridged_open(order),
         }
         broken = [rule for rule, is_broken in rules.items() if is_broken]
@@ -229,6 +229,12 @@ class Judge:
         flow_s = now_s - self.setpoints_since_s
         needs_s = order.command.setpoints_before_s
         return flow_s < needs_s - TINY and now_s - order.asked_s < SETPOINTS_WAIT_S - TINY and needs_s > 0.0
+
+    def _may_undo(self, order: Order) -> bool:
+        """Whether others may have undone it in a silence since it was sent. Out of our own mode it is sent again."""
+        if not order.sent_s or self.believable_since_s() <= order.sent_s[0] + TINY:
+            return False
+        return order.command.group == ARMING or self.modes[-1][1] != "setpoints"
 
     def _is_bridged_open(self, order: Order) -> bool:
         after_s = order.command.repeat.after_answer_s

@@ -210,6 +210,19 @@ def test_what_others_have_undone_in_a_silence_is_not_sent_again_after_it(silent_
         assert str(order.result.exception(0)).endswith(text)
 
 
+def test_what_leads_out_of_our_own_mode_is_sent_again_after_a_silence() -> None:
+    scripted = Scripted()
+    scripted.mode = "setpoints"
+    scripted.wait(0.2)
+    scripted.ask("land")
+    scripted.wait(0.05)
+    scripted.is_silent = True
+    scripted.wait(0.3)
+    scripted.is_silent = False
+    scripted.wait(0.1)
+    assert scripted.requests == ["mode land"] * 2
+
+
 def test_an_effect_that_shows_after_a_silence_ends_the_command(plain: Plain) -> None:
     future = plain.runner.submit(mode_command("hold"), plain.now_s)
     plain.run(0.5, mode="")

@@ -8,8 +8,7 @@ from tests.ual_daemon.backends.mavlink.fakes import Harness as BaseHarness
 from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat
 from ual.errors import RejectedByAutopilotError
 from ual_daemon.backends.engine.command import FLYING
-from ual_daemon.backends.engine.command_runner import EFFECT_S, MOST_TEXTS, STALE_ANSWER_S, RunnerSettings
-from ual_daemon.backends.engine.limits import UNSENT_S
+from ual_daemon.backends.engine.command_runner import EFFECT_S, STALE_ANSWER_S, RunnerSettings
 from ual_daemon.backends.mavlink.dialects.command_long import (
     AGAIN,
     REQUESTED,
@@ -233,16 +232,6 @@ def test_a_refusal_carries_the_result_and_what_the_autopilot_said_around_it() ->
     }
 
 
-def test_a_flood_of_texts_is_not_kept() -> None:
-    harness = Harness()
-    future = harness.submit(PX4.arm(Snapshot(0.0)))
-    for number in range(1000):
-        harness.receive(mavlink.MAVLink_statustext_message(6, b"text %d." % number))
-    harness.receive(ack(ARM, REJECTED))
-    harness.run(2.0)
-    assert 1 < str(future.exception(0)).count("it said") <= MOST_TEXTS
-
-
 def test_work_in_progress_is_waited_for_without_sending_again() -> None:
     harness = Harness()
     future = harness.submit(PX4.land())
@@ -283,15 +272,6 @@ def test_control_is_taken_only_once_setpoints_have_flowed() -> None:
     harness.run(0.05)
     (sent,) = harness.commands(SET_MODE)
     assert (sent.param1, sent.param2, sent.param3) == (1.0, 6.0, 0.0)
-
-
-def test_without_setpoints_control_is_asked_for_in_the_end_and_the_autopilot_says_what_is_wrong() -> None:
-    harness = Harness()
-    harness.submit(PX4.take_off(3.0, Snapshot(0.0)))
-    _run_heard(harness, 2.95, heartbeat())
-    assert harness.commands(SET_MODE) == []
-    _run_heard(harness, 0.15, heartbeat())
-    assert len(harness.commands(SET_MODE)) == 1
 
 
 def test_a_newer_mode_replaces_the_one_before_at_once() -> None:
@@ -386,16 +366,6 @@ def _heartbeats_asked(harness: Harness) -> int:
     return len([sent for sent in harness.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if sent.param1 == 0.0])
 
 
-def test_a_withdrawn_command_is_not_sent_again() -> None:
-    harness = Harness()
-    future = harness.submit(PX4.arm(Snapshot(0.0)))
-    _run_heard(harness, 0.6, heartbeat())
-    assert len(harness.commands(ARM)) == 3
-    future.cancel()
-    _run_heard(harness, 5.0, heartbeat())
-    assert harness.commands(ARM) == []
-
-
 def test_a_withdrawn_command_that_waits_for_setpoints_is_never_sent() -> None:
     harness = Harness()
     harness.submit(PX4.take_control()).cancel()
@@ -421,14 +391,6 @@ def test_nothing_is_sent_first_into_a_silence_nor_before_the_mode_is_known_after
     assert len(harness.commands(SET_MODE)) == 0  # others have chosen POSCTL since
     harness.submit(PX4.hold())
     assert len(harness.commands(SET_MODE)) == 1
-
-
-def test_what_could_not_be_sent_says_why() -> None:
-    harness = Harness()
-    harness.run(0.3)
-    future = harness.submit(PX4.hold())
-    harness.run(UNSENT_S + 0.1)
-    assert str(future.exception(0)).startswith("the command to hold was not sent: nothing was heard of the autopilot")
 
 
 def test_a_reboot_ends_what_was_sent_to_the_boot_before() -> None:
@@ -464,47 +426,6 @@ def _run_heard(harness: Harness, duration_s: float, *messages: Message) -> None:
 
 SOMETHING = mavlink.MAVLink_ping_message(0, 0, 0, 0)
 IN_POSCTL = 3 << 16
-
-
-@pytest.mark.parametrize("make", [PX4.take_control, PX4.land, PX4.hold], ids=["take_control", "land", "hold"])
-def test_who_flies_is_not_changed_again_while_nothing_is_heard_nor_before_the_mode_is_known(
-    make: Callable[[], LongCommand],
-) -> None:
-    """The pilot may have taken over in the silence: an OFFBOARD that arrives then takes control from the pilot."""
-    harness = Harness()
-    harness.setpoints.sent_for_s = 1.0
-    harness.receive(heartbeat(IN_POSCTL, armed=True))
-    command = make()
-    harness.submit(command)
-    _run_heard(harness, 0.6, SOMETHING)
-    assert len(harness.commands(command.request.id)) == 3  # unanswered, but the autopilot is there
-    harness.run(0.9)
-    assert len(harness.commands(command.request.id)) <= 1  # one that was due when the silence began
-    _run_heard(harness, 0.4, SOMETHING)
-    assert harness.commands(command.request.id) == []
-    harness.receive(heartbeat(IN_POSCTL, armed=True))
-    harness.run(0.05)
-    assert len(harness.commands(command.request.id)) == 1
-
-
-@pytest.mark.parametrize("make", [lambda: PX4.arm(Snapshot(0.0)), PX4.disarm], ids=["arm", "disarm"])
-def test_nothing_is_armed_again_while_nothing_is_heard_nor_before_it_is_known_whether_it_is_armed(
-    make: Callable[[], LongCommand],
-) -> None:
-    harness = Harness()
-    command = make()
-    beat = heartbeat(armed=command.what == "disarm")
-    harness.receive(beat)
-    harness.submit(command)
-    _run_heard(harness, 0.6, SOMETHING)
-    assert len(harness.commands(ARM)) == 3
-    harness.run(0.9)
-    assert len(harness.commands(ARM)) <= 1  # one that was due when the silence began
-    _run_heard(harness, 0.4, SOMETHING)
-    assert harness.commands(ARM) == []
-    harness.receive(beat)
-    harness.run(0.05)
-    assert len(harness.commands(ARM)) == 1
 
 
 def test_what_was_armed_and_disarmed_within_one_batch_is_not_armed_again() -> None:
