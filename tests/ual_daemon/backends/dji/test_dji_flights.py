@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-import random
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 import pytest
 from typing_extensions import override
 
-import ual
 from tests.simulators.dji import AUTO_LANDING, P_GPS, STEP_S, Aircraft, OsdkSdkNode, OsdkVehicleNode, Psdk
 from tests.simulators.dji_node import OneThreadBridge
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from tests.simulators.rosbridge import Message, RefusedError, Service
 from tests.waiting import until
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
-from ual.geometry import Pose, Twist, Vector3
+from ual.geometry import Pose
 from ual.types import GpsFix, Limits, State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -41,31 +39,6 @@ def ready(kind: type[LockstepDji] = LockstepPsdk, speed: float = 20.0) -> Iterat
 def fly(uav: UAL, height_m: float = 3.0) -> None:
     uav.arm()
     uav.take_off(height_m)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_pilot_takes_over_at_random_moments(kind: type[LockstepDji]) -> None:
-    """100 times in all: told within 0.2 s, and nothing is sent after."""
-    noise = random.Random(7)
-    with ready(kind) as (uav, backend):
-        fly(uav)
-        told = record_states(uav, backend)
-        for _ in range(34):
-            goal = Pose.at(noise.uniform(-20.0, 20.0), noise.uniform(-20.0, 20.0), noise.uniform(3.0, 8.0))
-            task = uav.go_to_waypoint(goal, blocking=False)
-            wait(backend, noise.uniform(0.05, 1.0))
-            with backend.lock:
-                told.clear()
-                backend.aircraft.pilot_takes_over()
-                taken_s = backend.aircraft.now_s
-            wait(backend, 0.5)
-            assert min(time_s for time_s, state in told if state is State.FLYING_MANUAL) <= taken_s + 0.2
-            late = [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.2]
-            assert not late
-            with pytest.raises(TaskAbortedError, match="safety pilot"):
-                task.wait(LIMIT_S)
-            uav.recover_from_manual()
-        uav.land()
 
 
 def record_states(uav: UAL, backend: LockstepDji) -> list[tuple[float, State]]:
@@ -617,90 +590,6 @@ def thread_paused(backend: LockstepDji) -> Iterator[None]:
     go_on.set()
 
 
-def stream_blindly(uav: UAL, backend: LockstepDji, seconds: float) -> float:
-    """Lets the aircraft fly on while the thread that hears it does not run, and a program streams velocities.
-
-    Returns when the pilot has taken over, 0.1 s after the beginning.
-    """
-    uav.set_velocity(Twist(Vector3(0.5)))
-    with thread_paused(backend):
-        begun_s = backend.aircraft.now_s
-        while backend.aircraft.now_s < begun_s + seconds:
-            with backend.lock:
-                if backend.aircraft.device and backend.aircraft.now_s >= begun_s + 0.1:
-                    backend.aircraft.pilot_takes_over()
-                backend.bridge.step(backend.bridge.now_s + STEP_S)
-            with suppress(ual.UalError):
-                uav.set_velocity(Twist(Vector3(0.5)))
-    return begun_s + 0.1
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("pause_s", [0.5, 0.9, 1.5])
-def test_nothing_is_sent_while_the_thread_that_hears_the_aircraft_does_not_run(
-    kind: type[LockstepDji], pause_s: float
-) -> None:
-    with ready(kind) as (uav, backend):
-        fly(uav)
-        taken_s = stream_blindly(uav, backend, pause_s)
-        until(lambda: uav.state() is State.FLYING_MANUAL)
-        late = [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.25]
-        assert not late
-        assert backend.snapshot().scheduling_gap == "" or pause_s > 1.0
-
-
-class _Slow(Psdk):
-    """It publishes its state once a second, as the wrapper does by default."""
-
-    def __init__(self, aircraft: Aircraft) -> None:
-        super().__init__(aircraft, state_rate_hz=1.0)
-
-
-class _LockstepSlow(LockstepPsdk):
-    front = _Slow
-
-
-def test_nothing_from_before_a_silence_is_believed_after_it() -> None:
-    with ready(_LockstepSlow) as (uav, backend):
-        fly(uav)
-        for east in (30.0, -30.0, 30.0, -30.0):
-            uav.go_to_waypoint(Pose.at(east, 0.0, 5.0), blocking=False)
-            wait(backend, 2.0 + 0.005 * abs(backend.aircraft.now_s % 100.0))
-            with backend.lock:
-                backend.bridge.faults.silent_topics.update(backend.bridge.nodes[0].topics)
-            wait(backend, 0.1)
-            with backend.lock:
-                backend.aircraft.pilot_takes_over()
-            wait(backend, 1.2)
-            backend.bridge.faults.silent_topics.clear()
-            back_s = backend.aircraft.now_s
-            until(lambda: uav.state() is State.FLYING_MANUAL)
-            assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > back_s]
-            uav.recover_from_manual()
-
-
-def test_an_update_that_fails_keeps_the_connection(caplog: pytest.LogCaptureFixture) -> None:
-    with ready() as (uav, backend):
-        fly(uav)
-        update = backend._on_update
-        failures: list[Snapshot] = []
-        assert update is not None
-
-        def fail_once(snapshot: Snapshot) -> None:
-            if not failures:
-                failures.append(snapshot)
-                raise RuntimeError("a defect of the layers above")
-            update(snapshot)
-
-        count = backend._link.connections_count
-        backend._on_update = fail_once
-        wait(backend, 3.0)
-        assert failures
-        assert backend._link.connections_count == count
-        assert uav.state() is State.FLYING_AUTO
-        assert "an update failed" in caplog.text
-
-
 class _BreaksOnce(LockstepPsdk):
     """The connection breaks once, while the backend subscribes."""
 
@@ -761,14 +650,6 @@ def test_a_node_that_goes_and_comes_back() -> None:
             backend.bridge.nodes.append(node)
         until(lambda: uav.state() is State.FLYING_AUTO)
         uav.land()
-
-
-def test_a_service_that_never_answers_is_judged_by_its_effect() -> None:
-    with ready() as (uav, backend):
-        backend.bridge.faults.dead_services.add("/psdk_ros2/turn_on_motors")
-        with pytest.raises(ual.UalError):
-            uav.arm()
-        assert uav.state() is State.LANDED_DISARMED
 
 
 def test_late_and_overtaking_messages_do_not_disturb_a_flight() -> None:

@@ -13,9 +13,9 @@ from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsd
 from tests.simulators.rosbridge import Message, Service
 from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, wait
 from tests.waiting import until
-from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
-from ual.geometry import Pose, Twist, Vector3
-from ual.types import Limits, State
+from ual.errors import LinkLostError, UalTimeoutError
+from ual.geometry import Pose
+from ual.types import State
 
 LIMIT_S = 60.0
 KINDS = (LockstepPsdk, LockstepOsdk, LockstepOsdkVehicle)
@@ -106,14 +106,6 @@ def in_silence(backend: LockstepDji, after_s: float, command: Callable[[Lockstep
     return answers[0]
 
 
-COMMANDS: tuple[Callable[[LockstepDji], Future[None]], ...] = (
-    lambda backend: backend.take_control(),
-    lambda backend: backend.land(Limits()),
-    lambda backend: backend.arm(),
-    lambda backend: backend.take_off(3.0, Limits()),
-)
-
-
 def called(backend: LockstepDji) -> list[str]:
     """The services that are called from now on, but those of rosapi and velocities."""
     names: list[str] = []
@@ -126,39 +118,6 @@ def called(backend: LockstepDji) -> list[str]:
 
     backend.bridge.call = note  # type: ignore[method-assign]
     return names
-
-
-COMMANDED = [
-    (kind, command) for kind in KINDS for command in COMMANDS if (kind, command) != (LockstepOsdkVehicle, COMMANDS[1])
-]
-"""UAL lands `dji_vehicle_node` by velocities, and calls nothing for it."""
-
-
-@pytest.mark.parametrize(("kind", "command"), COMMANDED)
-def test_nothing_is_called_in_a_silence(
-    kind: type[LockstepDji], command: Callable[[LockstepDji], Future[None]]
-) -> None:
-    with ready(kind) as (uav, backend):
-        fly(uav)
-        names = called(backend)
-        answer = in_silence(backend, 0.6, command)
-        with backend.lock:
-            backend.aircraft.pilot_takes_over()
-        silence(backend, is_silent=False)
-        with pytest.raises(RejectedByAutopilotError, match="was not sent: the mode became RC"):
-            answer.result(LIMIT_S)
-        wait(backend, 1.0)
-        assert not names
-        assert backend.aircraft.device == RC
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_gap_of_a_bad_link_refuses_nothing(kind: type[LockstepDji]) -> None:
-    with ready(kind) as (uav, backend):
-        fly(uav)
-        answer = in_silence(backend, 0.3, lambda backend: backend.take_control())
-        silence(backend, is_silent=False)
-        answer.result(LIMIT_S)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -211,42 +170,6 @@ def test_a_call_whose_effect_showed_first_is_no_open_one() -> None:
         uav.arm()
         wait(backend, 1.0)
         assert backend.snapshot().status_text == ""
-
-
-@pytest.mark.parametrize("kind", [LockstepPsdk, LockstepOsdkVehicle])
-def test_a_call_that_waits_is_withdrawn_with_its_command(kind: type[LockstepDji]) -> None:
-    with ready(kind) as (uav, backend):
-        fly(uav)
-        with backend.lock:
-            backend.aircraft.pilot_takes_over()
-        until(lambda: uav.state() is State.FLYING_MANUAL)
-        names = called(backend)
-        backend.is_socket_full = True
-        answer = backend.take_control()
-        wait(backend, 0.1)
-        answer.cancel()
-        wait(backend, 0.1)
-        backend.is_socket_full = False
-        wait(backend, 0.5)
-        assert not names
-        assert backend.aircraft.device == RC
-
-
-@pytest.mark.parametrize("kind", [LockstepPsdk, LockstepOsdkVehicle])
-def test_a_velocity_that_waits_is_withdrawn_when_the_authority_is_lost(kind: type[LockstepDji]) -> None:
-    with ready(kind, 5.0) as (uav, backend):
-        fly(uav)
-        backend.is_socket_full = True
-        uav.set_velocity(Twist(Vector3(0.5)))
-        wait(backend, 0.1)
-        with backend.lock:
-            backend.aircraft.pilot_takes_over()
-        until(lambda: uav.state() is State.FLYING_MANUAL)
-        wait(backend, 0.1)
-        backend.is_socket_full = False
-        back_s = backend.aircraft.now_s
-        wait(backend, 0.5)
-        assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s >= back_s]
 
 
 def test_a_confirmation_that_waits_is_withdrawn_when_the_pilot_takes_over() -> None:

@@ -15,12 +15,11 @@ from tests.simulators import ArduPilot, Autopilot, BadLink, Faults, MemoryPort, 
 from tests.simulators.lockstep import LockstepBackend
 from tests.simulators.px4 import LOITER, OFFBOARD, RTL
 from tests.waiting import until
-from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError, WrongStateError
-from ual.geometry import Pose, Twist, Vector3
+from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
+from ual.geometry import Pose
 from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.engine.link_watch import LinkState
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.settings import VehicleSettings
 
@@ -141,34 +140,6 @@ def px4_of(flight: Flight) -> Px4:
     return flight.autopilot
 
 
-def test_the_safety_pilot_takes_over_in_the_middle_of_a_go_to_again_and_again(flight: Flight) -> None:
-    uav = flight.uav
-    flight.take_off()
-    for number in range(5):
-        task = uav.go_to_waypoint(flight.goal(20.0 if number % 2 else -20.0, 0.0), blocking=False)
-        flight.wait_for(lambda: uav.velocity().twist.linear.norm() > 1.0, "its speed")
-        with flight.autopilot.lock:
-            taken_s = flight.now_s
-            flight.autopilot.pilot_take_over()
-        with pytest.raises(TaskAbortedError, match="the safety pilot took over"):
-            task.wait(LIMIT_S)
-        flight.wait_for_state(State.FLYING_MANUAL)
-        ended_s = flight.first_s(lambda telemetry: telemetry.state is State.FLYING_MANUAL, taken_s)
-        assert ended_s - taken_s < 0.5
-        flight.let_pass(4.0)
-        assert [each for each in flight.autopilot.setpoints_s if each > ended_s + 0.02] == []
-        assert uav.velocity().twist.linear.norm() < 0.2  # the pilot's mode holds it, and nothing else moves it
-        assert flight.commands_since(taken_s) == set()
-        assert uav.state() is State.FLYING_MANUAL
-        with pytest.raises(WrongStateError):
-            uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
-        held = uav.pose().pose.position
-        uav.recover_from_manual()
-        flight.let_pass(1.0)
-        assert (uav.pose().pose.position - held).norm() < 0.2
-    flight.land()
-
-
 def test_a_daemon_that_was_killed_in_flight_and_is_new_tells_the_truth_at_once(flight: Flight, kind: str) -> None:
     flight.take_off()
     flight.uav.go_to_waypoint(flight.goal(60.0, 0.0), blocking=False)
@@ -209,31 +180,6 @@ def test_a_flight_is_flown_to_its_end_over_a_bad_link(kind: str, seed: int) -> N
     finally:
         flight.link.down = flight.link.up = Faults()
         flight.uav.close()
-
-
-def test_a_silent_link_is_lost_within_two_seconds_and_serves_again_when_it_is_back(flight: Flight, kind: str) -> None:
-    flight.take_off()
-    task = flight.uav.go_to_waypoint(flight.goal(50.0, 0.0), blocking=False)
-    flight.let_pass(1.0)
-    silent_s = flight.now_s
-    flight.link.down = flight.link.up = SILENT
-    with pytest.raises(LinkLostError):
-        task.wait(LIMIT_S)
-    assert flight.first_s(lambda telemetry: telemetry.state is State.UNINITIALIZED, silent_s) - silent_s < 2.0
-    flight.let_pass(3.0)
-    assert flight.backend.link_statistics().state is LinkState.LOST
-    back_s = flight.now_s
-    flight.link.down = flight.link.up = Faults()
-    flight.wait_for(flight.uav.is_ready, "its state")
-    ready_s = flight.first_s(lambda telemetry: telemetry.state is not State.UNINITIALIZED, back_s)
-    assert ready_s - back_s < 3.0
-    flight.let_pass(1.0)
-    assert flight.commands_since(back_s) == set()
-    if kind == "px4":  # it did what it does without setpoints, and is not pulled back out of it
-        assert px4_of(flight).mode == RTL
-        assert flight.uav.state() is State.LANDING
-    else:
-        assert flight.uav.state() is State.FLYING_AUTO
 
 
 def test_px4_is_not_pulled_back_into_offboard_by_itself_when_setpoints_paused() -> None:

@@ -13,11 +13,10 @@ from typing_extensions import override
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, BadLink, MemoryPort, Px4, ardupilot, px4
 from tests.simulators.autopilot import Sticks
-from tests.simulators.faults import GOOD
 from tests.simulators.lockstep import ADDRESS, LockstepBackend, MemoryLink
 from tests.ual_daemon.backends.mavlink.test_autopilot_authority import GroundStation
-from tests.ual_daemon.backends.mavlink.test_autopilot_flights import ASKING, HEIGHT_M, SILENT, Flight
-from ual.errors import LinkLostError, TaskAbortedError, UalError, WrongStateError
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import ASKING, HEIGHT_M, Flight
+from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
@@ -211,34 +210,6 @@ def test_a_lost_position_ends_the_task_is_told_and_only_force_leaves_its_failsaf
         flight.uav.recover_from_manual()
     assert setpoints_since(flight, ended_s) == []
     assert flight.commands_since(ended_s) == set()
-
-
-def test_what_the_pilot_disarmed_in_a_silence_is_not_armed_again(flight: Flight) -> None:
-    """The recipe: an ARM that was not answered was sent again, blind, until 5 s had passed."""
-    autopilot = flight.autopilot
-    flight.wait_for_state(State.LANDED_DISARMED)
-    flight.let_pass(3.0)
-    flight.link.down = SILENT
-    errors: list[UalError] = []
-
-    def arm() -> None:
-        try:
-            flight.uav.arm()
-        except UalError as error:
-            errors.append(error)
-
-    Thread(target=arm, daemon=True).start()
-    flight.wait_for(lambda: autopilot.is_armed, "the arming")
-    flight.let_pass(0.6)  # what was on its way has come, and one repetition may have been due
-    with autopilot.lock:
-        assert autopilot.pilot_disarm()
-        disarmed_s = flight.now_s
-    flight.wait_for(lambda: bool(errors), "the end of the command")
-    assert isinstance(errors[0], LinkLostError)
-    flight.link.down = GOOD
-    flight.let_pass(3.0)
-    assert not autopilot.is_armed
-    assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in flight.commands_since(disarmed_s)
 
 
 FLYING = (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_TAKEOFF)

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import logging
 import math
-import threading
 from collections.abc import Iterator
 
 import pytest
 
-from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot
 from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
-from ual.errors import UalError
-from ual.geometry import Twist, Vector3
 from ual.types import Limits, State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -75,41 +71,6 @@ def test_limits_that_cannot_be_read_are_reported_with_what_is_assumed(
     with flight.autopilot.lock:
         flight.autopilot.ignored.clear()
     flight.wait_for(lambda: "it has not sent " not in flight.uav.telemetry().state_reason, "the parameters")
-
-
-def test_an_scheduling_gap_is_not_blamed_on_the_autopilot(flight: Flight) -> None:
-    flight.take_off()
-    task = flight.uav.go_to_waypoint(flight.goal(50.0, 0.0), blocking=False)
-    flight.let_pass(1.0)
-    flight.backend.connection.pause_s = 2.5
-    with pytest.raises(UalError, match=r"this computer (did not run|has not run) UAL for 2\.5 s"):
-        task.wait(LIMIT_S)
-
-
-def test_no_setpoint_leaves_while_the_thread_that_hears_the_autopilot_is_starved(flight: Flight) -> None:
-    """The recipe (campaign, PX4, 400061): velocities were passed on for 1.3 s after a mode that waited unread."""
-    forwards = Twist(Vector3(1.0, 0.0, 0.0))
-    flight.take_off()
-    flight.uav.set_velocity(forwards)
-    starved, is_over = threading.Event(), threading.Event()
-
-    def starve() -> None:
-        flight.autopilot.run(0.3)  # what it says meanwhile waits unread
-        starved.set()
-        assert is_over.wait(LIMIT_S)
-
-    flight.when(lambda _: True, starve)
-    assert starved.wait(LIMIT_S)
-    try:
-        left_count = len(flight.port.arriving)
-        assert flight.port.sent
-        flight.uav.set_velocity(forwards)
-        assert len(flight.port.arriving) == left_count
-        over_s = flight.autopilot.elapsed_s
-    finally:
-        is_over.set()
-    flight.wait_for(lambda: any(each > over_s for each in flight.autopilot.setpoints_s), "the velocity, late")
-    flight.land()
 
 
 @pytest.mark.parametrize("renamed", [RENAMED, RENAMED_IN_4_7_0])

@@ -17,14 +17,12 @@ from tests.simulators.px4 import Px4
 from tests.simulators.rosbridge import Message, Service
 from tests.waiting import until
 from ual.errors import LinkLostError, TaskAbortedError, UalError
-from ual.geometry import Pose, Twist, Vector3
+from ual.geometry import Pose
 from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 
 LOST_S, HEALED_S = 1.5, 3.0
-SEEN_S = 0.4
-"""Until then a pilot who takes over must have been seen: PX4 is asked for a heartbeat five times a second."""
 ATTITUDE_QUATERNION = 31
 IN_THE_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING)
 _GOAL = Pose.at(12.0, 6.0, 4.0)
@@ -283,15 +281,6 @@ def test_a_landing_that_is_commanded_in_a_short_stall_of_the_bridge_overrules_no
     assert flight.uav.telemetry().state is State.FLYING_MANUAL
 
 
-def test_a_mavros_that_stalls_is_a_lost_link(flight: Flight) -> None:
-    """And no silent topic, though the bridge has messages of some that it passes on late."""
-    flight.fly()
-    task = flight.uav.go_to_waypoint(_GOAL, blocking=False)
-    flight.backend.bridge.faults.silent_topics |= set(flight.backend.node.topics)
-    with pytest.raises(LinkLostError, match="nothing heard from the autopilot"):
-        task.wait(LIMIT_S)
-
-
 @pytest.mark.parametrize(("kind", "after_s"), [("px4", 0.1), ("px4", 0.6), ("ardupilot", 0.6)])
 def test_a_landing_that_is_commanded_while_mavros_stalls_overrules_no_pilot(kind: str, after_s: float) -> None:
     """The bridge answers, and gets what MAVROS executes after it. What has left just before it said nothing may be."""
@@ -395,59 +384,6 @@ def test_data_that_are_seconds_late_are_no_data(px4: Flight) -> None:
 
 def go(uav: UAL) -> None:
     uav.go_to_waypoint(_GOAL, blocking=False)
-
-
-def follow(uav: UAL) -> None:
-    uav.follow_path([Pose.at(6.0, 0.0, 4.0), Pose.at(6.0, 6.0, 4.0), _GOAL], blocking=False)
-
-
-def hold(uav: UAL) -> None:
-    pose = uav.telemetry().pose
-    assert pose is not None
-    uav.set_pose(pose)
-
-
-def stream(uav: UAL) -> None:
-    uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
-
-
-@pytest.mark.parametrize("manoeuvre", [go, follow, hold, stream])
-def test_a_pilot_who_takes_over_is_seen_and_nothing_is_sent_after(
-    flight: Flight, manoeuvre: Callable[[UAL], None]
-) -> None:
-    flight.fly()
-    manoeuvre(flight.uav)
-    flight.until(lambda: flight.setpoints_count > 0)
-    taken = flight.mark()
-    flight.backend.autopilot.pilot_take_over()
-    told_s = taken[1] + flight.until_state(State.FLYING_MANUAL, since=taken)
-    assert told_s - taken[1] < SEEN_S + 0.3  # a switch is read for 0.2 s
-    flight.until(lambda: flight.now_s() > told_s + 3.0)
-    late = [time_s for time_s, _ in flight.backend.node.setpoints if time_s > told_s + 0.02]
-    assert not late
-    assert flight.uav.telemetry().state is State.FLYING_MANUAL
-
-
-def test_a_setpoint_that_waits_does_not_leave_after_the_pilot_has_taken_over(flight: Flight) -> None:
-    flight.fly()
-    stream(flight.uav)
-    flight.backend.is_socket_full = True
-    taken = flight.mark()
-    flight.backend.autopilot.pilot_take_over()
-    flight.until_state(State.FLYING_MANUAL, since=taken)
-    sent_count = flight.setpoints_count
-    flight.backend.is_socket_full = False
-    free_s = flight.now_s()
-    flight.until(lambda: flight.now_s() > free_s + 1.0)
-    assert flight.setpoints_count == sent_count
-
-
-def test_a_pilot_who_takes_over_ends_the_task(flight: Flight) -> None:
-    flight.fly()
-    task = flight.uav.go_to_waypoint(_GOAL, blocking=False)
-    flight.backend.autopilot.pilot_take_over()
-    with pytest.raises(TaskAbortedError, match="safety pilot"):
-        task.wait(LIMIT_S)
 
 
 def test_a_reboot_is_seen_though_mavros_does_not_notice_it(px4: Flight) -> None:
