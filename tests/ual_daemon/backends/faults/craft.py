@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from enum import Enum, auto
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from tests.waiting import until
 from ual.errors import UalError
@@ -42,6 +42,14 @@ class Can(Enum):
     """What is sent waits on our side of the link."""
 
 
+class Seen(NamedTuple):
+    """What a simulator tells: its time, when setpoints have reached it, and which commands; see `Craft`."""
+
+    now_s: Callable[[], float]
+    setpoints_s: Callable[[], list[float]]
+    commands: Callable[[], list[tuple[float, str]]]
+
+
 class Craft(ABC):
     """One vehicle that flies. Its time is its own, so that a slow computer delays a test, and changes nothing.
 
@@ -55,8 +63,9 @@ class Craft(ABC):
     seen_s: ClassVar[float] = 0.7
     """A take-over shows in the state by then."""
 
-    def __init__(self, backend: Backend) -> None:
+    def __init__(self, backend: Backend, seen: Seen) -> None:
         self.backend = backend
+        self.seen = seen
         self.uav = UAL(backend, allow_arming=True)
         self.states: list[tuple[float, State]] = []
         """Each change of the state that the data show by themselves, with its time: no slow test can miss one."""
@@ -73,31 +82,39 @@ class Craft(ABC):
     # --- What each simulator has -----------------------------------------------------------------------------------
 
     @property
-    @abstractmethod
     def now_s(self) -> float:
         """The vehicle's time since the simulation has begun."""
+        return self.seen.now_s()
 
-    @abstractmethod
     def setpoints_s(self) -> list[float]:
         """When setpoints have reached the vehicle."""
+        return self.seen.setpoints_s()
 
-    @abstractmethod
     def commands(self) -> list[tuple[float, str]]:
         """The commands that arm, disarm, or change who flies, which have reached the vehicle, with their times."""
+        return self.seen.commands()
 
     @abstractmethod
+    def advance(self) -> None:
+        """Lets the vehicle fly on by a step."""
+
     def pass_step(self) -> None:
-        """Lets the vehicle fly on by a step while the backend's thread waits, which is the one that calls this."""
+        """Lets it fly on by a step while the backend's thread waits, which is the one that calls this."""
+        self.step_script()
+        self.advance()
 
     def ready(self) -> None:
         """Lets it become ready to arm."""
         self.until(self.uav.is_ready)
 
-    def fall_silent(self) -> None:
+    def be_silent(self, *, does: bool) -> None:
         raise NotImplementedError
 
+    def fall_silent(self) -> None:
+        self.be_silent(does=True)
+
     def speak(self) -> None:
-        raise NotImplementedError
+        self.be_silent(does=False)
 
     def pilot_takes_over(self) -> None:
         raise NotImplementedError

@@ -26,7 +26,7 @@ from tests.simulators.pace import Pace
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
 from tests.simulators.rosbridge import Message
-from tests.ual_daemon.backends.faults.craft import Can, Craft
+from tests.ual_daemon.backends.faults.craft import Can, Craft, Seen
 from ual.simulation import Command, CommandRefused, LinkLost
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, LAND, PLATFORM, SET_ARMED, SETPOINT, Packet
@@ -56,23 +56,43 @@ def scripted(craft: Craft, pace: Pace) -> None:
     pace.wait = wait_and_play  # type: ignore[method-assign]
 
 
+class OnBadLink(Craft):
+    """On a link that loses what the vehicle says."""
+
+    link: BadLink
+
+    @override
+    def be_silent(self, *, does: bool) -> None:
+        self.link.down = SILENT if does else Faults()
+
+
+class OnRosbridge(Craft):
+    """Behind a bridge of ROS, which passes nothing on where it is silent."""
+
+    ros: LockstepMavros | LockstepDji
+
+    @override
+    def be_silent(self, *, does: bool) -> None:
+        topics = set(self.ros.bridge.nodes[0].topics)
+        self.ros.bridge.faults.silent_topics = topics if does else set()
+
+    @override
+    def hold_up(self, *, does: bool = True) -> None:
+        self.ros.is_socket_full = does
+
+
 class OfAutopilot(Craft):
     """A PX4 or an ArduCopter."""
 
     autopilot: Autopilot
 
-    @property
-    @override
-    def now_s(self) -> float:
-        return self.autopilot.elapsed_s
-
-    @override
-    def setpoints_s(self) -> list[float]:
-        return self.autopilot.setpoints_s
-
-    @override
-    def commands(self) -> list[tuple[float, str]]:
-        return [(each[0], FLYING[each[1]]) for each in self.autopilot.commands if each[1] in FLYING]
+    def seen_by_autopilot(self) -> Seen:
+        autopilot = self.autopilot
+        return Seen(
+            lambda: autopilot.elapsed_s,
+            lambda: autopilot.setpoints_s,
+            lambda: [(each[0], FLYING[each[1]]) for each in autopilot.commands if each[1] in FLYING],
+        )
 
     @override
     def ready(self) -> None:
@@ -100,7 +120,7 @@ class OfAutopilot(Craft):
         self.autopilot.arm_refusal = text
 
 
-class OfMavlink(OfAutopilot):
+class OfMavlink(OnBadLink, OfAutopilot):
     """Through MAVLink, over a link that can fall silent."""
 
     can = frozenset(Can) - {Can.BE_HELD_UP}
@@ -111,21 +131,12 @@ class OfMavlink(OfAutopilot):
         self.link = BadLink(port, 0)
         self.autopilot = Px4(self.link, is_terse=True) if self.kind is Px4 else ArduPilot(self.link)
         backend = LockstepBackend(OPTIONS, self.autopilot, port, SPEED)
-        super().__init__(backend)
+        super().__init__(backend, self.seen_by_autopilot())
         scripted(self, backend.connection._pace)
 
     @override
-    def pass_step(self) -> None:
-        self.step_script()
+    def advance(self) -> None:
         self.autopilot.step()
-
-    @override
-    def fall_silent(self) -> None:
-        self.link.down = SILENT
-
-    @override
-    def speak(self) -> None:
-        self.link.down = Faults()
 
 
 class MavlinkPx4(OfMavlink):
@@ -136,55 +147,43 @@ class MavlinkArduPilot(OfMavlink):
     kind = ArduPilot
 
 
-class OfMavros(OfAutopilot):
+class OfMavros(OnRosbridge, OfAutopilot):
     """Through MAVROS, which may stall while the bridge does not."""
 
     can = frozenset(Can)
     kind: ClassVar[type[Px4 | ArduPilot]]
-    ros: ClassVar[int]
+    ros_version: ClassVar[int]
 
     def __init__(self, _: Path) -> None:
         port = MemoryPort()
         self.autopilot = Px4(port, is_terse=True) if self.kind is Px4 else ArduPilot(port)
-        self.mavros = LockstepMavros(OPTIONS, self.autopilot, port, self.ros, SPEED)
-        super().__init__(self.mavros)
-        scripted(self, self.mavros._pace)
+        self.ros = LockstepMavros(OPTIONS, self.autopilot, port, self.ros_version, SPEED)
+        super().__init__(self.ros, self.seen_by_autopilot())
+        scripted(self, self.ros._pace)
 
     @override
-    def pass_step(self) -> None:
-        self.step_script()
-        self.mavros.bridge.step(self.now_s + STEP_S)
-
-    @override
-    def fall_silent(self) -> None:
-        self.mavros.bridge.faults.silent_topics |= set(self.mavros.node.topics)
-
-    @override
-    def speak(self) -> None:
-        self.mavros.bridge.faults.silent_topics.clear()
-
-    @override
-    def hold_up(self, *, does: bool = True) -> None:
-        self.mavros.is_socket_full = does
+    def advance(self) -> None:
+        self.ros.bridge.step(self.now_s + STEP_S)
 
 
 class MavrosPx4(OfMavros):
-    kind, ros = Px4, 2
+    kind, ros_version = Px4, 2
 
 
 class MavrosArduPilot(OfMavros):
-    kind, ros = ArduPilot, 1
+    kind, ros_version = ArduPilot, 1
 
 
-class OfDji(Craft):
+class OfDji(OnRosbridge):
     """A DJI aircraft behind a wrapper."""
 
     can = frozenset(Can) - {Can.REBOOT, Can.REPEAT}
     kind: ClassVar[type[LockstepDji]]
     height_m = 3.0
+    seen_s = 0.25
 
     def __init__(self, _: Path) -> None:
-        self.dji = self.kind(OPTIONS, SPEED)
+        self.dji = self.ros = self.kind(OPTIONS, SPEED)
         self._called: list[tuple[float, str]] = []
         call = self.dji.bridge.call
 
@@ -194,35 +193,21 @@ class OfDji(Craft):
             return call(name, arguments)
 
         self.dji.bridge.call = note  # type: ignore[method-assign]
-        super().__init__(self.dji)
+        aircraft = self.dji.aircraft
+        super().__init__(
+            self.dji,
+            Seen(
+                lambda: self.dji.bridge.now_s,
+                lambda: [time_s for time_s, _, _ in aircraft.setpoints],
+                lambda: self._called,
+            ),
+        )
         scripted(self, self.dji._pace)
 
-    @property
     @override
-    def now_s(self) -> float:
-        return self.dji.bridge.now_s
-
-    @override
-    def setpoints_s(self) -> list[float]:
-        return [time_s for time_s, _, _ in self.dji.aircraft.setpoints]
-
-    @override
-    def commands(self) -> list[tuple[float, str]]:
-        return self._called
-
-    @override
-    def pass_step(self) -> None:
-        self.step_script()
+    def advance(self) -> None:
         with self.dji.lock:
             self.dji.bridge.step(self.now_s + STEP_S)
-
-    @override
-    def fall_silent(self) -> None:
-        self.dji.bridge.faults.silent_topics |= set(self.dji.bridge.nodes[0].topics)
-
-    @override
-    def speak(self) -> None:
-        self.dji.bridge.faults.silent_topics.clear()
 
     @override
     def pilot_takes_over(self) -> None:
@@ -242,10 +227,6 @@ class OfDji(Craft):
     def refuse(self, text: str) -> None:
         self.dji.aircraft.refusal = text
 
-    @override
-    def hold_up(self, *, does: bool = True) -> None:
-        self.dji.is_socket_full = does
-
 
 class DjiPsdk(OfDji):
     kind = LockstepPsdk
@@ -258,7 +239,7 @@ class DjiOsdkVehicle(OfDji):
     kind = LockstepOsdkVehicle
 
 
-class OfCrazyflie(Craft):
+class OfCrazyflie(OnBadLink):
     """A Crazyflie, which nobody but UAL can fly."""
 
     can = frozenset((Can.BE_UNHEARD, Can.REBOOT, Can.IGNORE, Can.REPEAT, Can.STALL))
@@ -281,37 +262,21 @@ class OfCrazyflie(Craft):
         self.crazyflie._take = note  # type: ignore[method-assign]
         options = BackendOptions("uav_1", None, {"cache_directory": str(cache)})
         backend = LockstepCrazyflie(options, self.crazyflie, memory, SPEED)
-        super().__init__(backend)
+        super().__init__(backend, Seen(lambda: self.crazyflie.elapsed_s, self._hovered_s, self._commanded))
         link = backend._link
         assert isinstance(link, SteppedLink)
         scripted(self, link._pace)
 
-    @property
     @override
-    def now_s(self) -> float:
-        return self.crazyflie.elapsed_s
-
-    @override
-    def setpoints_s(self) -> list[float]:
-        return [time_s for time_s, each in list(self._received) if (each.port, each.channel) == (SETPOINT, 0)]
-
-    @override
-    def commands(self) -> list[tuple[float, str]]:
-        named = ((time_s, _name(each)) for time_s, each in list(self._received))
-        return [(time_s, name) for time_s, name in named if name]
-
-    @override
-    def pass_step(self) -> None:
-        self.step_script()
+    def advance(self) -> None:
         self.crazyflie.step()
 
-    @override
-    def fall_silent(self) -> None:
-        self.link.down = SILENT
+    def _hovered_s(self) -> list[float]:
+        return [time_s for time_s, each in list(self._received) if (each.port, each.channel) == (SETPOINT, 0)]
 
-    @override
-    def speak(self) -> None:
-        self.link.down = Faults()
+    def _commanded(self) -> list[tuple[float, str]]:
+        named = ((time_s, _name(each)) for time_s, each in list(self._received))
+        return [(time_s, name) for time_s, name in named if name]
 
     @override
     def pilot_disarms(self) -> None:
@@ -360,7 +325,7 @@ class OfLight(Craft):
             setattr(backend, name, self._noted(name, getattr(backend, name)))
         self._script = []
         self.world._step_once = step  # type: ignore[method-assign]
-        super().__init__(backend)
+        super().__init__(backend, Seen(self.world.now_s, lambda: self._setpoints_s, lambda: self._commands))
 
     def _noted(self, name: str, action: Callable[..., str | None]) -> Callable[..., str | None]:
         def noted(*arguments: object) -> str | None:
@@ -369,30 +334,16 @@ class OfLight(Craft):
 
         return noted
 
-    @property
     @override
-    def now_s(self) -> float:
-        return self.world.now_s()
-
-    @override
-    def setpoints_s(self) -> list[float]:
-        return self._setpoints_s
-
-    @override
-    def commands(self) -> list[tuple[float, str]]:
-        return self._commands
-
-    @override
-    def pass_step(self) -> None:
+    def advance(self) -> None:
         raise NotImplementedError
 
     @override
-    def fall_silent(self) -> None:
-        self.uav.simulation.begin_fault(LinkLost())
-
-    @override
-    def speak(self) -> None:
-        self.uav.simulation.end_fault()
+    def be_silent(self, *, does: bool) -> None:
+        if does:
+            self.uav.simulation.begin_fault(LinkLost())
+        else:
+            self.uav.simulation.end_fault()
 
     @override
     def pilot_takes_over(self) -> None:
@@ -416,34 +367,17 @@ class OfHover(Craft):
 
     def __init__(self, _: Path) -> None:
         self.hover = LockstepHover(OPTIONS, SPEED)
-        super().__init__(self.hover)
+        device = self.hover.device
+        super().__init__(self.hover, Seen(lambda: device.elapsed_s, lambda: device.targets_s, lambda: device.commands))
         scripted(self, self.hover.device.pace)
 
-    @property
     @override
-    def now_s(self) -> float:
-        return self.hover.device.elapsed_s
-
-    @override
-    def setpoints_s(self) -> list[float]:
-        return self.hover.device.targets_s
-
-    @override
-    def commands(self) -> list[tuple[float, str]]:
-        return self.hover.device.commands
-
-    @override
-    def pass_step(self) -> None:
-        self.step_script()
+    def advance(self) -> None:
         self.hover.device.advance()
 
     @override
-    def fall_silent(self) -> None:
-        self.hover.device.is_silent = True
-
-    @override
-    def speak(self) -> None:
-        self.hover.device.is_silent = False
+    def be_silent(self, *, does: bool) -> None:
+        self.hover.device.is_silent = does
 
     @override
     def pilot_takes_over(self) -> None:
@@ -487,7 +421,8 @@ class OfAirsim(Craft):
             begin(peer, number, method, arguments)
 
         self.server._begin = note  # type: ignore[method-assign]
-        super().__init__(LockstepAirsim(OPTIONS, self.server, self.vehicle))
+        seen = Seen(lambda: self.vehicle.now_s, lambda: self._setpoints_s, lambda: self._commands)
+        super().__init__(LockstepAirsim(OPTIONS, self.server, self.vehicle), seen)
         self.server.on_step = self.step_script
 
     @override
@@ -495,30 +430,13 @@ class OfAirsim(Craft):
         super().close()
         self.server.close()
 
-    @property
     @override
-    def now_s(self) -> float:
-        return self.vehicle.now_s
-
-    @override
-    def setpoints_s(self) -> list[float]:
-        return self._setpoints_s
-
-    @override
-    def commands(self) -> list[tuple[float, str]]:
-        return self._commands
-
-    @override
-    def pass_step(self) -> None:
+    def advance(self) -> None:
         self.server.run(STEP_S)
 
     @override
-    def fall_silent(self) -> None:
-        self.server.is_silent = True
-
-    @override
-    def speak(self) -> None:
-        self.server.is_silent = False
+    def be_silent(self, *, does: bool) -> None:
+        self.server.is_silent = does
 
     @override
     def pilot_takes_over(self) -> None:

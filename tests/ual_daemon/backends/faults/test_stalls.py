@@ -6,10 +6,12 @@ import pytest
 
 from tests.ual_daemon.backends.faults.craft import Can, Craft
 from tests.ual_daemon.backends.faults.over import over
+from ual.errors import UalError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
 from ual_daemon.flight.setpoint_sender import LONGEST_BLIND_S
 
+FAR = Pose.at(40.0, 0.0, 4.0)
 FORWARDS = Twist(Vector3(0.5, 0.0, 0.0))
 BEGUN_S = 0.15
 """A stall has begun by then, with the next update."""
@@ -55,11 +57,13 @@ def test_a_command_that_waits_for_too_long_in_a_stall_is_not_executed(craft: Cra
 @over(Can.STALL)
 def test_a_stall_is_not_blamed_on_the_vehicle(craft: Craft) -> None:
     craft.fly()
-    craft.uav.go_to_waypoint(Pose.at(10.0, 0.0, 3.0), blocking=False)
+    task = craft.uav.go_to_waypoint(FAR, blocking=False)
     gaps: list[str] = []
     craft.uav.vehicle.subscribe(lambda _: gaps.append(craft.backend.snapshot().scheduling_gap))
     craft.play((0.0, lambda: craft.stall(2.5)), for_s=4.0)
     assert "this computer did not run UAL for 2.5 s" in gaps
+    with pytest.raises(UalError, match=r"this computer (did not run|has not run) UAL for 2\.\d s"):
+        task.wait(0.0)
 
 
 @over(Can.STALL)
