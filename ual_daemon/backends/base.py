@@ -14,6 +14,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from typing_extensions import override
+
 from ual.errors import NotSupportedError
 from ual.geometry import Vector3
 from ual.interface import Simulation
@@ -63,6 +65,22 @@ class SafetyPilot(Protocol):
         Raises:
             UalError: The autopilot refused.
         """
+
+
+class SimulatedPilot(SafetyPilot):
+    """The pilot of a vehicle that is surely simulated: `may_arm` says whether it is ready, `arm` arms it."""
+
+    def __init__(self, may_arm: Callable[[], bool], arm: Callable[[], None]) -> None:
+        self._may_arm = may_arm
+        self._arm = arm
+
+    @override
+    def may_arm(self) -> bool:
+        return self._may_arm()
+
+    @override
+    def arm(self) -> None:
+        self._arm()
 
 
 class Backend(ABC):

@@ -79,24 +79,20 @@ class HoverBackend(Backend):
         self.clock = HoverClock(speed) if clock is None else clock
         self._autopilot = Autopilot(speed) if autopilot is None else autopilot
         self._speed = speed
-        self._on_update: UpdateCallback = lambda _: None
         self._session = session = Session(self._autopilot, self.clock, self.freshness.link_s)
         watched_s = time.monotonic if speed > 1.0 else None
-        self._loop = Loop(session, self.clock, self._update, session.watch, watched_s=watched_s)
+        self._loop = Loop(session, self.clock, session.watch, watched_s=watched_s)
         self._desk = CommandDesk(self._loop, self.clock, self._reach)
         self._thread = LoopThread(self._loop, self.clock, "hover", self._receive, session.on_defect)
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
-        self._on_update = on_update
+        self._loop.on_update = on_update
         self._thread.open()
 
     @override
     def close(self) -> None:
         self._thread.close()
-
-    def _update(self, snapshot: Snapshot) -> None:
-        self._on_update(snapshot)
 
     def _receive(self, timeout_s: float) -> None:
         """Takes all that waits. The loop does the rest."""

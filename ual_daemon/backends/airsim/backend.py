@@ -23,7 +23,7 @@ from ual_daemon.backends.airsim.setpoints import SetpointSender
 from ual_daemon.backends.airsim.settings import DEFAULT_URL, SECTION, Address, AirsimSettings, parse_address
 from ual_daemon.backends.airsim.simulation import AirsimSimulation
 from ual_daemon.backends.airsim.snapshots import API, HOVER, REMOTE_CONTROL
-from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
+from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.mailbox import SetpointMailbox
@@ -52,21 +52,6 @@ _CAPABILITIES = frozenset(
 )
 
 
-class _AirsimPilot(SafetyPilot):
-    """See `ual_daemon.backends.base.SafetyPilot`: every vehicle of this backend is simulated."""
-
-    def __init__(self, backend: AirsimBackend) -> None:
-        self._backend = backend
-
-    @override
-    def may_arm(self) -> bool:
-        return self._backend.is_ready()
-
-    @override
-    def arm(self) -> None:
-        self._backend.simulation().pilot_arm()
-
-
 class AirsimBackend(Backend):
     """One vehicle of a simulator."""
 
@@ -80,15 +65,12 @@ class AirsimBackend(Backend):
         self._address = address = parse_address(options.url or DEFAULT_URL)
         self.clock = clock = SimulatorClock(self._wall_s)
         self._info: tuple[Simulator | None, VehicleInfo | None] = (None, None)
-        self._on_update: UpdateCallback = lambda _: None
         link = SimulatorLink(address, settings.vehicle_name, settings.rate_hz, self._connect, self._wall_s)
         self._link = link
         self._commands = CommandQueue(address, f"airsim commands {options.ns}")
         self._sender = SetpointSender(address, lambda: self._session.vehicle, lambda: self._session.report)
         self._mailbox = SetpointMailbox(self._sender.send, clock, f"airsim setpoints {options.ns}")
-        self._session = Session(
-            link, self._commands, self._mailbox, clock, settings.mass_kg, self._wall_s, self._update
-        )
+        self._session = Session(link, self._commands, self._mailbox, clock, settings.mass_kg, self._wall_s)
         link.on_connect = self._on_connect
         self._procedures = Procedures(lambda: self._session.vehicle)
         self._pilot = Pilot(address, lambda: self._session.vehicle, lambda: self._session.report)
@@ -105,7 +87,7 @@ class AirsimBackend(Backend):
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
-        self._on_update = on_update
+        self._session.loop.on_update = on_update
         self._commands.open()
         self._mailbox.open()
         self._session.thread.open()
@@ -188,7 +170,7 @@ class AirsimBackend(Backend):
 
     @override
     def safety_pilot(self) -> SafetyPilot:
-        return _AirsimPilot(self)
+        return SimulatedPilot(self._is_on_ground, self.simulation().pilot_arm)
 
     @override
     def simulation(self) -> Simulation:
@@ -198,10 +180,6 @@ class AirsimBackend(Backend):
     def utc_s(self) -> float:
         simulated_s = self._session.utc_s
         return time.time() if simulated_s is None else simulated_s
-
-    def is_ready(self) -> bool:
-        """Whether the vehicle stands on the ground and is heard."""
-        return self._session.is_on_ground
 
     # --- Its commands -------------------------------------------------------------------------------------------------
 
@@ -215,13 +193,16 @@ class AirsimBackend(Backend):
 
     def _grounded(self, what: str, action: Action, begin: Callable[[], None] = nothing) -> Future[None]:
         """Gives a command for a vehicle on the ground: the simulator would disarm it in the air, too."""
-        if not self.is_ready():
+        if not self._is_on_ground():
             return _refusal(f"{what.capitalize()}: not on the ground")
         command = Command(what, Request(action, begin), ARMING, mode=API.name, waits=self._why_not_on_ground)
         return self._desk.give(what, lambda: command)
 
     def _why_not_on_ground(self, _: Snapshot) -> str:
-        return "" if self.is_ready() else "it is not on the ground"
+        return "" if self._is_on_ground() else "it is not on the ground"
+
+    def _is_on_ground(self) -> bool:
+        return self._session.is_on_ground
 
     # --- On the loop's thread -----------------------------------------------------------------------------------------
 
@@ -229,9 +210,6 @@ class AirsimBackend(Backend):
         """Has the other connections made anew, as the link's was: the old ones are lost as well."""
         self._session.on_connect(has_booted)
         self._sender.disconnect()
-
-    def _update(self, snapshot: Snapshot) -> None:
-        self._on_update(snapshot)
 
 
 def _refusal(text: str) -> Future[None]:

@@ -18,7 +18,6 @@ from ual_daemon.backends.airsim.commands import Action, CommandQueue
 from ual_daemon.backends.airsim.link import SimulatorLink
 from ual_daemon.backends.airsim.snapshots import API, COLLISION, HOVER, REMOTE_CONTROL, make_snapshot, projection_of
 from ual_daemon.backends.airsim.state import Report
-from ual_daemon.backends.base import UpdateCallback
 from ual_daemon.backends.engine.command import Verdict
 from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
 from ual_daemon.backends.engine.link_watch import LinkWatch
@@ -57,7 +56,6 @@ class Session:
         clock: SimulatorClock,
         mass_kg: float,
         wall_s: Callable[[], float],
-        on_update: UpdateCallback,
     ) -> None:
         self.watch = LinkWatch(str(link.address), LINK_S, on_lost=self._discard)
         self.runner: CommandRunner[Request] = CommandRunner(
@@ -69,7 +67,7 @@ class Session:
             _NO_TEXTS,
             lambda: queue.why_late,
         )
-        self.loop = Loop(self, clock, on_update, self.watch, wake=link.wake, watched_s=wall_s)
+        self.loop = Loop(self, clock, self.watch, wake=link.wake, watched_s=wall_s)
         self.thread = LoopThread(
             self.loop, clock, f"airsim {link.address}", self._receive, lambda error, _: link.lose(error), link.close
         )

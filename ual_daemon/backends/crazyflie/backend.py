@@ -12,17 +12,18 @@ from ual.errors import LinkLostError
 from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.backends import futures
-from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
+from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.links import Link, ScannedLink, UdpLink, make_link, vehicle_key
 from ual_daemon.backends.crazyflie.session import Session
 from ual_daemon.backends.crazyflie.settings import SECTION, CrazyflieSettings
-from ual_daemon.backends.crazyflie.simulated_pilot import SimulatedPilot
 from ual_daemon.backends.crazyflie.vehicle import describe
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError, convert
+
+_ARMING_LIMIT_S = 5.0
 
 
 class CrazyflieBackend(Backend):
@@ -156,11 +157,14 @@ class CrazyflieBackend(Backend):
 
     @override
     def safety_pilot(self) -> SafetyPilot | None:
-        return SimulatedPilot(self._may_arm, self.arm) if self._is_simulation else None
+        return SimulatedPilot(self._may_arm, self._pilot_arms) if self._is_simulation else None
 
     def _may_arm(self) -> bool:
         health = self.snapshot().health
         return health is not None and bool(health.is_ready_to_arm)
+
+    def _pilot_arms(self) -> None:
+        futures.wait(self.arm(), _ARMING_LIMIT_S, f"the Crazyflie has not armed within {_ARMING_LIMIT_S:g} s")
 
     def _command(self, what: str, command: Callable[[Session], Future[None]]) -> Future[None]:
         session = self._session

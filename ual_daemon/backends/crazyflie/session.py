@@ -77,7 +77,7 @@ class Session:
         self._supervision = Supervision(link, self._requests, make_steps, self._use)
         self._describe("")
         self._failures = OnceLog("a packet of the Crazyflie was dropped; this is a defect of UAL, please report it")
-        self.loop = Loop(self, clock, on_update, self.watch)
+        self.loop = Loop(self, clock, self.watch, on_update)
         self.thread = LoopThread(self.loop, clock, name, self._receive, self._on_defect, self._supervision.close)
         self._runner: CommandRunner[Ask] = CommandRunner(
             "the firmware", lambda ask, _, key: ask(key), self._known, self.watch, setpoints_s=lambda _: 0.0

@@ -79,8 +79,7 @@ class DjiBackend(Backend):
         self.clock = MonotonicClock()
         self._link = self._make_link()
         self._session = Session(self._link, self.clock, self._settings)
-        self._on_update: UpdateCallback = lambda _: None
-        self._loop = Loop(self._session, self.clock, self._update, self._session.watch)
+        self._loop = Loop(self._session, self.clock, self._session.watch)
         self._desk = CommandDesk(self._loop, self.clock, self._session.reach)
         self._info: tuple[Telemetry | None, VehicleInfo | None] = (None, None)
 
@@ -91,7 +90,7 @@ class DjiBackend(Backend):
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
-        self._on_update = on_update
+        self._loop.on_update = on_update
         self._loop.restart(self.clock.now_s())
         self._link.open()
 
@@ -215,9 +214,6 @@ class DjiBackend(Backend):
 
     def _woke(self) -> float:
         return self._loop.woke(self.clock.now_s())
-
-    def _update(self, snapshot: Snapshot) -> None:
-        self._on_update(snapshot)
 
     def _step(self) -> None:
         has_news, self._session.has_news = self._session.has_news, False

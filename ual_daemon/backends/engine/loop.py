@@ -47,6 +47,10 @@ class Driven(Protocol):
         ...
 
 
+def _ignore(_: Snapshot) -> None:
+    """No layer above has opened the backend yet."""
+
+
 def _nothing() -> None:
     """Nothing has to be woken."""
 
@@ -65,8 +69,8 @@ class Loop:
         self,
         driven: Driven,
         clock: Clock,
-        on_update: UpdateCallback,
         watch: LinkWatch,
+        on_update: UpdateCallback = _ignore,
         *,
         wake: Callable[[], None] = _nothing,
         watched_s: Callable[[], float] | None = None,
@@ -75,7 +79,8 @@ class Loop:
         """The snapshot that was published last."""
         self._driven = driven
         self._clock = clock
-        self._on_update = on_update
+        self.on_update = on_update
+        """Gets each snapshot. May be set until the thread begins."""
         self._watch = watch
         self._wake = wake
         self._watched_s = watched_s
@@ -149,7 +154,7 @@ class Loop:
         gap_s = now_s if self._watched_s is None else self._gap.woke_s
         snapshot = self.newest = self._driven.snapshot(now_s, self.looked_s, self._gap.why(gap_s))
         try:
-            self._on_update(snapshot)
+            self.on_update(snapshot)
         except Exception as error:  # noqa: BLE001 - a defect of the layers above
             self._failures.log(error)
 

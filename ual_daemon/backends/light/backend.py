@@ -16,7 +16,7 @@ from ual.interface import Simulation
 from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon._version import __version__
-from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
+from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
@@ -54,21 +54,6 @@ _CONTROLS = {FlightMode.GUIDED: Control.REFERENCES, FlightMode.LAND: Control.LAN
 _MODES = [
     Mode(mode.name, _CONTROLS.get(mode, Control.OTHER), is_autonomous=mode is FlightMode.HOLD) for mode in FlightMode
 ]
-
-
-class _LightPilot(SafetyPilot):
-    """See `ual_daemon.backends.base.SafetyPilot`: this vehicle is always simulated, and always ready."""
-
-    def __init__(self, backend: LightBackend) -> None:
-        self._backend = backend
-
-    @override
-    def may_arm(self) -> bool:
-        return True
-
-    @override
-    def arm(self) -> None:
-        self._backend.pilot_arm()
 
 
 class _Stepped:
@@ -143,7 +128,7 @@ class LightBackend(Backend):
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
-        self._loop = Loop(_Stepped(lambda: self._snapshot), self.clock, on_update, self.world.watch)
+        self._loop = Loop(_Stepped(lambda: self._snapshot), self.clock, self.world.watch, on_update)
         self.world.listen(self._index, self._after_step, self._is_step_needed)
 
     @override
@@ -207,7 +192,7 @@ class LightBackend(Backend):
 
     @override
     def safety_pilot(self) -> SafetyPilot:
-        return _LightPilot(self)
+        return SimulatedPilot(lambda: True, self.pilot_arm)
 
     @override
     def simulation(self) -> Simulation:

@@ -57,7 +57,7 @@ class MavrosBackend(Backend):
         link = self._link = self._make_link()
         link.advertise(self._setpoint_topic, topics.SETPOINT_TYPE)
         discovery = self._discovery = Discovery(link, self._settings, self._sent, self._on_message, self.utc_s)
-        self._loop = Loop(discovery, self.clock, self._update, discovery.watch)
+        self._loop = Loop(discovery, self.clock, discovery.watch, self._update)
         self._desk = CommandDesk(self._loop, self.clock, self._reach)
         link.open()
 

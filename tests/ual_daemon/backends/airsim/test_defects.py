@@ -55,7 +55,7 @@ def test_the_link_survives_what_nobody_expects(
     backend: AirsimBackend, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     link, updates = backend._link, list[Snapshot]()
-    backend._on_update = updates.append
+    backend._session.loop.on_update = updates.append
 
     def fails(_: float) -> None:
         raise AttributeError("landing")

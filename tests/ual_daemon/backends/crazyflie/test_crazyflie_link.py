@@ -267,7 +267,7 @@ def test_an_answer_that_is_cut_short_is_said_and_asked_for_again(tmp_path: Path)
 def test_an_update_that_fails_above_does_not_end_the_link(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     flown = Flown(tmp_path)
     flown.take_off()
-    flown.session.loop._on_update = failing_once(RuntimeError("a defect"), flown.updates.append)
+    flown.session.loop.on_update = failing_once(RuntimeError("a defect"), flown.updates.append)
     flown.run(3.0)
     assert flown.session.is_connected
     assert flown.crazyflie.supervisor is Supervisor.FLYING

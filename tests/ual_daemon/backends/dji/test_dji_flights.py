@@ -44,14 +44,14 @@ def fly(uav: UAL, height_m: float = 3.0) -> None:
 def record_states(uav: UAL, backend: LockstepDji) -> list[tuple[float, State]]:
     """Returns the list to which each update adds the aircraft's time and the state."""
     told: list[tuple[float, State]] = []
-    update = backend._on_update
+    update = backend._loop.on_update
     assert update is not None
 
     def record(snapshot: Snapshot) -> None:
         update(snapshot)
         told.append((backend.aircraft.now_s, uav.state()))
 
-    backend._on_update = record
+    backend._loop.on_update = record
     return told
 
 
@@ -575,7 +575,7 @@ def test_it_takes_off_again_after_a_landing(kind: type[LockstepDji]) -> None:
 def thread_paused(backend: LockstepDji) -> Iterator[None]:
     """Keeps the thread that hears the aircraft from running while the block runs."""
     blocked, go_on = threading.Event(), threading.Event()
-    update = backend._on_update
+    update = backend._loop.on_update
     assert update is not None
 
     def block(snapshot: Snapshot) -> None:
@@ -583,10 +583,10 @@ def thread_paused(backend: LockstepDji) -> Iterator[None]:
         assert go_on.wait(LIMIT_S)
         update(snapshot)
 
-    backend._on_update = block
+    backend._loop.on_update = block
     assert blocked.wait(LIMIT_S)
     yield
-    backend._on_update = update
+    backend._loop.on_update = update
     go_on.set()
 
 

@@ -275,7 +275,7 @@ class Scripted:
             self._setpoints_s,
             hindrance=lambda: "the bridge is late" if self.judge.is_held_up else "",
         )
-        self.loop = Loop(self, self.clock, self.updates.append, self.watch)
+        self.loop = Loop(self, self.clock, self.watch, self.updates.append)
         self.desk: CommandDesk[str] = CommandDesk(self.loop, self.clock, self._reach)
 
     # --- What the loop drives ---

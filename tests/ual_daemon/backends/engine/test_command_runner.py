@@ -394,7 +394,7 @@ def test_a_pilot_who_takes_over_while_an_update_takes_long_is_not_overruled() ->
             scripted.ask("hold")
             scripted.clock.now += stalls.pop()
 
-    scripted.loop._on_update = stall
+    scripted.loop.on_update = stall
     scripted.wait(3.0)
     assert scripted.requests == []
 

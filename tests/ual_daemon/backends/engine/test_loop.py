@@ -38,7 +38,7 @@ class Setup:
         self.clock, self.vehicle = Clock(), Vehicle()
         self.updates: list[Snapshot] = []
         self.watch = LinkWatch("loop", 2.0)
-        self.loop = Loop(self.vehicle, self.clock, self.updates.append, self.watch)
+        self.loop = Loop(self.vehicle, self.clock, self.watch, self.updates.append)
 
     def round(self, after_s: float, *, has_news: bool = False) -> float:
         self.clock.now += after_s
@@ -130,7 +130,7 @@ def test_where_a_lost_link_is_noticed_sooner_a_pause_is_shorter(setup: Setup) ->
 
 def test_time_that_leaps_is_no_pause_where_another_clock_watches() -> None:
     clock, vehicle, watching = Clock(), Vehicle(), Clock()
-    loop = Loop(vehicle, clock, lambda _: None, LinkWatch("", 1.0), watched_s=watching.now_s)
+    loop = Loop(vehicle, clock, LinkWatch("", 1.0), watched_s=watching.now_s)
     clock.now += 100.0
     assert loop.woke(clock.now) == 0.0
     assert loop.looked_s == clock.now
@@ -144,7 +144,7 @@ def test_an_error_of_the_layers_above_ends_nothing_and_is_logged_once(caplog: py
     def fail(_: Snapshot) -> None:
         raise RuntimeError("above")
 
-    scripted.loop._on_update = fail
+    scripted.loop.on_update = fail
     scripted.wait(1.0)
     order = scripted.ask("hold")
     scripted.wait(0.1)
@@ -193,7 +193,7 @@ def test_what_is_posted_in_an_update_that_takes_long_waits_until_what_came_meanw
             clock.now += 2.0 * SILENT_S
             loop.post(done.append)
 
-    loop = Loop(Vehicle(), clock, take_long, watch)
+    loop = Loop(Vehicle(), clock, watch, take_long)
     clock.now += 2.0 * TICK_S
     loop.woke(clock.now)
     loop.step(clock.now)
@@ -215,7 +215,7 @@ def test_a_snapshot_that_cannot_be_made_does_not_end_the_thread(caplog: pytest.L
         loop.step(clock.now)
 
     clock = Clock()
-    loop = Loop(Broken(), clock, lambda _: None, LinkWatch("loop", 2.0))
+    loop = Loop(Broken(), clock, LinkWatch("loop", 2.0))
     thread = LoopThread(loop, clock, "loop", receive, lambda _, __: None)
     thread.turn()
     thread.turn()

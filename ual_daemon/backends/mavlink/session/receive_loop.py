@@ -50,7 +50,7 @@ class ReceiveLoop:
         self._next_info_s = clock.now_s()
         self._connections_count = 0
         self._pose: Sample[Pose] | None = None
-        self.loop = Loop(self, clock, on_update, discovery.watch, wake=connection.wake)
+        self.loop = Loop(self, clock, discovery.watch, on_update, wake=connection.wake)
         self.thread = LoopThread(self.loop, clock, name, self._receive, self._on_defect, self._end)
 
     def close(self) -> None:
