@@ -6,6 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
+from ual_daemon.backends import futures
 from ual_daemon.backends.values import Snapshot
 
 COMMAND_PATIENCE_S = 5.0
@@ -13,7 +14,11 @@ COMMAND_PATIENCE_S = 5.0
 
 
 class AutopilotCommand:
-    """A command to the autopilot, judged by what the vehicle then does; the acknowledgement only shows refusals."""
+    """A command to the autopilot, judged by what the vehicle then does; the acknowledgement only shows refusals.
+
+    It is the face of one command of the backend. Whether that leaves, first or again, only the backend's engine decides
+    (docs/decisions/0041): after it was withdrawn, in a silence, or over a mode that others chose, it does not.
+    """
 
     def __init__(self, what: str, now_s: float) -> None:
         self.sent_s = now_s
@@ -28,17 +33,12 @@ class AutopilotCommand:
         try:
             self._ack = sender()
         except UalError as error:
-            self._ack = Future()
-            self._ack.set_exception(error)
+            self._ack = futures.failed(error)
         if self._is_withdrawn:  # by another thread during `sender()`, when there was no future to cancel yet
             self._ack.cancel()
 
     def withdraw(self) -> None:
-        """Cancels it, as far as it was not sent.
-
-        A command must not be repeated once its effect is not wanted any more: an OFFBOARD that is repeated because no
-        answer came would take control from the safety pilot.
-        """
+        """Cancels it, once its effect is not wanted any more."""
         self._is_withdrawn = True
         if self._ack is not None:
             self._ack.cancel()
@@ -51,7 +51,7 @@ class AutopilotCommand:
     @property
     def is_accepted(self) -> bool:
         """Whether the autopilot has accepted it."""
-        return self.is_answered and self._error() is None
+        return self.is_answered and self.refusal() is None
 
     def left_behind(self, lost: UalError) -> UalError:
         """Returns the error of a command whose vehicle is not seen any more before it has shown its effect."""
@@ -60,12 +60,9 @@ class AutopilotCommand:
         text = f"the command to {self.what} was not answered: if it had left, it may still be executed"
         return type(lost)(f"{lost.message}; {text}", lost.metadata)
 
-    def _error(self) -> BaseException | None:
-        return None if self._ack is None or not self.is_answered else self._ack.exception()
-
     def refusal(self) -> UalError | None:
         """Returns the autopilot's refusal; None if it has not refused."""
-        error = self._error()
+        error = self._ack.exception() if self._ack is not None and self.is_answered else None
         return error if error is None or isinstance(error, UalError) else UalError(f"{self.what}: {error}")
 
     def failure(self, snapshot: Snapshot) -> UalError | None:

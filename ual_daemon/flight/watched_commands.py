@@ -72,10 +72,7 @@ class WatchedCommands:
             watched.end(error)
 
     def step(self, snapshot: Snapshot, estimate: Estimate) -> None:
-        """Ends the commands whose effect shows in a snapshot, and those that have failed.
-
-        With the link lost they have failed, too: repeated afterwards, they would undo what the pilot did meanwhile.
-        """
+        """Ends the commands whose effect shows in a snapshot, and those that failed: with a lost link, all did."""
         for watched in self._watched:
             is_done = estimate.is_link_up and watched.is_done(snapshot)
             error = None if is_done else _failure(watched.command, snapshot, estimate)

@@ -83,8 +83,8 @@ class CommandQueue:
     def submit(self, action: Action, may_go_on: Callable[[], bool] = _always) -> Future[None]:
         """Executes a command as soon as those before it have ended.
 
-        The future ends with None, with a RejectedByAutopilotError, or with a LinkLostError where an answer is lost, or
-        where the command had to stop: before each of its calls, `may_go_on` is asked. Cancelling it stops it, too.
+        The future ends with None, with a RejectedByAutopilotError, or with a LinkLostError where an answer is lost or
+        the command had to stop. Before each of its calls `may_go_on` is asked. Cancelling the future stops it, too.
         """
         answer: Future[None] = Future()
         self._count(1)
