@@ -17,7 +17,6 @@ from ual_daemon.backends.crazyflie.packets import (
 from ual_daemon.backends.crazyflie.requests import Request
 from ual_daemon.backends.crazyflie.toc import LOG_FORMATS, Toc
 
-LARGEST_BYTES = 26
 HEADER = 4
 """Of a packet of values: the block, and 24 bits of milliseconds."""
 _PERIOD_S = 0.01

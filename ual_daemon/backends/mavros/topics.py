@@ -36,7 +36,6 @@ SET_INTERVAL = "set_message_interval"
 VEHICLE_INFO = "vehicle_info_get"
 GET_PARAMETER_ROS1 = "param/get"
 GET_PARAMETERS_ROS2 = "param/get_parameters"
-PULL_PARAMETERS = "param/pull"
 
 
 class Topic(NamedTuple):
