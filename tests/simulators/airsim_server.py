@@ -83,6 +83,7 @@ class AirsimServer:
         self._lock = threading.Lock()
         self._selector = selectors.DefaultSelector()
         self._listener = socket.create_server(("127.0.0.1", port))
+        self._listener.setblocking(False)
         self._selector.register(self._listener, selectors.EVENT_READ)
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name="airsim server", daemon=True)
@@ -110,9 +111,12 @@ class AirsimServer:
         self._thread.join()
 
     def run(self, duration_s: float) -> None:
-        """Lets time pass."""
-        with self._lock:
-            self._advance(round(duration_s / STEP_S))
+        """Lets time pass, and serves what comes meanwhile at its moment."""
+        for _ in range(round(duration_s / STEP_S)):
+            with self._lock:
+                for key, _ in self._selector.select(0.0):
+                    self._serve(key.data)
+                self._advance(1)
 
     def drop_connections(self) -> None:
         """Closes all connections, and goes on."""
@@ -137,12 +141,17 @@ class AirsimServer:
 
     def _serve(self, peer: Peer | None) -> None:
         if peer is None:
-            accepted, _ = self._listener.accept()
+            try:
+                accepted, _ = self._listener.accept()
+            except BlockingIOError:  # `run` was faster
+                return
             accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._selector.register(accepted, selectors.EVENT_READ, Peer(accepted))
             return
         try:
-            data = peer.socket.recv(1 << 16)
+            data = peer.socket.recv(1 << 16, socket.MSG_DONTWAIT)
+        except BlockingIOError:  # `run` was faster
+            return
         except OSError:
             data = b""
         if not data:

@@ -40,6 +40,7 @@ class LockstepAirsim(AirsimBackend):
         self._server = server
         self._vehicle = vehicle
         super().__init__(BackendOptions(options.ns, server.url, {"rate_hz": 25.0}))
+        self._mailbox.put = self._sender.send  # type: ignore[method-assign]  # at its moment, and not when a thread runs
 
     @override
     def _connect(self, address: Address) -> Connection:

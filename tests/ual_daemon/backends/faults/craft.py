@@ -143,12 +143,15 @@ class Craft(ABC):
 
         def begin() -> None:
             began.append(self.now_s)
-            for after_s, action in (*script, (for_s, lambda: ended.append(self.now_s))):
-                self._script.append((self.now_s + after_s, action))
+            self.later(*script, (for_s, lambda: ended.append(self.now_s)))
 
         self._script.append((0.0, begin))
         self.until(lambda: ended)
         return began[0]
+
+    def later(self, *script: tuple[float, Action]) -> None:
+        """Adds to what is played. To be called by an action."""
+        self._script += [(self.now_s + after_s, action) for after_s, action in script]
 
     def run(self, duration_s: float) -> float:
         """Lets time pass. Returns when it began."""

@@ -446,7 +446,7 @@ class OfAirsim(Craft):
 
     @override
     def pilot_disarms(self) -> None:
-        self.vehicle.is_armed = False
+        assert self.vehicle.disarm()
 
 
 CRAFTS: dict[str, type[Craft]] = {

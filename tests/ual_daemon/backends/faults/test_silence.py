@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.ual_daemon.backends.faults.craft import Can, Craft
+from tests.ual_daemon.backends.faults.craft import Action, Can, Craft
 from tests.ual_daemon.backends.faults.over import over
 from ual.errors import LinkLostError
 from ual.geometry import Pose
@@ -70,38 +70,46 @@ def test_nothing_is_repeated_in_a_silence(craft: Craft) -> None:
     assert craft.commands_since(begin_s + 0.15 + NOTICED_S, begin_s + 1.2) == []
 
 
+def undo_in_silence(craft: Craft, command: Action, undo: Action, silent_s: float) -> float:
+    """Has the vehicle fall silent as it gets a command, which it obeys; others undo that before it is heard again.
+
+    Returns when the command came.
+    """
+    told_s = craft.now_s
+    came_s: list[float] = []
+
+    def fall_silent_once_told() -> None:
+        if not came_s and craft.commands_since(told_s):
+            came_s.append(craft.now_s)
+            craft.fall_silent()
+            craft.later((0.4, undo), (silent_s, craft.speak))
+
+    looks = [(0.01 * n, fall_silent_once_told) for n in range(200)]
+    craft.play((0.0, command), *looks, for_s=silent_s + 5.0)
+    return came_s[0]
+
+
 @over(Can.BE_UNHEARD)
-@pytest.mark.parametrize("silent_s", [0.7, 3.0])
+@pytest.mark.parametrize("silent_s", [0.6, 3.0])
 def test_what_was_disarmed_in_a_silence_is_not_armed_again(craft: Craft, silent_s: float) -> None:
     craft.arm()
     craft.uav.disarm()
     craft.run(3.0)
     craft.ready()
-    begin_s = craft.play(
-        (0.0, craft.uav.vehicle.commands.arm),
-        (0.02, craft.fall_silent),
-        (0.6, craft.pilot_disarms),
-        (silent_s, craft.speak),
-        for_s=silent_s + 4.0,
-    )
-    assert craft.commands_since(begin_s + 0.6) == []
+    came_s = undo_in_silence(craft, craft.uav.vehicle.commands.arm, craft.pilot_disarms, silent_s)
+    assert craft.commands_since(came_s + 0.4) == []
     assert craft.uav.state() is State.LANDED_DISARMED
 
 
-@over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT)
+@over(Can.BE_UNHEARD, Can.BE_FLOWN_BY_A_PILOT, Can.REPEAT)
 def test_what_a_pilot_took_back_in_a_silence_is_not_taken_again(craft: Craft) -> None:
     craft.fly()
     craft.pilot_takes_over()
     craft.until_state(State.FLYING_MANUAL)
     craft.run(1.0)
-    begin_s = craft.play(
-        (0.0, lambda: craft.command("take_control")),
-        (0.02, craft.fall_silent),
-        (0.5, craft.pilot_takes_over),
-        (0.7, craft.speak),
-        for_s=4.0,
-    )
-    assert craft.commands_since(begin_s + 0.5) == []
+    recover = craft.uav.vehicle.commands.recover_from_manual().begin
+    came_s = undo_in_silence(craft, recover, craft.pilot_takes_over, 0.6)
+    assert craft.commands_since(came_s + 0.4) == []
     assert craft.uav.state() is State.FLYING_MANUAL
 
 
