@@ -135,17 +135,17 @@ class AirsimBackend(Backend):
 
     @override
     def arm(self) -> Future[None]:
-        procedures = self._procedures
-        return self._grounded("arm", self._controlled(procedures.arm, procedures.arm_controlled))
+        return self._grounded("arm", (self._controlling, self._procedures.start_motors))
 
     @override
     def disarm(self) -> Future[None]:
-        procedures = self._procedures
-        return self._grounded("disarm", self._controlled(procedures.disarm, procedures.disarm_controlled))
+        return self._grounded("disarm", (self._controlling, self._procedures.stop_motors))
 
     @override
     def disarm_landed(self) -> Future[None]:
-        return self._grounded("disarm", self._procedures.disarm_controlled, self._session.begin_disarming)
+        procedures = self._procedures
+        actions = procedures.require_own_control, procedures.stop_motors
+        return self._grounded("disarm", actions, self._session.begin_disarming)
 
     @override
     def take_off(self, height_m: float, limits: Limits) -> Future[None]:
@@ -158,14 +158,14 @@ class AirsimBackend(Backend):
 
     @override
     def take_control(self) -> Future[None]:
-        action = self._controlled(self._procedures.take_control, self._procedures.keep_control)
-        request = Request(action, self._session.begin_control)
+        actions = (self._procedures.enable, self._procedures.hover) if self._is_off else (self._controlling,)
+        request = Request(actions, self._session.begin_control)
         return self._desk.give("take control", lambda: Command("take control", request, FLYING, mode=API.name))
 
     @override
     def hold(self) -> Future[None]:
         self._session.begin_hold()
-        request = Request(self._procedures.hover)
+        request = Request((self._procedures.require_own_control, self._procedures.hover))
         return self._desk.give("hold", lambda: Command("hold", request, FLYING, mode=HOVER.name))
 
     @override
@@ -183,19 +183,25 @@ class AirsimBackend(Backend):
 
     # --- Its commands -------------------------------------------------------------------------------------------------
 
-    def _controlled(self, taking: Action, keeping: Action) -> Action:
-        """Returns how to do what needs API control: taking it only where the caller saw that it was off.
+    @property
+    def _is_off(self) -> bool:
+        """Whether callers see that API control is off."""
+        mode = self._session.loop.newest.mode
+        return mode is not None and mode.value is REMOTE_CONTROL
+
+    @property
+    def _controlling(self) -> Action:
+        """What comes before all that needs API control. It is taken only where the caller saw that it was off.
 
         Where it was on, the safety pilot may switch it off before the command is executed, and then keeps it off.
         """
-        mode = self._session.loop.newest.mode
-        return taking if mode is not None and mode.value is REMOTE_CONTROL else keeping
+        return self._procedures.enable if self._is_off else self._procedures.require_own_control
 
-    def _grounded(self, what: str, action: Action, begin: Callable[[], None] = nothing) -> Future[None]:
+    def _grounded(self, what: str, actions: tuple[Action, ...], begin: Callable[[], None] = nothing) -> Future[None]:
         """Gives a command for a vehicle on the ground: the simulator would disarm it in the air, too."""
         if not self._is_on_ground():
             return _refusal(f"{what.capitalize()}: not on the ground")
-        command = Command(what, Request(action, begin), ARMING, mode=API.name, waits=self._why_not_on_ground)
+        command = Command(what, Request(actions, begin), ARMING, mode=API.name, waits=self._why_not_on_ground)
         return self._desk.give(what, lambda: command)
 
     def _why_not_on_ground(self, _: Snapshot) -> str:

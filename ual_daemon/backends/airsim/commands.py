@@ -7,7 +7,6 @@ import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import NamedTuple
 
 from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual_daemon import logs
@@ -25,38 +24,27 @@ class RefusedError(Exception):
     """The simulator refused a command; the message says why, human-readable."""
 
 
-class _StoppedError(Exception):
-    """A command must not go on."""
+class _WithdrawnError(Exception):
+    """A command was withdrawn between two of its calls."""
 
 
-def _always() -> bool:
-    return True
-
-
-class _Submitted(NamedTuple):
-    action: Action
-    may_go_on: Callable[[], bool]
-    answer: Future[None]
+_DECIDING = ("enableApiControl", "armDisarm")
+"""They are not called for a command that was withdrawn. The others are refused by the simulator where the API has no
+control; and a vehicle that was given API control falls until its command has come."""
 
 
 class _Calls:
-    """The calls of one command, each of which leaves only while the command is wanted and may go on."""
+    """The calls of one command."""
 
-    def __init__(self, connection: Connection, submitted: _Submitted) -> None:
+    def __init__(self, connection: Connection, answer: Future[None]) -> None:
         self._connection = connection
-        self._submitted = submitted
+        self._answer = answer
+        self.post = connection.post
 
     def call(self, kind: type[T], timeout_s: float, method: str, *arguments: object) -> T:
-        self._check()
+        if method in _DECIDING and self._answer.cancelled():
+            raise _WithdrawnError
         return self._connection.call(kind, timeout_s, method, *arguments)
-
-    def post(self, method: str, *arguments: object) -> None:
-        self._check()
-        self._connection.post(method, *arguments)
-
-    def _check(self) -> None:
-        if self._submitted.answer.cancelled() or not self._submitted.may_go_on():
-            raise _StoppedError("it was stopped, as others may have acted meanwhile")
 
 
 class CommandQueue:
@@ -64,7 +52,7 @@ class CommandQueue:
 
     def __init__(self, address: Address, thread_name: str) -> None:
         self._address = address
-        self._queue: queue.SimpleQueue[_Submitted | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[tuple[Action, Future[None]] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._unfinished_count = 0
         self._connection: Connection | None = None
@@ -80,15 +68,15 @@ class CommandQueue:
         """Starts the thread."""
         self._thread.start()
 
-    def submit(self, action: Action, may_go_on: Callable[[], bool] = _always) -> Future[None]:
+    def submit(self, action: Action) -> Future[None]:
         """Executes a command as soon as those before it have ended.
 
-        The future ends with None, with a RejectedByAutopilotError, or with a LinkLostError where an answer is lost or
-        the command had to stop. Before each of its calls `may_go_on` is asked. Cancelling the future stops it, too.
+        The future ends with None, with a RejectedByAutopilotError, or with a LinkLostError where an answer is lost.
+        Cancelling it withdraws the command, also between two of its calls.
         """
         answer: Future[None] = Future()
         self._count(1)
-        self._queue.put(_Submitted(action, may_go_on, answer))
+        self._queue.put((action, answer))
         return answer
 
     def close(self) -> None:
@@ -101,20 +89,21 @@ class CommandQueue:
 
     def _run(self) -> None:
         while (submitted := self._queue.get()) is not None and not self._is_closed:
-            error = self._execute(submitted)
+            action, answer = submitted
+            error = None if answer.cancelled() else self._execute(action, answer)
             self._count(-1)
-            futures.end(submitted.answer, error)
+            futures.end(answer, error)
         self.disconnect()
 
-    def _execute(self, submitted: _Submitted) -> Exception | None:
+    def _execute(self, action: Action, answer: Future[None]) -> Exception | None:
         """Returns why a command was not done; None if it was."""
         try:
-            submitted.action(_Calls(self._connected(), submitted))
+            action(_Calls(self._connected(), answer))
         except (RefusedError, RemoteError) as error:
             text = str(error)
             return RejectedByAutopilotError(f"the simulator refused: {text}", {"text": text})
-        except _StoppedError as error:
-            return LinkLostError(str(error))
+        except _WithdrawnError:
+            return None  # nobody hears of it
         except (OSError, ValueError) as error:
             return self._lost(error)
         except Exception as error:  # noqa: BLE001  logged with its traceback; the next command is executed

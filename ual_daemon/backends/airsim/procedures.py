@@ -32,28 +32,17 @@ class Procedures:
         self._vehicle = vehicle
 
     def arm(self, connection: Caller) -> None:
-        """Arms, and gives the API the control that is needed for that."""
+        """Arms; the API must have control for that."""
         self._require_api_control(connection)
-        self.arm_controlled(connection)
-
-    def arm_controlled(self, connection: Caller) -> None:
-        """Arms where the API has control. The safety pilot may have taken over meanwhile: it is never enabled."""
-        self._require_own_control(connection)
-        self._arm_or_disarm(connection, True)
+        self.start_motors(connection)
 
     def disarm(self, connection: Caller) -> None:
         """Disarms. The simulator does it in the air, too: the caller refuses that."""
         self._require_api_control(connection)
-        self._stop_motors(connection)
-
-    def disarm_controlled(self, connection: Caller) -> None:
-        """Disarms where the API has control. The safety pilot may have taken over: it is never enabled."""
-        self._require_own_control(connection)
-        self._stop_motors(connection)
+        self.stop_motors(connection)
 
     def hover(self, connection: Caller) -> None:
         """Stops the vehicle, which then hovers by itself."""
-        self._require_own_control(connection)
         connection.post("moveByVelocity", *move_arguments(_STILL, self._vehicle()))
 
     def take_control(self, connection: Caller) -> None:
@@ -62,16 +51,12 @@ class Procedures:
         A vehicle that gets API control in the air falls until a command comes, also if it had it already.
         """
         if self._require_api_control(connection):
-            connection.post("moveByVelocity", *move_arguments(_STILL, self._vehicle()))
-
-    def keep_control(self, connection: Caller) -> None:
-        """Checks that the API has control, for a vehicle that is in flight under it."""
-        self._require_own_control(connection)
+            self.hover(connection)
 
     def place(self, connection: Caller, position: Vector3, yaw_rad: float) -> None:
         """Puts the vehicle somewhere, at rest, and disarms it."""
         self._require_api_control(connection)
-        self._stop_motors(connection)
+        self.stop_motors(connection)
         half = (math.pi / 2.0 - yaw_rad) / 2.0
         pose = {
             "position": _vector(position.y, position.x, -position.z),
@@ -102,15 +87,27 @@ class Procedures:
         Raises:
             RefusedError: The simulator's settings or the switch of a remote control do not allow it.
         """
-        vehicle = self._vehicle()
-        if connection.call(bool, _ANSWER_S, "isApiControlEnabled", vehicle):
+        if connection.call(bool, _ANSWER_S, "isApiControlEnabled", self._vehicle()):
             return False
+        self.enable(connection)
+        return True
+
+    def enable(self, connection: Caller) -> None:
+        """Gives the API the control, at once.
+
+        Raises:
+            RefusedError: The simulator's settings or the switch of a remote control do not allow it.
+        """
+        vehicle = self._vehicle()
         connection.call(object, _ANSWER_S, "enableApiControl", True, vehicle)
         if not connection.call(bool, _ANSWER_S, "isApiControlEnabled", vehicle):
             raise RefusedError("API control is not allowed: see AllowAPIAlways in the simulator's settings.json")
-        return True
 
-    def _require_own_control(self, connection: Caller) -> None:
+    def start_motors(self, connection: Caller) -> None:
+        """Arms."""
+        self._arm_or_disarm(connection, True)
+
+    def require_own_control(self, connection: Caller) -> None:
         """Checks that the API has control, and leaves it as it is.
 
         Raises:
@@ -119,7 +116,7 @@ class Procedures:
         if not connection.call(bool, _ANSWER_S, "isApiControlEnabled", self._vehicle()):
             raise RefusedError("the safety pilot has the control (API control is off)")
 
-    def _stop_motors(self, connection: Caller) -> None:
+    def stop_motors(self, connection: Caller) -> None:
         """Disarms a vehicle on the ground.
 
         A velocity that is still flown would start the motors again, and could then not be disarmed. So it is ended

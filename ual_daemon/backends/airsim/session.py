@@ -16,6 +16,7 @@ from ual_daemon.backends.airsim.clock import SimulatorClock
 from ual_daemon.backends.airsim.collisions import CollisionWatch
 from ual_daemon.backends.airsim.commands import Action, CommandQueue
 from ual_daemon.backends.airsim.link import SimulatorLink
+from ual_daemon.backends.airsim.rpc import Caller
 from ual_daemon.backends.airsim.snapshots import API, COLLISION, HOVER, REMOTE_CONTROL, make_snapshot, projection_of
 from ual_daemon.backends.airsim.state import Report
 from ual_daemon.backends.engine.command import Verdict
@@ -41,8 +42,13 @@ def nothing() -> None:
 class Request(NamedTuple):
     """A command as it is executed, and what is to be noted as it leaves."""
 
-    action: Action
+    actions: tuple[Action, ...]
     begin: Callable[[], None] = nothing
+
+    def execute(self, connection: Caller) -> None:
+        """Does one after another."""
+        for action in self.actions:
+            action(connection)
 
 
 class Session:
@@ -252,8 +258,7 @@ class Session:
     def _transmit(self, request: Request, _: int, key: Hashable) -> Callable[[], object]:
         """Has a command executed. Returns what stops it, as far as its calls have not left yet."""
         request.begin()
-        sent_s = self._clock.now_s()
-        answer = self._queue.submit(request.action, lambda: self.watch.is_unbroken(sent_s, self._clock.now_s()))
+        answer = self._queue.submit(request.execute)
         answer.add_done_callback(partial(self._on_ended, key))
         return answer.cancel
 

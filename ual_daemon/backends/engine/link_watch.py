@@ -133,13 +133,6 @@ class LinkWatch:
             return "the autopilot may have rebooted"
         return ""
 
-    def is_unbroken(self, since_s: float, now_s: float) -> bool:
-        """Whether no silence and no time of not looking came since a time: what it has several steps for may go on.
-
-        From any thread.
-        """
-        return self.spoken_s <= since_s and not self.why_silent(now_s)
-
     def _end_silence(self, silence_s: float, now_s: float) -> None:
         self.spoken_s = max(self.spoken_s, now_s)
         if silence_s > self.lost_s:

@@ -140,7 +140,7 @@ def test_a_pilot_who_takes_over_at_the_touch_down_keeps_the_control(
     uav: UAL, server: AirsimServer, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between the report that shows the ground and the disarming that follows it."""
-    disarm, taken = Procedures.disarm_controlled, threading.Event()
+    disarm, taken = Procedures.require_own_control, threading.Event()
 
     def after_the_take_over(self: Procedures, connection: Caller) -> None:
         if not taken.is_set():
@@ -149,7 +149,7 @@ def test_a_pilot_who_takes_over_at_the_touch_down_keeps_the_control(
             taken.set()
         disarm(self, connection)
 
-    monkeypatch.setattr(Procedures, "disarm_controlled", after_the_take_over)
+    monkeypatch.setattr(Procedures, "require_own_control", after_the_take_over)
     uav.take_off(2.0)
     uav.land(blocking=False)
     until(taken.is_set, "its landing")
