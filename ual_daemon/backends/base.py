@@ -21,7 +21,7 @@ from ual.geometry import Vector3
 from ual.interface import Simulation
 from ual.types import Limits
 from ual_daemon.backends.payload import Payload
-from ual_daemon.backends.values import ExternalPose, Freshness, Packet, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Packet, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError
 
 
@@ -238,6 +238,10 @@ class Backend(ABC):
         In a simulation, it is the simulated time from which `Snapshot.stamp_s` is made.
         """
         return time.time()
+
+    def link(self) -> LinkReport:
+        """Returns how the link to the autopilot has been of late, for those who watch the daemon (``--metrics``)."""
+        return LinkReport()
 
     def safety_pilot(self) -> SafetyPilot | None:
         """Returns a simulated safety pilot if the vehicle is or may be simulated; None if it is known to be real."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import threading
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
 from typing import NamedTuple
 
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
@@ -63,7 +65,7 @@ class VehicleTask:
         progress, distance_left_m, waypoint_index = self._progress()
         if progress is not None:  # the progress must not fall with a noisy estimate
             progress = self._reported_progress = max(progress, self._reported_progress or 0.0)
-        status, error = self._status()
+        status, error = _outcome(self.future)
         ended_s = self._clock.now_s() if self._ended_s is None else self._ended_s
         return TaskInfo(
             self.id,
@@ -77,15 +79,6 @@ class VehicleTask:
             f"{self.description}: {self.note}" if self.note else self.description,
             self.is_paused and status is TaskStatus.RUNNING,
         )
-
-    def _status(self) -> tuple[TaskStatus, UalError | None]:
-        if not self.future.done():
-            return TaskStatus.RUNNING, None
-        error = self.future.exception()
-        if error is None:
-            return TaskStatus.SUCCEEDED, None
-        assert isinstance(error, UalError)
-        return (TaskStatus.ABORTED if isinstance(error, TaskAbortedError) else TaskStatus.FAILED), error
 
     def report(self, progress: Callable[[], Progress]) -> None:
         """Sets its progress, as a pure function that `info` calls. Called by the update thread."""
@@ -115,6 +108,7 @@ class Tasks:
         self._clock = clock
         self._lock = threading.Lock()
         self._tasks: OrderedDict[str, VehicleTask | TaskInfo] = OrderedDict()
+        self._ended: Counter[tuple[TaskKind, TaskStatus]] = Counter()
 
     def new(self, kind: TaskKind, description: str) -> VehicleTask:
         """Makes a task, and forgets the oldest one if there are too many."""
@@ -126,7 +120,18 @@ class Tasks:
             self._tasks[task.id] = task
             if len(self._tasks) > _REMEMBERED_COUNT:
                 self._tasks.popitem(last=False)
+        task.future.add_done_callback(partial(self._on_end, kind))  # not the task: it would hold itself in memory
         return task
+
+    def _on_end(self, kind: TaskKind, future: Future[None]) -> None:
+        status, _ = _outcome(future)
+        with self._lock:
+            self._ended[kind, status] += 1
+
+    def ended(self) -> Counter[tuple[TaskKind, TaskStatus]]:
+        """Returns how many have ended since the start, by their kind and how they ended."""
+        with self._lock:
+            return self._ended.copy()
 
     def get(self, task_id: str) -> VehicleTask:
         """Returns a task by its identifier.
@@ -139,6 +144,17 @@ class Tasks:
         if found is None:
             raise InvalidArgumentError(f"task_id: there is no task {task_id[:100]!r}", {"field": "task_id"})
         return VehicleTask.ended(found, self._clock) if isinstance(found, TaskInfo) else found
+
+
+def _outcome(future: Future[None]) -> tuple[TaskStatus, UalError | None]:
+    """Returns how a task stands, by its future, and the error that ended it."""
+    if not future.done():
+        return TaskStatus.RUNNING, None
+    error = future.exception()
+    if error is None:
+        return TaskStatus.SUCCEEDED, None
+    assert isinstance(error, UalError)
+    return (TaskStatus.ABORTED if isinstance(error, TaskAbortedError) else TaskStatus.FAILED), error
 
 
 def _remembered(task: VehicleTask) -> TaskInfo:

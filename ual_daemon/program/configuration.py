@@ -56,6 +56,7 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
     record_raw: bool = False
     record_file_mib: Annotated[int, Meta(ge=1)] = 1024
     record_file_minutes: Annotated[float, Meta(gt=0.0)] = 60.0
+    metrics: str | None = None
     transport: Literal["auto", "core", "aio"] = "auto"
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     log_format: Literal["text", "json"] = "text"

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from ual.interface import Simulation
     from ual_daemon.choice import ServedVehicle
+    from ual_daemon.program.metrics.gathering import ProcessMetrics
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
     from ual_daemon.server.access.policy import Access
@@ -76,12 +77,14 @@ class Daemon:
         is_auto_arming: bool = False,
         recording: Recording | None = None,
         audit: Audit | None = None,
+        metrics: ProcessMetrics | None = None,
         supervision: Supervision | None = None,
     ) -> None:
         self._supervision = supervision or Unsupervised()
         self._is_of_many = len(uavs) > 1 or supervision is not None
         self._recording = recording
         self._audit = audit
+        self._metrics = metrics
         self._uavs = uavs
         self._callers = callers or Callers()
         self._transport = transport
@@ -115,6 +118,9 @@ class Daemon:
             )
             for uav in self._uavs
         ]
+        if self._metrics is not None:
+            for uav, each in zip(self._uavs, served, strict=True):
+                self._metrics.add(uav.vehicle, each.server)
         is_serving = False
         try:
             is_serving = await self._serve(served, stop)

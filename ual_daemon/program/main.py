@@ -38,9 +38,12 @@ from ual_daemon.program.configuration import (
 from ual_daemon.settings import ConfigError, VehicleSettings
 
 if TYPE_CHECKING:
+    from contextlib import ExitStack
+
     from ual_daemon.backends.base import Backend, BackendOptions
     from ual_daemon.choice import ServedVehicle
     from ual_daemon.program.daemon import Callers
+    from ual_daemon.program.metrics.gathering import ProcessMetrics
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
     from ual_daemon.program.worker import Worker
@@ -141,6 +144,7 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 @click.option("--tokens", metavar="FILE", help="Callers may show a token of this file (`ual token new`).")
 @click.option("--roles", metavar="FILE", help="What each certificate and token may do, YAML.")
 @click.option("--audit", metavar="FILE", help="Append a line to this file for each call that changes something.")
+@click.option("--metrics", metavar="HOST:PORT", help="Serve metrics for Prometheus there, over HTTP.")
 @click.option(
     "--transport",
     type=click.Choice(["auto", "core", "aio"]),
@@ -227,6 +231,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
 def _spread(configuration: Configuration, sources: Sequence[Source], parts: Sequence[range]) -> None:
     """Flies a fleet with several processes. Returns in each of them, but not in the one that starts them."""
     from ual_daemon.program import fleet
+    from ual_daemon.program.metrics import opening
     from ual_daemon.program.recording.audit_file import AuditError, AuditFile
     from ual_daemon.program.supervisor import CannotStartError, Supervisor
 
@@ -234,13 +239,13 @@ def _spread(configuration: Configuration, sources: Sequence[Source], parts: Sequ
     try:
         names = fleet.names(settings.ns, parts[-1].stop)
         audit = None if settings.audit is None else AuditFile(Path(settings.audit))
-        supervisor = Supervisor(names, parts, audit)
+        supervisor = Supervisor(names, parts, audit, opening.exporter(settings))
         worker = supervisor.start()
         if worker is None:
             sys.exit(supervisor.run(settings.log_level, settings.log_format))
     except ConfigError as error:
         raise located(error, sources) from None
-    except AuditError as error:
+    except (AuditError, opening.MetricsError) as error:
         _fail(str(error), _CANNOT_START)
     except CannotStartError as error:
         _fail(str(error), error.status)
@@ -260,6 +265,7 @@ def _fly(
 
     heap.limit()  # before there are threads
     from ual_daemon.program import access_files
+    from ual_daemon.program.metrics import opening
     from ual_daemon.server import tls
     from ual_daemon.ual import UAL
 
@@ -269,6 +275,7 @@ def _fly(
         credentials = tls.credentials(settings.tls_certificate, settings.tls_key, settings.tls_client_ca)
         who_may = access_files.access(settings)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
+        opening.address_of(settings)
         _refuse_arming_while_watching(settings)
         if settings.auto_arm and uavs[0].vehicle.safety_pilot() is None:
             where = f" at {settings.url}" if settings.url else ""
@@ -376,6 +383,7 @@ def _serve(
     from contextlib import ExitStack
 
     from ual_daemon.program.daemon import Daemon, Uav
+    from ual_daemon.program.metrics import opening
     from ual_daemon.program.namespace import Namespace, NamespaceError
     from ual_daemon.program.recording.audit_file import AuditError
     from ual_daemon.server.addresses import ListenError
@@ -394,6 +402,7 @@ def _serve(
             audit = _audit(settings, worker)
             if audit is not None:
                 held.callback(audit.close)
+            metrics = _metrics(settings, worker, [interface.ns for interface in interfaces], recording, held)
             daemon = Daemon(
                 uavs,
                 callers,
@@ -401,11 +410,12 @@ def _serve(
                 is_auto_arming=settings.auto_arm,
                 recording=recording,
                 audit=audit,
+                metrics=metrics,
                 supervision=worker,
             )
             sys.setswitchinterval(_SWITCH_S)
             are_safe = asyncio.run(daemon.run())
-    except (ListenError, NamespaceError, RecordingError, AuditError) as error:
+    except (ListenError, NamespaceError, RecordingError, AuditError, opening.MetricsError) as error:
         if worker is not None:
             worker.fail(str(error), _CANNOT_START)
         _fail(str(error), _CANNOT_START)
@@ -437,6 +447,28 @@ def _recording(settings: DaemonSettings, vehicles: Sequence[ServedVehicle]) -> R
         return Recording(Path(settings.record), vehicles, log_output.line_of, turnover, is_raw=settings.record_raw)
     except OSError as error:
         raise RecordingError(f"cannot record into {settings.record}: {error.strerror or error}") from None
+
+
+def _metrics(
+    settings: DaemonSettings,
+    worker: Worker | None,
+    names: Sequence[str],
+    recording: Recording | None,
+    held: ExitStack,
+) -> ProcessMetrics | None:
+    """Returns the metrics of this process, if they are wanted. They are served until `held` ends."""
+    if settings.metrics is None:
+        return None
+    from ual_daemon.program.metrics import opening
+    from ual_daemon.program.metrics.gathering import ProcessMetrics
+
+    metrics = ProcessMetrics(names[0], recording)
+    if worker is not None:
+        worker.metrics = metrics.samples  # the supervisor serves them
+    elif (exporter := opening.exporter(settings)) is not None:
+        held.callback(exporter.close)
+        exporter.start(metrics.samples)
+    return metrics
 
 
 def _audit(settings: DaemonSettings, worker: Worker | None) -> Audit | None:

@@ -20,11 +20,13 @@ from typing import TYPE_CHECKING, Any
 
 from ual_daemon import logs
 from ual_daemon.program import fleet_time, log_output, signals
+from ual_daemon.program.metrics.workers import WorkersMetrics
 from ual_daemon.program.pipes import Pipe
 from ual_daemon.program.supervision import log_serving, span
 from ual_daemon.program.worker import BOUND, END, END_OF_LINE, FAILED, GO, SERVING, Channels, Worker
 
 if TYPE_CHECKING:
+    from ual_daemon.program.metrics.exporter import Exporter
     from ual_daemon.program.recording.audit_file import AuditFile
     from ual_daemon.program.recording.audit_writer import AuditWriter
 
@@ -56,10 +58,11 @@ class _Process:
         """Its exit status once it has ended; the negative number of the signal that killed it."""
         self._orders, self._order = os.pipe()
         self.words, self.log, self.audit = Pipe(b"\n"), Pipe(END_OF_LINE.encode()), Pipe(b"\n")
+        self.metrics = Pipe(b"\n")
 
     def channels(self) -> Channels:
         """Returns the worker's ends of the pipes."""
-        return Channels(self._orders, self.words.writes, self.log.writes, self.audit.writes)
+        return Channels(self._orders, self.words.writes, self.log.writes, self.audit.writes, self.metrics.writes)
 
     def keep(self) -> None:
         """Leaves the worker's ends to the worker, so that they end with it."""
@@ -68,7 +71,7 @@ class _Process:
 
     def leave(self) -> None:
         """Closes the supervisor's ends. A worker does, too: it must notice when the supervisor is gone."""
-        for each in (self._order, self.words.reads, self.log.reads, self.audit.reads):
+        for each in (self._order, self.words.reads, self.log.reads, self.audit.reads, self.metrics.reads):
             os.close(each)
 
     @property
@@ -110,11 +113,21 @@ class _Process:
 class Supervisor:
     """The workers of a fleet, from `start` to the end of `run`."""
 
-    def __init__(self, names: Sequence[str], parts: Sequence[range], audit: AuditFile | None = None) -> None:
-        """`names` are the UAVs, `parts` which of them each worker flies. `audit` is written for all of them."""
+    def __init__(
+        self,
+        names: Sequence[str],
+        parts: Sequence[range],
+        audit: AuditFile | None = None,
+        exporter: Exporter | None = None,
+    ) -> None:
+        """`names` are the UAVs, `parts` which of them each worker flies. `audit` is written for all of them, and
+        `exporter` serves the metrics of all.
+        """
         self._names = names
         self._parts = parts
         self._audit_file = audit
+        self._exporter = exporter
+        self._metrics: WorkersMetrics
         self._processes: list[_Process] = []
         self._time = fleet_time.Relay(self._processes)
         self._is_serving = self._is_ending = False
@@ -142,6 +155,8 @@ class Supervisor:
             each.leave()
         if self._audit_file is not None:
             self._audit_file.leave()
+        if self._exporter is not None:
+            self._exporter.leave()
 
     def run(self, level: str, format: log_output.Format) -> int:  # noqa: A002  as in logging
         """Waits for the end of all workers. Returns the exit status.
@@ -158,6 +173,8 @@ class Supervisor:
 
                 self._audit = AuditWriter(self._audit_file)
                 held.callback(self._audit.close)
+            if self._exporter is not None:
+                held.callback(self._exporter.close)
             asyncio.run(self._watch())
         return self._status()
 
@@ -178,6 +195,9 @@ class Supervisor:
         for process in self._processes:
             for pipe, _ in self._taking(process):
                 loop.add_reader(pipe.reads, self._read, process)
+        self._metrics = WorkersMetrics(self._processes)
+        if self._exporter is not None:
+            self._exporter.start(self._metrics.samples)
         self._reap()  # who has ended before this
         await self._all_ended.wait()
 
@@ -187,6 +207,7 @@ class Supervisor:
             (process.log, self._pass_on),
             (process.audit, self._add_to_audit),
             (process.words, partial(self._on_words, process)),
+            (process.metrics, partial(self._on_metrics, process)),
         ]
 
     def _read(self, process: _Process) -> None:
@@ -211,6 +232,10 @@ class Supervisor:
                 self._time.on_made(process, *rest)
             else:
                 process.on_phase(word, *rest)
+
+    def _on_metrics(self, process: _Process, answers: Sequence[bytes]) -> None:
+        for answer in answers:
+            self._metrics.on_answer(process, answer)
 
     def _add_to_audit(self, lines: Sequence[bytes]) -> None:
         for line in lines:

@@ -12,6 +12,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
@@ -21,6 +22,9 @@ from typing_extensions import override
 from ual_daemon import logs
 from ual_daemon.program import log_output, signals
 from ual_daemon.program.fleet_time import MAKE, FleetTime
+from ual_daemon.program.metrics.catalogue import Sample
+from ual_daemon.program.metrics.workers import ASK as METRICS
+from ual_daemon.program.metrics.workers import packed
 from ual_daemon.program.pipes import Reader
 from ual_daemon.program.supervision import Supervision
 
@@ -39,12 +43,13 @@ END_OF_LINE = "\0"
 
 
 class Channels(NamedTuple):
-    """The worker's ends of its pipes: what it is told, its own words, and the lines of its log and audit."""
+    """The worker's ends of its pipes: what it is told, its own words, the lines of its log and audit, its metrics."""
 
     orders: int
     words: int
     log: int
     audit: int
+    metrics: int
 
 
 class Worker(Supervision):
@@ -63,6 +68,9 @@ class Worker(Supervision):
         self._is_alone = False
         self._orders = Reader(channels.orders, b"\n")
         self._time: FleetTime | None = None
+        self.metrics: Callable[[], Sequence[Sample]] | None = None
+        """Returns the metrics of its UAVs, if they are wanted."""
+        self._is_answering = False
         # A terminal sends these to all processes of the command; the supervisor is told, and tells its workers.
         for number in (signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
@@ -125,9 +133,24 @@ class Worker(Supervision):
             self._decided.set()
         elif word == END:
             self._end()
+        elif word == METRICS:
+            self._on_metrics(*rest)
         elif self._time is not None:
             answer: Callable[..., None] = self._time.on_make if word == MAKE else self._time.on_made
             answer(*rest)
+
+    def _on_metrics(self, number: int) -> None:
+        """Answers by a thread of its own, as gathering and writing take a while."""
+        if self.metrics is not None and not self._is_answering:
+            self._is_answering = True
+            threading.Thread(target=self._answer, args=(number, self.metrics), name="metrics", daemon=True).start()
+
+    def _answer(self, number: int, gather: Callable[[], Sequence[Sample]]) -> None:
+        try:
+            with suppress(BrokenPipeError), open(self.channels.metrics, "wb", closefd=False) as pipe:
+                pipe.write(packed(number, gather()) + b"\n")
+        finally:
+            self._is_answering = False
 
     def _on_alone(self) -> None:
         asyncio.get_running_loop().remove_reader(self.channels.orders)

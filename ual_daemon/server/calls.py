@@ -8,6 +8,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import grpc
 
@@ -44,6 +45,16 @@ REQUEST_S = 10.0
 _log = logging.getLogger(__name__)
 
 
+class CallFigures(NamedTuple):
+    """Who calls, as it is now: how many callers have calls under way that wait or are streams, and how many streams of
+    each method there are. `failures` counts the calls that were refused or have failed since the start, by reason.
+    """
+
+    callers_count: int
+    streams: Counter[str]
+    failures: Counter[str]
+
+
 class Calls:
     """Answers the calls for one UAV, with the servicers that are registered. Belongs to the event loop that runs now.
 
@@ -75,6 +86,7 @@ class Calls:
         self._without_request: dict[Answer, float] = {}
         self._refused_without_request: tuple[str, ResourceExhaustedError] | None = None
         self._refused_count = 0
+        self._failures: Counter[str] = Counter()
         self._loop.call_later(REQUEST_S, self._end_late)
         self.is_shutting_down = False
 
@@ -115,8 +127,17 @@ class Calls:
         self.set_context(call, None)
         logs.refused(_log, call.method, error)
         self.set_context(None, None)
+        self.on_failure(error.reason)
         status = rpc_errors.to_grpc_status(error)
         call.finish(None, status.code, status.details, status.trailing_metadata)
+
+    @property
+    def figures(self) -> CallFigures:
+        """Who calls now, and how many calls have failed."""
+        with self._lock:
+            answers, failures = list(self._answers), self._failures.copy()
+        streams = Counter(answer.method_name.rpartition("/")[2] for answer in answers if answer.is_stream)
+        return CallFigures(len({answer.call.peer() for answer in answers}), streams, failures)
 
     @property
     def running_count(self) -> int:
@@ -187,6 +208,7 @@ class Calls:
         """
         if answer.is_stream:
             self.require_room(answer.method_name, answer.caller)
+        answer.call.peer()  # remembered from here on: the call may end before it is asked for
         with self._lock:
             self._answers.add(answer)
             self._running[answer.method_name, answer.caller.name] += 1
@@ -266,6 +288,11 @@ class Calls:
         return method.startswith(self._shutdown_refuses) and (
             self._has_ended_waiting or method not in self._shutdown_keeps
         )
+
+    def on_failure(self, reason: str) -> None:
+        """Counts a call that is refused or has failed."""
+        with self._lock:
+            self._failures[reason] += 1
 
     def set_context(self, call: Call | None, who: Caller | None) -> None:
         """Says for what this thread or task does from now on who calls, and for which UAV."""

@@ -98,6 +98,10 @@ class Register(Protocol):
         """Raises the error by which a call is refused before its request is read."""
         ...
 
+    def on_failure(self, reason: str) -> None:
+        """Counts a call that is refused or has failed."""
+        ...
+
     def set_context(self, call: Call | None, who: Caller | None) -> None:
         """Says who calls for what this thread or task does from now on."""
         ...
@@ -171,6 +175,7 @@ class Answer:
         """Ends it with an error."""
         self._calls.leave(self)
         if isinstance(error, StatusError):
+            self._count_failure(error.code.name)
             self.call.finish(code=error.code, details=str(error))
             return
         if isinstance(error, UalError):
@@ -179,8 +184,13 @@ class Answer:
         else:
             _log.error("%s failed unexpectedly", self.call.method, exc_info=error)
             error = UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}")
+        self._count_failure(error.reason)
         status = rpc_errors.to_grpc_status(error)
         self.call.finish(None, status.code, status.details, status.trailing_metadata)
+
+    def _count_failure(self, reason: str) -> None:
+        if not self.call.is_finished:  # else it has ended in another way before
+            self._calls.on_failure(reason)
 
 
 class _LoopAnswer(Answer):
@@ -201,7 +211,6 @@ class _LoopAnswer(Answer):
         """From here on the call may be cancelled, or ended by a shutdown."""
         self._calls.join(self)
         self.call.watch(lambda: self._calls.on_loop(self._cancel))
-        self.call.peer()  # the call may end before a log line needs it
 
     def _go_on(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
         """Awaits it on the loop, and ends the call with its result."""

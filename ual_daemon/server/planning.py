@@ -10,9 +10,10 @@ from __future__ import annotations
 import contextvars
 import logging
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from ual.errors import ResourceExhaustedError
 from ual_daemon import logs
@@ -27,11 +28,34 @@ _computing = threading.Lock()
 """One plan of the process computes at a time: two would not be ready sooner, and take more from the flight."""
 
 
+class PlanFigures(NamedTuple):
+    """How many plans are under way, how many have ended, and how long those took in all, their wait included."""
+
+    running_count: int = 0
+    ended_count: int = 0
+    ended_s: float = 0.0
+
+    def begun(self) -> PlanFigures:
+        """Returns the figures with one more under way."""
+        return self._replace(running_count=self.running_count + 1)
+
+    def ended(self, duration_s: float) -> PlanFigures:
+        """Returns the figures after one has ended."""
+        return PlanFigures(self.running_count - 1, self.ended_count + 1, self.ended_s + duration_s)
+
+
 class Planning:
     """The plans that are computed for the callers of one UAV. Any thread may call."""
 
     def __init__(self) -> None:
         self._free = threading.BoundedSemaphore(MOST_AT_ONCE)
+        self._lock = threading.Lock()
+        self._figures = PlanFigures()
+
+    @property
+    def figures(self) -> PlanFigures:
+        """How many plans there are and were."""
+        return self._figures
 
     def begin(self, what: str, plan: Callable[[], T]) -> Future[T]:
         """Begins to plan. The future ends with the result of `plan`, or with its error; it cannot be cancelled.
@@ -48,6 +72,8 @@ class Planning:
             )
             logs.refused(_log, what, error)
             raise error
+        with self._lock:
+            self._figures = self._figures.begun()
         future: Future[T] = Future()
         future.set_running_or_notify_cancel()
         run = contextvars.copy_context().run  # with the caller's address, for the log
@@ -55,12 +81,18 @@ class Planning:
         return future
 
     def _plan(self, plan: Callable[[], T], future: Future[T]) -> None:
+        began_s = time.monotonic()
         try:
             with _computing:
                 result = plan()
         except BaseException as error:  # noqa: BLE001  it belongs to whoever waits
-            self._free.release()
+            self._end(began_s)
             future.set_exception(error)
         else:
-            self._free.release()
+            self._end(began_s)
             future.set_result(result)
+
+    def _end(self, began_s: float) -> None:
+        with self._lock:
+            self._figures = self._figures.ended(time.monotonic() - began_s)
+        self._free.release()

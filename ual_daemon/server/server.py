@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 import grpc
 from grpc_health.v1 import health_pb2
@@ -18,7 +18,8 @@ from ual_daemon.server import health
 from ual_daemon.server.access.policy import Access
 from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.call_log import Observer, observed
-from ual_daemon.server.calls import Calls
+from ual_daemon.server.calls import CallFigures, Calls
+from ual_daemon.server.planning import PlanFigures
 from ual_daemon.server.simulation_service import SimulatedTime, SimulationServicer
 from ual_daemon.server.telemetry_stream import LoopCalls, Updates
 from ual_daemon.server.transport.base import Transport
@@ -80,6 +81,14 @@ class AddedService(Protocol):
         """The role that each of its methods needs."""
 
 
+class ServerFigures(NamedTuple):
+    """What is measured of a server: its calls, the samples that slow readers have missed, and the plans."""
+
+    calls: CallFigures
+    missed_count: int
+    plans: PlanFigures
+
+
 class Server:
     """Serves a vehicle, and its simulation if it has one, on the event loop that runs when this is made.
 
@@ -116,7 +125,8 @@ class Server:
         self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)
         self._server = transport.server(_OPTIONS, observed(calls.on_call, observers) if observers else calls.on_call)
         registry = cast("grpc.aio.Server", calls)
-        ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), registry)
+        self._servicer = UalServicer(vehicle, self.updates)
+        ual_pb2_grpc.add_UalServiceServicer_to_server(self._servicer, registry)
         if simulation is not None:
             self._simulation = SimulationServicer(simulation, None if time_of is None else time_of(simulation))
             simulation_pb2_grpc.add_SimulationServiceServicer_to_server(self._simulation, registry)
@@ -127,6 +137,10 @@ class Server:
         names = [*services, _HEALTH_SERVICE, reflection.SERVICE_NAME]
         servicer = reflection.aio.ReflectionServicer(names)
         reflection_pb2_grpc.add_ServerReflectionServicer_to_server(servicer, registry)  # type: ignore[no-untyped-call]
+
+    def figures(self) -> ServerFigures:
+        """Returns what is measured of it, as it is now. From any thread."""
+        return ServerFigures(self._calls.figures, self.updates.missed_count, self._servicer.plans)
 
     def listen(
         self, addresses: Sequence[Address], credentials: grpc.ServerCredentials | None = None

@@ -103,6 +103,8 @@ class Reader:
         self._newest: PackedTelemetry | None = None
         self._sequence = first.sequence
         self._missed_count = 0
+        self.missed_count = 0
+        """How many samples it has missed of which it was told."""
         self._is_sending = True
         send(first.packed(), self._on_sent)
 
@@ -144,6 +146,7 @@ class Reader:
         assert self._newest is not None
         sample, self._newest = self._newest, None
         missed_count, self._missed_count = self._missed_count, 0
+        self.missed_count += missed_count
         return sample.packed(missed_count)
 
 
@@ -170,6 +173,8 @@ class Updates:
         self._lock = threading.Lock()
         self._packer = TelemetryPacker()
         self._readers: tuple[Reader, ...] = ()
+        self._missed_before = 0
+        """By readers that have ended."""
         self._state = State.UNINITIALIZED
         self._changed = asyncio.Event()
         self._own_thread_count = 0 if is_sent_on_loop or self._loop_calls.gathers else _OWN_THREAD_COUNT
@@ -191,6 +196,12 @@ class Updates:
         """The state that was published last."""
         return self._state
 
+    @property
+    def missed_count(self) -> int:
+        """How many samples slow readers have missed since the start."""
+        with self._lock:
+            return self._missed_before + sum(reader.missed_count for reader in self._readers)
+
     async def change(self, timeout_s: float | None = None) -> None:
         """Waits until a state is published, at most for so long."""
         with suppress(asyncio.TimeoutError):
@@ -206,6 +217,8 @@ class Updates:
 
         def end() -> None:
             with self._lock:
+                if reader in self._readers:
+                    self._missed_before += reader.missed_count
                 self._readers = tuple(other for other in self._readers if other is not reader)
                 self._plan()
 

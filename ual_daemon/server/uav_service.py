@@ -24,7 +24,7 @@ from ual_daemon.flight.flight import LastCommand
 from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server.access import caller
-from ual_daemon.server.planning import Planning
+from ual_daemon.server.planning import PlanFigures, Planning
 from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.transport.base import Call
 from ual_daemon.server.waiting import completion, ended
@@ -53,6 +53,11 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._updates = updates
         self._planning = Planning()
         self._routing = Planning()  # so that reading a route takes no place from planning a flight
+
+    @property
+    def plans(self) -> PlanFigures:
+        """How many paths are and were planned."""
+        return self._planning.figures
 
     # Names and order are those of the contract.
 

@@ -15,6 +15,7 @@ from ual_daemon.backends.base import Clock
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.vehicle.figures import Figures
 from ual_daemon.vehicle.frame_editor import FrameEditor
 from ual_daemon.vehicle.listeners import Listeners
 
@@ -63,6 +64,12 @@ class ReportedVehicle(ABC):
     def state(self) -> State:
         """Returns the state, estimated now."""
         return self._estimate(self._snapshot()).state
+
+    def figures(self) -> Figures:
+        """Returns what is measured of it, as it is now."""
+        snapshot = self._snapshot()
+        found = self._estimate(snapshot)
+        return Figures(found.state, found.is_link_up, snapshot)
 
     def telemetry(self) -> Telemetry:
         """Returns the newest sample of everything known."""

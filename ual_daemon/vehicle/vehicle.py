@@ -29,6 +29,7 @@ from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.vehicle.commands import Commands
 from ual_daemon.vehicle.external_poses import ExternalPoses
+from ual_daemon.vehicle.figures import Figures
 from ual_daemon.vehicle.in_map import geofence_in_map, route_in_map
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.reported import ReportedVehicle
@@ -215,6 +216,22 @@ class Vehicle(ReportedVehicle):
         return self._flight.estimate(snapshot)
 
     @override
+    def figures(self) -> Figures:
+        task = self._flight.task_info()
+        return (
+            super()
+            .figures()
+            ._replace(
+                is_ours=self._flight.is_flown_by_us(),
+                is_leased=self._flight.lease.id != NOBODY,
+                link=self.backend.link(),
+                setpoint_rate_hz=self.backend.info().setpoint_rate_hz,
+                task=None if task is None else task.kind,
+                tasks_ended=self._tasks.ended(),
+            )
+        )
+
+    @override
     def _sample(self, snapshot: Snapshot, found: Estimate, *, is_late: bool = False) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
         return make_telemetry(
@@ -222,8 +239,18 @@ class Vehicle(ReportedVehicle):
         )
 
     def observe_setpoints(self, callback: Callable[[Setpoint], None]) -> None:
-        """Calls back with each setpoint that is sent to the autopilot, on the thread that sends it; must not block."""
-        self._flight.sender.on_sent = callback
+        """Calls back with each setpoint that is sent to the autopilot, on the thread that sends it; must not block.
+
+        To be called before `open`, once for each observer.
+        """
+        before = self._flight.sender.on_sent
+
+        def call_both(setpoint: Setpoint) -> None:
+            assert before is not None
+            before(setpoint)
+            callback(setpoint)
+
+        self._flight.sender.on_sent = callback if before is None else call_both
 
     def geofence(self) -> Geofence:
         """Returns where the UAV may fly; see `geofence_in_map`, also for what is raised."""

@@ -20,7 +20,7 @@ from ual_daemon.backends.crazyflie.session import Session
 from ual_daemon.backends.crazyflie.settings import SECTION, CrazyflieSettings
 from ual_daemon.backends.crazyflie.vehicle import describe
 from ual_daemon.backends.mailbox import SetpointMailbox
-from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError, convert
 
 _ARMING_LIMIT_S = 5.0
@@ -85,6 +85,10 @@ class CrazyflieBackend(Backend):
         if self._session is None:
             return describe({}, self._settings.yaw_rate_rad_s, is_simulation=self._is_simulation)
         return self._session.info
+
+    @override
+    def link(self) -> LinkReport:
+        return LinkReport() if self._session is None else self._session.loop.link()
 
     @override
     def snapshot(self) -> Snapshot:

@@ -26,6 +26,7 @@ from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.rosbridge import DEFAULT_URL, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
     Freshness,
+    LinkReport,
     PositionSetpoint,
     Setpoint,
     SetpointLoss,
@@ -133,6 +134,10 @@ class DjiBackend(Backend):
             setpoint_loss=SetpointLoss.HOLDS,
             limitation=_UNFLOWN,
         )
+
+    @override
+    def link(self) -> LinkReport:
+        return self._loop.link()
 
     @override
     def snapshot(self) -> Snapshot:

@@ -10,6 +10,7 @@ from enum import Enum
 from ual_daemon import logs
 from ual_daemon.backends.engine.boot_time import BootTime
 from ual_daemon.backends.engine.limits import ANEW_S, SILENT_S
+from ual_daemon.backends.values import LinkReport
 
 _log = logging.getLogger(__name__)
 
@@ -120,6 +121,10 @@ class LinkWatch:
     def is_up(self, now_s: float) -> bool:
         """Whether it was heard so lately that setpoints and commands make sense. From any thread."""
         return self.heard_s is not None and now_s - self.heard_s <= self.lost_s
+
+    def report(self) -> LinkReport:
+        """Returns what it has counted. From any thread."""
+        return LinkReport(lost_count=self.lost_count, reboots_count=self.reboots_count)
 
     def why_silent(self, now_s: float) -> str:
         """Returns why a command must not leave now, human-readable; empty if the link does not forbid it."""

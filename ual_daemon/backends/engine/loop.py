@@ -13,7 +13,7 @@ from ual_daemon.backends.base import Clock, UpdateCallback
 from ual_daemon.backends.engine.limits import CATCH_UP_S, SILENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.scheduling_gap import SchedulingGap
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import LinkReport, Snapshot
 
 _log = logging.getLogger(__name__)
 
@@ -110,6 +110,10 @@ class Loop:
     def retry(self, request: Posted) -> None:
         """Has a request called at the next tick. To be called by a request that cannot do its work yet."""
         self._posted.append(request)
+
+    def link(self) -> LinkReport:
+        """Returns what the watch of its link has counted. From any thread."""
+        return self._watch.report()
 
     def timeout_s(self, now_s: float) -> float:
         """Returns for how long the thread may wait for data."""

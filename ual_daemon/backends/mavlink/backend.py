@@ -30,7 +30,7 @@ from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
-from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 
 
@@ -78,6 +78,11 @@ class MavlinkBackend(Backend):
         """Returns the quality of the link. From any thread."""
         discovery = self._discovery
         return LinkStatistics() if discovery is None else discovery.link_statistics(self.clock.now_s())
+
+    @override
+    def link(self) -> LinkReport:
+        found = self.link_statistics()
+        return LinkReport(found.rate_hz, found.loss, found.round_trip_s, found.lost_count, found.reboots_count)
 
     @override
     def snapshot(self) -> Snapshot:

@@ -24,7 +24,7 @@ from ual_daemon.backends.mavros.discovery import Discovery
 from ual_daemon.backends.mavros.session import FRESHNESS, Session
 from ual_daemon.backends.mavros.settings import SECTION, MavrosSettings
 from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, RosbridgeLink, parse_url
-from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 
 
@@ -72,6 +72,10 @@ class MavrosBackend(Backend):
     @override
     def info(self) -> VehicleInfo:
         return self._info
+
+    @override
+    def link(self) -> LinkReport:
+        return LinkReport() if self._loop is None else self._loop.link()
 
     @override
     def snapshot(self) -> Snapshot:

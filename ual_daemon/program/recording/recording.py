@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from typing_extensions import override
 
 from ual.recording.log import RecordingHandler
-from ual.recording.recorder import Recorder, Turnover
+from ual.recording.recorder import QueueFigures, Recorder, Turnover
 from ual.recording.telemetry import TelemetryTopics
 from ual.types import Info, Telemetry
 from ual_daemon import logs
@@ -111,6 +111,11 @@ class Recording:
         logging.getLogger().addHandler(self._handler)
         self._recorder.start()
         logs.event(_log, logging.INFO, "recording", file=self._recorder.path)
+
+    @property
+    def figures(self) -> QueueFigures:
+        """What waits to be written."""
+        return self._recorder.figures
 
     def observer(self, ns: str) -> Observer:
         """Returns what observes the calls for a UAV."""

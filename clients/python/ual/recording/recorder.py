@@ -73,6 +73,15 @@ class Turnover:
     age_s: float = 3600.0
 
 
+class QueueFigures(NamedTuple):
+    """Whether a recorder records, what waits for the disk (about how many bytes), and how many entries were dropped."""
+
+    is_running: bool
+    entries_count: int
+    size_bytes: int
+    lost_count: int
+
+
 class Recorder:
     """Records entries into files of a directory until it is closed. `put` is for any thread, and never waits.
 
@@ -117,6 +126,11 @@ class Recorder:
     def path(self) -> Path:
         """The file that is being written."""
         return self._file.path
+
+    @property
+    def figures(self) -> QueueFigures:
+        """How the queue stands now."""
+        return QueueFigures(not self.has_ended, len(self._entries), self._bytes, self._lost_count)
 
     @property
     def lost_count(self) -> int:

@@ -1,0 +1,1 @@
+"""Metrics (``--metrics``): what is measured of the daemon and its UAVs, for Prometheus."""

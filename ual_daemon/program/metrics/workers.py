@@ -1,0 +1,84 @@
+"""The metrics of a fleet that several processes fly: the supervisor asks all workers, and serves what they answer."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Sequence
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NotInTimeError  # Python 3.10 has two of them
+from typing import Protocol
+
+from ual_daemon.program.metrics.catalogue import Sample
+
+ASK = "metrics"
+"""The supervisor's word for it."""
+LIMIT_S = 2.0
+"""A worker that has not answered after so long does not count as up."""
+
+
+class Worker(Protocol):
+    """A worker, as the supervisor sees it."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Its UAVs."""
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended."""
+
+    def tell(self, *words: object) -> None:
+        """Sends words to it."""
+
+
+def packed(number: int, samples: Sequence[Sample]) -> bytes:
+    """Returns the answer of a worker to the question of that number."""
+    return json.dumps([number, samples]).encode()
+
+
+class WorkersMetrics:
+    """Asks the workers. `samples` is for the exporter's thread, the rest belongs to the event loop that runs now."""
+
+    def __init__(self, workers: Sequence[Worker]) -> None:
+        self._workers = workers
+        self._loop = asyncio.get_running_loop()
+        self._number = 0
+        self._found: dict[int, list[Sample]] = {}
+        """What was answered, by the number of the worker."""
+        self._asked: Future[list[Sample]] = Future()
+
+    def samples(self) -> list[Sample]:
+        """Returns the values of all workers, and which UAVs are not up. Waits at most `LIMIT_S` for the answers."""
+        asked: Future[list[Sample]] = Future()
+        try:
+            self._loop.call_soon_threadsafe(self._ask, asked)
+            return asked.result(2.0 * LIMIT_S)
+        except (RuntimeError, NotInTimeError):  # the loop is closed, or closes: the fleet ends
+            return []
+
+    def _ask(self, asked: Future[list[Sample]]) -> None:
+        self._number += 1
+        self._asked, self._found = asked, {}
+        for worker in self._workers:
+            worker.tell(ASK, self._number)
+        self._loop.call_later(LIMIT_S, self._finish, asked)
+        self._finish_if_complete()
+
+    def on_answer(self, worker: Worker, answer: bytes) -> None:
+        """Takes the answer of a worker, unless it is one to an earlier question."""
+        number, samples = json.loads(answer)
+        if number == self._number:
+            self._found[self._workers.index(worker)] = [Sample(*each) for each in samples]
+            self._finish_if_complete()
+
+    def _finish_if_complete(self) -> None:
+        if all(i in self._found or not worker.is_running for i, worker in enumerate(self._workers)):
+            self._finish(self._asked)
+
+    def _finish(self, asked: Future[list[Sample]]) -> None:
+        if asked.done():
+            return
+        silent = [name for i, worker in enumerate(self._workers) if i not in self._found for name in worker.names]
+        down = [Sample("ual_up", "", {"ns": name}, 0.0) for name in silent]
+        asked.set_result([*(each for found in self._found.values() for each in found), *down])
