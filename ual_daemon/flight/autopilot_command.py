@@ -6,6 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
+from ual_daemon import traces
 from ual_daemon.backends import futures
 from ual_daemon.backends.values import Snapshot
 
@@ -25,15 +26,20 @@ class AutopilotCommand:
         self.what = what
         self._ack: Future[None] | None = None
         self._is_withdrawn = False
+        self._trace = traces.current()
+        """The place in a trace of the call that wants it."""
 
     def send(self, sender: Callable[[], Future[None]]) -> None:
         """Sends it, unless it was withdrawn before. An error that the backend raises counts as a refusal."""
         if self._is_withdrawn:
             return
+        end_trace = traces.begin(f"autopilot: {self.what}", self._trace)
         try:
             self._ack = sender()
         except UalError as error:
             self._ack = futures.failed(error)
+        if end_trace is not None:
+            self._ack.add_done_callback(end_trace)
         if self._is_withdrawn:  # by another thread during `sender()`, when there was no future to cancel yet
             self._ack.cancel()
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
 from ual.types import TaskInfo, TaskKind, TaskStatus
+from ual_daemon import traces
 from ual_daemon.backends.base import Clock
 from ual_daemon.flight.futures import end_future, running_future
 
@@ -120,6 +121,9 @@ class Tasks:
             self._tasks[task.id] = task
             if len(self._tasks) > _REMEMBERED_COUNT:
                 self._tasks.popitem(last=False)
+        end_trace = traces.begin(f"task: {kind.name.lower()}", traces.current())
+        if end_trace is not None:
+            task.future.add_done_callback(end_trace)
         task.future.add_done_callback(partial(self._on_end, kind))  # not the task: it would hold itself in memory
         return task
 

@@ -9,8 +9,9 @@ import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from ual.shared import tracing
 from ual.types import State
-from ual_daemon import logs
+from ual_daemon import logs, traces
 from ual_daemon.backends.base import SafetyPilot
 from ual_daemon.program import ending, heap
 from ual_daemon.program.auto_arm import auto_arm
@@ -100,6 +101,7 @@ class Daemon:
             NamespaceError: The registration cannot be written.
         """
         stop = asyncio.Event()
+        traces.tracer = tracing.of_environment()
         self._supervision.watch(stop.set)
         if self._is_of_many:
             for uav in self._uavs:
@@ -205,6 +207,7 @@ class _Served:
             callers.access,
             self._interface.extensions.services,
             time_of,
+            tracing.of_environment(),
         )
 
     def listen(self) -> None:

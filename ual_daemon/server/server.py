@@ -12,6 +12,7 @@ from grpc_reflection.v1alpha import reflection, reflection_pb2_grpc
 from ual.access.roles import Role
 from ual.errors import NotSupportedError
 from ual.interface import Simulation
+from ual.shared.tracing import Tracing
 from ual.types import State
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2, ual_pb2_grpc
 from ual_daemon.server import health
@@ -22,7 +23,8 @@ from ual_daemon.server.calls import CallFigures, Calls
 from ual_daemon.server.planning import PlanFigures
 from ual_daemon.server.simulation_service import SimulatedTime, SimulationServicer
 from ual_daemon.server.telemetry_stream import LoopCalls, Updates
-from ual_daemon.server.transport.base import Transport
+from ual_daemon.server.traced import traced
+from ual_daemon.server.transport.base import Call, Transport
 from ual_daemon.server.uav_service import UalServicer
 
 if TYPE_CHECKING:
@@ -104,10 +106,11 @@ class Server:
         access: Access | None = None,
         more: Sequence[AddedService] = (),
         time_of: Callable[[Simulation], SimulatedTime] | None = None,
+        tracing: Tracing | None = None,
     ) -> None:
         """`observers` observe each call; see `call_log`. `access` says who calls; None: any caller on this computer.
         `more` are the services of extensions. `time_of` returns the time that callers change for a simulation, if that
-        is not its own.
+        is not its own. `tracing` traces each call.
         """
         self._simulation: SimulationServicer | None = None
         simulation = _simulation(vehicle)
@@ -123,7 +126,7 @@ class Server:
         )
         self._health = health.HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)
-        self._server = transport.server(_OPTIONS, observed(calls.on_call, observers) if observers else calls.on_call)
+        self._server = transport.server(_OPTIONS, _watched(calls.on_call, observers, tracing))
         registry = cast("grpc.aio.Server", calls)
         self._servicer = UalServicer(vehicle, self.updates)
         ual_pb2_grpc.add_UalServiceServicer_to_server(self._servicer, registry)
@@ -172,6 +175,14 @@ class Server:
 
     def _on_state(self, state: State) -> None:
         self._health.set_serving(state is not State.UNINITIALIZED)
+
+
+def _watched(
+    take: Callable[[Call], None], observers: Sequence[Observer], tracing: Tracing | None
+) -> Callable[[Call], None]:
+    """Returns what takes the calls, and has them observed and traced where that is wanted."""
+    take = observed(take, observers) if observers else take
+    return take if tracing is None else traced(take, tracing)
 
 
 def _simulation(vehicle: ServedVehicle) -> Simulation | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, TypeVar
@@ -28,6 +29,7 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.shared.time_limit import time_limit
+from ual.shared.tracing import Metadata, of_environment
 from ual.simulation import Fault, SimulationPart
 from ual.types import (
     ExternalPose,
@@ -88,10 +90,11 @@ def member(kind: Kind) -> Callable[[F], F]:
 class Service(Enum):
     """Which of the daemon's services a method belongs to."""
 
-    UAL = 1
-    SIMULATION = 2
+    UAL = "UalService"
+    SIMULATION = "SimulationService"
 
 
+_UNTRACED: AbstractContextManager[Metadata] = nullcontext(())
 # An answer that needs no manoeuvre comes within milliseconds; a daemon that takes this long is stuck.
 QUICK_S = 10.0
 # How long a call waits for a daemon that was there before: longer than gRPC's pause between two tries to connect.
@@ -116,6 +119,12 @@ class Call(Generic[T]):
     read: Callable[[Any], T]
     quick_s: float | None = QUICK_S
     at_timeout: str = ""
+
+
+def traced(call: Call[Any]) -> AbstractContextManager[Metadata]:
+    """Traces a call, where the environment asks for it; see `ual.shared.tracing`. Returns the metadata for that."""
+    tracing = of_environment()
+    return _UNTRACED if tracing is None else tracing.calling(f"ual.v1.{call.service.value}", call.method)
 
 
 def deadline(call: Call[Any], timeout_s: float | None) -> float | None:

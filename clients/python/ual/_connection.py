@@ -13,6 +13,7 @@ from ual import _calls, _forks
 from ual._calls import Call
 from ual._target import Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
+from ual.shared.tracing import Metadata
 from ual.v1 import ual_pb2 as pb
 from ual.wire import rpc_errors
 
@@ -138,8 +139,12 @@ class Connection:
             route.channel.close()
 
     def _run_once(self, call: Call[T], limit_s: float | None) -> T:
+        with _calls.traced(call) as metadata:
+            return self._answer(call, limit_s, (*self.target.metadata, *metadata))
+
+    def _answer(self, call: Call[T], limit_s: float | None, metadata: Metadata) -> T:
         try:
-            response = self._use(lambda stubs: self._invoke(stubs, call, limit_s))
+            response = self._use(lambda stubs: self._invoke(stubs, call, limit_s, metadata))
         except grpc.RpcError as error:
             raise _calls.in_time(self.error(error), call, limit_s) from None
         except grpc.FutureCancelledError as error:
@@ -147,12 +152,12 @@ class Connection:
         self._was_reached = True
         return call.read(response)
 
-    def _invoke(self, stubs: Stubs, call: Call[T], limit_s: float | None) -> Any:  # noqa: ANN401 (a response)
+    def _invoke(self, stubs: Stubs, call: Call[T], limit_s: float | None, metadata: Metadata) -> Any:  # noqa: ANN401 (a response)
         method = stubs.method(call)
         if call.quick_s is not None:
-            return method(call.request, timeout=limit_s, metadata=self.target.metadata)
+            return method(call.request, timeout=limit_s, metadata=metadata)
         # A future can be cancelled when Ctrl-C, or anything else, ends the wait for it.
-        future = method.future(call.request, timeout=limit_s, metadata=self.target.metadata)
+        future = method.future(call.request, timeout=limit_s, metadata=metadata)
         try:
             return future.result()
         finally:

@@ -145,9 +145,10 @@ class Connection:
         return cancelling() > 0 if cancelling is not None else not self._is_closed  # Python 3.10 has no `cancelling`
 
     async def _run_once(self, call: Call[T], limit_s: float | None) -> T:
-        with self.calling() as route:
+        with _calls.traced(call) as more, self.calling() as route:
+            metadata = (*self.target.metadata, *more)
             try:
-                response = await route.stubs.method(call)(call.request, timeout=limit_s, metadata=self.target.metadata)
+                response = await route.stubs.method(call)(call.request, timeout=limit_s, metadata=metadata)
             except grpc.aio.AioRpcError as error:
                 raise _calls.in_time(self.error(error), call, limit_s) from None
         self._was_reached = True

@@ -80,4 +80,6 @@ def test_without_the_flag_nothing_of_it_is_loaded(runtime_dir: Path) -> None:
     daemon.signal(signal.SIGTERM)
     assert daemon.wait() == 0
     daemon.close()
-    assert not [name for name in loaded(daemon) if re.match(r"prometheus_client|wsgiref|http\.server", name)]
+    assert not [
+        name for name in loaded(daemon) if re.match(r"prometheus_client|opentelemetry|wsgiref|http\.server", name)
+    ]

@@ -1,0 +1,138 @@
+"""Traces of calls by OpenTelemetry, where the environment has its variables (``OTEL_…``) and its packages are there.
+
+Nothing of OpenTelemetry is imported otherwise. With each call goes its place in the trace (W3C Trace Context), as
+metadata, so that the daemon goes on with it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from ual.errors import UalError
+from ual.shared import extras
+
+if TYPE_CHECKING:
+    from opentelemetry.context import Context
+    from opentelemetry.trace import Span, TracerProvider
+
+Metadata = Sequence[tuple[str, "str | bytes"]]
+
+_log = logging.getLogger(__name__)
+
+
+def is_wanted(environment: Mapping[str, str] = os.environ) -> bool:
+    """Whether the environment asks for traces: it has a variable of OpenTelemetry, and none of them forbids traces."""
+    if not any(name.startswith("OTEL_") for name in environment):
+        return False
+    is_off = environment.get("OTEL_SDK_DISABLED", "").strip().lower() == "true"
+    return not is_off and environment.get("OTEL_TRACES_EXPORTER", "").strip().lower() != "none"
+
+
+@lru_cache(maxsize=1)
+def of_environment() -> Tracing | None:
+    """Returns the traces that the environment asks for; None where it does not, or where the packages are missing."""
+    if not is_wanted():
+        return None
+    try:
+        with extras.needs("OTEL_…", "ual-client[tracing]"):
+            from opentelemetry import trace
+
+            provider = trace.get_tracer_provider()
+            if isinstance(provider, trace.ProxyTracerProvider):  # the program has set none
+                provider = _provider()
+    except UalError as error:
+        _log.debug("no traces: %s", error)
+        return None
+    return Tracing(provider)
+
+
+def _provider() -> TracerProvider:
+    """Returns what exports spans as the variables say. It is not made the program's own."""
+    from opentelemetry.sdk.trace import TracerProvider
+    from opentelemetry.sdk.trace.export import BatchSpanProcessor, ConsoleSpanExporter, SpanExporter
+
+    exporter: SpanExporter
+    if os.environ.get("OTEL_TRACES_EXPORTER", "").strip().lower() == "console":
+        exporter = ConsoleSpanExporter()
+    else:
+        from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+
+        exporter = OTLPSpanExporter()
+    provider = TracerProvider()  # its resource is OTEL_SERVICE_NAME and OTEL_RESOURCE_ATTRIBUTES
+    provider.add_span_processor(BatchSpanProcessor(exporter))
+    return provider
+
+
+class Tracing:
+    """Makes the spans of calls, of those who call and of those who answer."""
+
+    def __init__(self, provider: TracerProvider) -> None:
+        from opentelemetry import context, propagate, trace
+
+        self._context, self._propagate, self._trace = context, propagate, trace
+        self._tracer = provider.get_tracer("ual")
+
+    @contextmanager
+    def calling(self, service: str, method: str) -> Iterator[Metadata]:
+        """Yields the metadata that go with a call, which ends with the block. An error of the block is the call's."""
+        attributes = _rpc(service, method)
+        kind = self._trace.SpanKind.CLIENT
+        with self._tracer.start_as_current_span(f"{service}/{method}", kind=kind, attributes=attributes) as span:
+            carrier: dict[str, str] = {}
+            self._propagate.inject(carrier)
+            try:
+                yield tuple(carrier.items())
+            except UalError as error:
+                span.set_attribute("ual.reason", error.reason)
+                raise
+
+    def answering(self, path: str, metadata: Metadata) -> Span:
+        """Begins the span of a call that is answered, ``/package.Service/Method``; its caller's, if that has one."""
+        carrier = {key: value for key, value in metadata if isinstance(value, str)}
+        above = self._propagate.extract(carrier, self._context.Context())
+        service, _, method = path.lstrip("/").rpartition("/")
+        kind = self._trace.SpanKind.SERVER
+        return self._tracer.start_span(path.lstrip("/"), above, kind, _rpc(service, method))
+
+    def answered(self, span: Span, code: str, details: str) -> None:
+        """Ends the span of a call that was answered, with gRPC's status."""
+        span.set_attribute("rpc.grpc.status", code)
+        if code not in ("OK", "CANCELLED"):
+            span.set_status(self._trace.StatusCode.ERROR, details)
+        span.end()
+
+    @contextmanager
+    def within(self, span: Span) -> Iterator[None]:
+        """What begins in the block is a part of the span."""
+        with self._trace.use_span(span):
+            yield
+
+    def current(self) -> Context | None:
+        """Returns the place in a trace of what this thread or task does; None if that is not traced."""
+        is_traced = self._trace.get_current_span().get_span_context().is_valid
+        return self._context.get_current() if is_traced else None
+
+    def begin(self, name: str, above: object) -> Callable[[Future[Any]], None]:
+        """Begins a span below the place that `current` has returned. Returns what ends it with a future."""
+        span = self._tracer.start_span(name, above)  # type: ignore[arg-type]  # as `current` returned it
+
+        def end(future: Future[Any]) -> None:
+            error = None if future.cancelled() else future.exception()
+            if future.cancelled():
+                span.set_attribute("ual.withdrawn", True)
+            if error is not None:
+                span.set_attribute("ual.reason", getattr(error, "reason", type(error).__name__))
+                span.set_status(self._trace.StatusCode.ERROR, str(error))
+            span.end()
+
+        return end
+
+
+def _rpc(service: str, method: str) -> dict[str, str]:
+    return {"rpc.system": "grpc", "rpc.service": service, "rpc.method": method}
