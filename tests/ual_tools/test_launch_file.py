@@ -11,6 +11,7 @@ import pytest
 import yaml
 from click.testing import CliRunner, Result
 
+import ual_tools
 from tests.conftest import LIMIT_S
 from ual_tools.launch import team_file
 from ual_tools.launch.systemd import HARDENING
@@ -301,6 +302,17 @@ def test_the_compose_file_has_the_same_programs(file: Path, tmp_path: Path) -> N
         "uav_4": "always",
         "boat": "on-failure",
     }
+
+
+def test_daemons_and_the_command_have_an_image_of_their_own(file: Path, tmp_path: Path) -> None:
+    file.write_text("uavs: [{count: 1}]\nafter: [{name: mission, run: [ual, takeoff, '3']}]\n")
+    result = run("--compose", str(tmp_path / "compose.yaml"), str(file))
+    assert result.exit_code == 0, result.output
+    services = yaml.safe_load((tmp_path / "compose.yaml").read_text())["services"]
+    for service in services.values():
+        assert service["image"] == f"ual:{ual_tools.__version__}"
+        assert (service["read_only"], service["cap_drop"], service["tmpfs"]) == (True, ["ALL"], ["/tmp"])
+        assert service["security_opt"] == ["no-new-privileges:true"]
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,14 @@ from typing import Any
 
 import yaml
 
+from ual_tools import __version__
 from ual_tools.launch.boot import RUNTIME_DIR, CannotExpressError, landing_of, test_of
 from ual_tools.launch.team import Condition, Program, Team
+
+IMAGE = f"ual:{__version__}"
+"""What deploy/container/build makes."""
+_CONFINED = {"read_only": True, "tmpfs": ["/tmp"], "cap_drop": ["ALL"], "security_opt": ["no-new-privileges:true"]}  # noqa: S108
+"""That image needs no more."""
 
 
 def text(team: Team) -> str:
@@ -32,11 +38,10 @@ def _heading(team: Team) -> str:
 
 
 def _service(team: Team, program: Program) -> dict[str, Any]:
-    if program.image is None:
-        raise CannotExpressError(f"{program.name}: a compose file needs its image (or one for the whole team: image)")
+    image = program.image or _own_image(program)
     where = str(team.file.parent)
     service: dict[str, Any] = {
-        "image": program.image,
+        "image": image,
         "entrypoint": [],
         "command": ["ual-daemon" if program.is_daemon else program.argv[0], *program.argv[1:]],
         "working_dir": str(program.cwd),
@@ -47,6 +52,7 @@ def _service(team: Team, program: Program) -> dict[str, Any]:
         "restart": program.restart.value,
         "stop_signal": program.stop_signal.name,
         "stop_grace_period": f"{program.stop_limit_s:g}s",
+        **(_CONFINED if image == IMAGE else {}),
     }
     if program.needs:
         service["depends_on"] = {name: {"condition": _condition(team, name)} for name in program.needs}
@@ -57,6 +63,13 @@ def _service(team: Team, program: Program) -> dict[str, Any]:
     if landing is not None:
         service["pre_stop"] = [{"command": ["bash", "-c", landing]}]
     return service
+
+
+def _own_image(program: Program) -> str:
+    """Returns the image for a program that the file names none for: that of UAL, for UAL's programs."""
+    if program.is_daemon or program.argv[0] == "ual":
+        return IMAGE
+    raise CannotExpressError(f"{program.name}: a compose file needs its image (or one for the whole team: image)")
 
 
 def _retries(program: Program) -> int:
