@@ -156,3 +156,20 @@ def test_the_error_of_a_task_that_ended_keeps_nothing_of_those_that_waited_for_i
     tasks.new(TaskKind.LAND, "")
     gc.collect()
     assert request() is None
+
+
+def test_those_that_ended_are_counted_by_kind_and_outcome(clock: HandClock) -> None:
+    tasks = Tasks(clock)
+    for kind, error in (
+        (TaskKind.LAND, None),
+        (TaskKind.LAND, None),
+        (TaskKind.LAND, TaskAbortedError("the pilot took over")),
+        (TaskKind.TAKE_OFF, RejectedByAutopilotError("not now")),
+    ):
+        tasks.new(kind, "").end(error)
+    tasks.new(TaskKind.LAND, "")
+    assert tasks.ended() == {
+        (TaskKind.LAND, TaskStatus.SUCCEEDED): 2,
+        (TaskKind.LAND, TaskStatus.ABORTED): 1,
+        (TaskKind.TAKE_OFF, TaskStatus.FAILED): 1,
+    }

@@ -145,6 +145,7 @@ def test_a_refusal_goes_out_as_status_with_reason_and_metadata(transport: Choice
             assert isinstance(error, WrongStateError)
             assert error.message == "set_home: not in FLYING_AUTO"
             assert error.state == "FLYING_AUTO"
+            assert it.calls.figures.failures == {"WRONG_STATE": 1}
 
     asyncio.run(run())
 
@@ -163,6 +164,7 @@ def test_streams_and_waiting_calls_of_one_method_are_bounded_and_others_get_thro
             arming = [asyncio.ensure_future(it.stub.Arm(pb.ArmRequest())) for _ in range(MOST_OF_ONE_METHOD)]
             await until_async(lambda: it.calls.running_count == 2 * MOST_OF_ONE_METHOD)
             assert isinstance(await error_of(it.stub.Arm(pb.ArmRequest())), ResourceExhaustedError)
+            assert it.calls.figures == (1, {"StreamTelemetry": MOST_OF_ONE_METHOD}, {"RESOURCE_EXHAUSTED": 2})
             await it.stub.SetVelocity(pb.SetVelocityRequest(velocity=speed(0.5)))
             streams.pop().cancel()
             await until_async(lambda: it.calls.running_count < 2 * MOST_OF_ONE_METHOD)
@@ -182,6 +184,7 @@ def test_a_defect_is_internal_logged_and_the_server_goes_on(
                 await it.stub.ListFrames(pb.ListFramesRequest())
             assert caught.value.code() is grpc.StatusCode.INTERNAL
             assert "RuntimeError: a defect" in (caught.value.details() or "")
+            assert it.calls.figures.failures == {"INTERNAL": 1}
             await it.stub.GetTelemetry(pb.GetTelemetryRequest())
 
     with caplog.at_level(logging.ERROR, "ual_daemon"):

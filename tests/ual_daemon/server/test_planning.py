@@ -43,6 +43,16 @@ def test_a_plan_that_fails_gives_its_error_and_its_room() -> None:
         assert isinstance(planning.begin("follow_path", fail).exception(LIMIT_S), InvalidArgumentError)
 
 
+def test_plans_are_counted_with_how_long_they_took(gate: threading.Event) -> None:
+    planning = Planning()
+    plan = planning.begin("follow_path", gate.wait)
+    assert planning.figures == (1, 0, 0.0)
+    gate.set()
+    plan.result(LIMIT_S)
+    assert planning.figures[:2] == (0, 1)
+    assert planning.figures.ended_s > 0.0
+
+
 def test_the_log_lines_of_a_plan_name_the_caller() -> None:
     token = logs.caller.set(lambda: "ipv4:127.0.0.1:1")
     try:

@@ -109,6 +109,26 @@ def test_a_slow_reader_gets_the_newest_and_how_many_he_missed() -> None:
     assert read_all(0.0, 0.02, 10, read_every=3) == [(1, 0), (3, 1), (6, 2), (9, 2)]
 
 
+def test_what_readers_missed_is_counted_also_of_those_that_are_gone() -> None:
+    async def run() -> None:
+        vehicle, slow, slower = FakeVehicle(), Receiver(), Receiver()
+        updates = Updates(cast("Vehicle", vehicle), lambda _: None)
+        end = updates.read(0.0, slow.send)
+        updates.read(0.0, slower.send)
+        vehicle.update(count=3)
+        slow.take()  # two were lost
+        assert updates.missed_count == 2
+        end()
+        end()
+        assert updates.missed_count == 2
+        vehicle.update(count=2)
+        slower.take()
+        assert updates.missed_count == 2 + 4
+        updates.close()
+
+    asyncio.run(run())
+
+
 def test_what_is_sent_to_one_who_is_gone_ends_it_quietly() -> None:
     receiver = Receiver()
     reader = Reader(0.0, sample(0), receiver.send)

@@ -9,6 +9,7 @@ import pytest
 
 from ual_daemon.backends.engine.limits import ANEW_S, SILENT_S
 from ual_daemon.backends.engine.link_watch import STALE_S, LinkState, LinkWatch
+from ual_daemon.backends.values import LinkReport
 
 
 class Told:
@@ -45,6 +46,7 @@ def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back(to
     assert watch.on_heard(110.0) == 10.0
     assert state(watch) is LinkState.CONNECTED
     assert watch.lost_count == 1
+    assert watch.report() == LinkReport(lost_count=1, reboots_count=0)
 
 
 def test_each_change_is_logged_once(told: Told, caplog: pytest.LogCaptureFixture) -> None:

@@ -32,6 +32,10 @@ def test_it_flies_behind_a_bridge_that_cuts_its_messages(kind: str, size: int) -
         statistics = flight.backend.link_statistics()
         assert statistics.loss < 0.01
         assert statistics.corrupt_count <= 2  # where it begins in the middle of a frame
+        link = flight.backend.link()
+        assert (link.lost_count, link.reboots_count) == (0, 0)
+        assert link.rate_hz is not None
+        assert link.rate_hz > 10.0
     finally:
         flight.uav.close()
 
