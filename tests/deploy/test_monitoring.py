@@ -158,7 +158,8 @@ def test_prometheus_takes_the_configuration() -> None:
 class Prometheus:
     """A Prometheus that reads one address each second."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, process: subprocess.Popen[bytes]) -> None:
+        self._process = process
         self._url = f"http://127.0.0.1:{port}/api/v1/query"
 
     def ask(self, query: str) -> list[dict[str, Any]]:
@@ -175,6 +176,7 @@ class Prometheus:
         return until(lambda: self._tried(query), query)
 
     def _tried(self, query: str) -> list[dict[str, Any]]:
+        assert self._process.poll() is None, "prometheus has ended"
         try:
             return self.ask(query)
         except OSError:  # it starts
@@ -190,17 +192,13 @@ def prometheus(target: str, directory: Path) -> Iterator[Prometheus]:
     configuration["scrape_configs"][0]["static_configs"] = [{"targets": [target]}]
     path, port = directory / "prometheus.yml", free_port()
     path.write_text(yaml.safe_dump(configuration))
-    flags = [
-        f"--config.file={path}",
-        f"--storage.tsdb.path={directory / 'data'}",
-        f"--web.listen-address=127.0.0.1:{port}",
-    ]
+    flags = [f"--config.file={path}", f"--storage.tsdb.path={directory / 'data'}", "--log.level=warn"]
     with (directory / "prometheus.log").open("w") as log:
         process = subprocess.Popen(
             ["prometheus", *flags, f"--web.listen-address=127.0.0.1:{port}"], stdout=log, stderr=log
         )
     try:
-        yield Prometheus(port)
+        yield Prometheus(port, process)
     finally:
         process.send_signal(signal.SIGTERM)
         process.wait(LIMIT_S)
