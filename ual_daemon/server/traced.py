@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 from typing_extensions import override
 
 from ual.shared.tracing import Tracing
 from ual_daemon.server.call_log import CallRecord, ObservedCall
 from ual_daemon.server.transport.base import Call
-
-if TYPE_CHECKING:
-    from opentelemetry.trace import Span
 
 
 def traced(take: Callable[[Call], None], tracing: Tracing) -> Callable[[Call], None]:
@@ -26,7 +23,7 @@ class TracedCall(ObservedCall):
     def __init__(self, call: Call, tracing: Tracing) -> None:
         super().__init__(call, ())
         self._tracing = tracing
-        self._span: Span | None = None
+        self._span: Any = None  # OpenTelemetry's, whose packages need not be there
 
     @override
     def _on_message(self, then: Callable[[bytes | None], object], message: bytes | None) -> None:

@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import Any, TypeAlias
 from wsgiref.simple_server import WSGIRequestHandler, WSGIServer
 
 import prometheus_client
@@ -24,8 +24,8 @@ from ual_daemon.backends.engine.loop import OnceLog
 from ual_daemon.program.metrics.catalogue import CATALOGUE, Sample
 from ual_daemon.server.addresses import Address
 
-if TYPE_CHECKING:
-    from _typeshed.wsgi import StartResponse, WSGIApplication, WSGIEnvironment
+Application: TypeAlias = Callable[[dict[str, Any], Any], Iterable[bytes]]
+"""An application of WSGI."""
 
 _log = logging.getLogger(__name__)
 
@@ -65,11 +65,11 @@ def families(samples: Iterable[Sample]) -> list[Metric]:
     return [metric for metric in found.values() if metric.samples]
 
 
-def _guarded(app: WSGIApplication) -> WSGIApplication:
+def _guarded(app: Application) -> Application:
     """Returns the application with its defects in the log, instead of on stderr."""
     failures = OnceLog("the metrics could not be gathered; this is a defect of UAL, please report it")
 
-    def answer(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
+    def answer(environ: dict[str, Any], start_response: Any) -> Iterable[bytes]:  # noqa: ANN401  as WSGI has it
         try:
             return app(environ, start_response)
         except Exception as error:  # noqa: BLE001  a defect concerns the metrics only
