@@ -39,6 +39,7 @@ from ual_daemon.settings import ConfigError, VehicleSettings
 if TYPE_CHECKING:
     from ual_daemon.backends.base import Backend
     from ual_daemon.program.daemon import Callers
+    from ual_daemon.program.network.publisher import Publisher
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
     from ual_daemon.program.worker import Worker
@@ -140,6 +141,13 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 @click.option("--tokens", metavar="FILE", help="Callers may show a token of this file (`ual token new`).")
 @click.option("--roles", metavar="FILE", help="What each certificate and token may do, YAML.")
 @click.option("--audit", metavar="FILE", help="Append a line to this file for each call that changes something.")
+@click.option(
+    "--network",
+    is_flag=False,
+    flag_value="loopback",
+    metavar="[FILE]",
+    help="Be found by programs of other computers, as this YAML file says; without one, by those of this computer.",
+)
 @click.option(
     "--transport",
     type=click.Choice(["auto", "core", "aio"]),
@@ -288,6 +296,7 @@ def _fly(
         credentials = tls.credentials(settings.tls_certificate, settings.tls_key, settings.tls_client_ca)
         who_may = access_files.access(settings)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
+        network = _network(configuration)
         _refuse_arming_while_watching(settings)
         if settings.auto_arm and uavs[0].backend.safety_pilot() is None:
             where = f" at {settings.url}" if settings.url else ""
@@ -308,7 +317,7 @@ def _fly(
     _warn_of_callers(settings, uavs[0].listen, has_tls=credentials is not None)
     from ual_daemon.program.daemon import Callers
 
-    _serve(configuration, uavs, interfaces, Callers(credentials, who_may), worker)
+    _serve(configuration, uavs, interfaces, Callers(credentials, who_may), worker, network)
 
 
 def _choose_poller(configuration: Configuration) -> None:
@@ -373,6 +382,7 @@ def _serve(
     interfaces: Sequence[UAL],
     callers: Callers,
     worker: Worker | None,
+    network: Publisher | None,
 ) -> None:
     import asyncio
     from contextlib import ExitStack
@@ -404,6 +414,7 @@ def _serve(
                 recording=recording,
                 audit=audit,
                 supervision=worker,
+                network=network,
             )
             sys.setswitchinterval(_SWITCH_S)
             are_safe = asyncio.run(daemon.run())
@@ -451,6 +462,19 @@ def _audit(settings: DaemonSettings, worker: Worker | None) -> Audit | None:
     return Audit(AuditFile(Path(settings.audit)) if worker is None else AuditPipe(worker.channels.audit))
 
 
+def _network(configuration: Configuration) -> Publisher | None:
+    """Returns what tells the network of the UAVs of this process, if that is wanted."""
+    settings = configuration.daemon
+    if settings.network is None:
+        return None
+    from ual_daemon.program import fleet
+    from ual_daemon.program.network import setup
+
+    count = fleet.parts(settings)[-1].stop
+    names = fleet.names(settings.ns, count) if configuration.is_fleet else [settings.ns]
+    return setup.publisher(settings.network, names)
+
+
 def _warn_of_callers(settings: DaemonSettings, listen: Sequence[Address], *, has_tls: bool) -> None:
     """Warns where tokens cross a network that anybody can read, and where other computers could call, but may not."""
     if all(address.is_local for address in listen):
@@ -469,10 +493,12 @@ def _refuse_arming_while_watching(settings: DaemonSettings) -> None:
 
 
 def _refuse_exposure(listen: Sequence[Address], *, is_safe: bool) -> None:
-    exposed = [str(address) for address in listen if not address.is_local]
-    if exposed and not is_safe:
+    from ual.shared.exposure import exposed
+
+    found = exposed(map(str, listen))
+    if found and not is_safe:
         raise ConfigError(
-            f"{exposed[0]} can be reached from other computers, which could fly the UAV: "
+            f"{found[0]} can be reached from other computers, which could fly the UAV: "
             "give --tls-certificate and --tls-key, or --insecure where the network is trusted",
             "listen",
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from typing_extensions import override
 
@@ -20,6 +20,9 @@ from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vect
 from ual.simulation import Fault, SimulationPart
 from ual.types import ExternalPose, Frame, Geofence, Info, LeaseInfo, Plan, Route, TaskRequest, Telemetry
 
+if TYPE_CHECKING:
+    from ual.network import Network
+
 T = TypeVar("T")
 
 
@@ -34,6 +37,7 @@ class Uav(interface.Uav):
             neither is given, it is the only UAV of this computer.
         tls_ca: A file with the certificates to trust, for a daemon that uses TLS.
         credentials: What shows the daemon who calls. Default: the environment's (`Credentials.from_environment`).
+        network: Where `ns` is looked for instead of on this computer (`ual.network.Network`); it stays open meanwhile.
 
     Example:
         >>> with ual.Uav("uav_1") as uav:
@@ -50,8 +54,9 @@ class Uav(interface.Uav):
         address: str | None = None,
         tls_ca: str | Path | None = None,
         credentials: Credentials | None = None,
+        network: Network | None = None,
     ) -> None:
-        self._connection = Connection(Target(ns, address, tls_ca, credentials))
+        self._connection = Connection(Target(ns, address, tls_ca, credentials, network))
         self._lease: Lease | None = None
         self._setpoints = Setpoints(self._connection)
         self._external_poses = Setpoints(self._connection, kind=EXTERNAL_POSES)

@@ -84,8 +84,8 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
         if name not in self._team:
             raise KeyError(name)
         if name not in self._uavs:
-            where = {"address": name} if ":" in name else {"ns": name}
-            self._uavs[name] = Uav(**where, tls_ca=self._tls_ca, credentials=self._credentials)
+            ns, address = (None, name) if ":" in name else (name, None)
+            self._uavs[name] = Uav(ns, address=address, tls_ca=self._tls_ca, credentials=self._credentials)
         return self._uavs[name]
 
     def __iter__(self) -> Iterator[str]:

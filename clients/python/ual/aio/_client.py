@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from typing_extensions import Self, override
 
@@ -40,6 +40,9 @@ from ual.types import (
     Telemetry,
 )
 
+if TYPE_CHECKING:
+    from ual.network import Network
+
 T = TypeVar("T")
 
 
@@ -64,8 +67,9 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
         address: str | None = None,
         tls_ca: str | Path | None = None,
         credentials: Credentials | None = None,
+        network: Network | None = None,
     ) -> None:
-        self._connection = Connection(Target(ns, address, tls_ca, credentials))
+        self._connection = Connection(Target(ns, address, tls_ca, credentials, network))
         self._lease: Lease | None = None
         self._setpoints = Setpoints(self._connection)
         self._external_poses = Setpoints(self._connection, EXTERNAL_POSES)

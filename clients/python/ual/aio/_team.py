@@ -250,8 +250,9 @@ def _checked(uavs: Iterable[str]) -> list[str]:
 
 
 def _uav(name: str, tls_ca: str | Path | None, credentials: Credentials | None) -> Uav:
-    where = {"address": name} if ":" in name else {"ns": name}
-    return Uav(**where, tls_ca=tls_ca, credentials=credentials)
+    if ":" in name:
+        return Uav(address=name, tls_ca=tls_ca, credentials=credentials)
+    return Uav(name, tls_ca=tls_ca, credentials=credentials)
 
 
 def _results(outcomes: Mapping[str, T | BaseException]) -> dict[str, T]:

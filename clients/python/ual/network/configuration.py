@@ -1,0 +1,147 @@
+"""Makes Zenoh's configuration from our settings, and its access control by certificate. Pure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from ual.network import keys
+from ual.network.settings import NetworkSettings, Scouting
+
+LEASE_MS = 2000
+"""A process that is stopped, or whose computer is cut off, is gone after this time."""
+_KEEP_ALIVE_COUNT = 4
+"""Signs of life in a lease."""
+_MULTICAST_GROUP = "224.0.0.224"
+_RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
+_MOST_BYTES = 4 << 20
+"""The longest message that is taken from others."""
+_OFF = {"enabled": False}
+
+_TO_LISTENERS = ["put", "liveliness_token"]
+_FROM_LISTENERS = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
+
+Json = dict[str, Any]
+
+
+def of(settings: NetworkSettings, connect_timeout_ms: int) -> str:
+    """Returns the configuration of a program that joins the network, as text for Zenoh."""
+    config: Json = {
+        "transport": transport(settings),
+        "scouting": {"multicast": _OFF, "gossip": _OFF},
+        "adminspace": _OFF,
+    }
+    if settings.connect:
+        config["mode"] = "client"
+        config["connect"] = {
+            "endpoints": list(settings.connect),
+            "timeout_ms": connect_timeout_ms,
+            "exit_on_failure": True,
+            "retry": _RETRY,
+        }
+    else:
+        config |= _among_peers(settings)
+    return json.dumps(config)
+
+
+def _among_peers(settings: NetworkSettings) -> Json:
+    """Returns what differs where programs find each other by multicast."""
+    is_lan = settings.means is Scouting.LAN
+    multicast: Json = {"enabled": True, "address": f"{_MULTICAST_GROUP}:{settings.scouting_port}"}
+    config: Json = {
+        "mode": "peer",
+        "listen": {"endpoints": ["tls/0.0.0.0:0" if is_lan else "tcp/127.0.0.1:0"]},
+        "scouting": {"multicast": multicast if is_lan else {**multicast, "interface": "lo"}, "gossip": _OFF},
+    }
+    if is_lan:
+        config["access_control"] = access_control(settings.site, settings.publishers, (), ())
+    return config
+
+
+def transport(settings: NetworkSettings) -> Json:
+    """Returns how links are kept, and by which certificates."""
+    link: Json = {
+        "protocols": ["tls", "quic"] if settings.has_certificate else ["tcp"],
+        "tx": {"lease": LEASE_MS, "keep_alive": _KEEP_ALIVE_COUNT},
+        "rx": {"max_message_size": _MOST_BYTES},
+    }
+    if settings.has_certificate:
+        link["tls"] = _tls(settings)
+    return {"link": link, "shared_memory": _OFF}
+
+
+def _tls(settings: NetworkSettings) -> Json:
+    certificate, key = str(settings.certificate), str(settings.key)
+    return {
+        "root_ca_certificate": str(settings.authority),
+        "enable_mtls": True,
+        "connect_certificate": certificate,
+        "connect_private_key": key,
+        "listen_certificate": certificate,
+        "listen_private_key": key,
+        # Peers of a LAN find each other by address, and know each other by the team's authority.
+        "verify_name_on_connect": settings.means is not Scouting.LAN,
+        "close_link_on_expiration": True,
+    }
+
+
+def access_control(site: str, publishers: Sequence[str], observers: Sequence[str], routers: Sequence[str]) -> Json:
+    """Returns the rules by the names in certificates: a UAV publishes under its own name and sees nothing, an observer
+    sees and publishes nothing, routers pass on, and strangers can do nothing.
+    """
+    everything = [keys.all_of(site)]
+    rules = [
+        _rule("listen", "ingress", _FROM_LISTENERS, everything),
+        _rule("be told", "egress", _TO_LISTENERS, everything),
+        _rule("be asked", "egress", _FROM_LISTENERS, everything),
+        _rule("pass on in", "ingress", _TO_LISTENERS, everything),
+    ]
+    policies = []
+    if observers:
+        policies.append(("observers", list(observers), ["listen", "be told"]))
+    if routers:
+        policies.append(("routers", list(routers), ["listen", "be told", "be asked", "pass on in"]))
+    for publisher in publishers:
+        rules.append(_rule(f"publish as {publisher}", "ingress", _TO_LISTENERS, [keys.all_of(site, publisher)]))
+        policies.append((publisher, [publisher], [f"publish as {publisher}", "be asked"]))
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{"id": name, "cert_common_names": names} for name, names, _ in policies],
+        "policies": [{"rules": allowed, "subjects": [name]} for name, _, allowed in policies],
+    }
+
+
+def router(
+    settings: NetworkSettings,
+    listen: Sequence[str],
+    publishers: Sequence[str],
+    observers: Sequence[str],
+    routers: Sequence[str],
+) -> Json:
+    """Returns the configuration of a router, for ``zenohd --config`` or ``ual router``; its settings' `connect` are
+    other routers.
+    """
+    config: Json = {
+        "mode": "router",
+        "listen": {"endpoints": list(listen)},
+        "connect": {"endpoints": list(settings.connect), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
+        "scouting": {"multicast": _OFF},
+        "transport": transport(settings),
+        "adminspace": _OFF,
+    }
+    if settings.has_certificate:
+        config["access_control"] = access_control(settings.site, publishers, observers, routers)
+    return config
+
+
+def _rule(name: str, flow: str, messages: Sequence[str], key_exprs: Sequence[str]) -> Json:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": [flow],
+        "messages": list(messages),
+        "key_exprs": list(key_exprs),
+    }
