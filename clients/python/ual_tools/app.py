@@ -29,8 +29,8 @@ class Multi(Enum):
 
 
 SHARED_OPTIONS = (
-    "--ns, --all, --at, --address, --tls-ca, --token-file, --tls-certificate, --tls-key, --lease, --take, --timeout, "
-    "--json"
+    "--ns, --all, --network, --network-config, --at, --address, --tls-ca, --token-file, --tls-certificate, --tls-key, "
+    "--lease, --take, --timeout, --json"
 )
 
 
@@ -96,9 +96,24 @@ def _shared_options() -> list[click.Parameter]:
         _SharedOption(
             ["--all", "is_all"],
             is_flag=True,
-            help="All UAVs of this computer.",
+            help="All UAVs of this computer, or of the network.",
             expose_value=False,
             callback=_store("is_all"),
+        ),
+        _SharedOption(
+            ["--network", "uses_network"],
+            is_flag=True,
+            help="Look for UAVs on the network, not only on this computer.",
+            expose_value=False,
+            callback=_store("uses_network"),
+        ),
+        _SharedOption(
+            ["--network-config"],
+            metavar="FILE",
+            envvar="UAL_NETWORK",
+            help="The same, on the network of this YAML file; loopback: this computer's.",
+            expose_value=False,
+            callback=_store("network_config"),
         ),
         _SharedOption(
             ["--at", "begin_utc_s"],

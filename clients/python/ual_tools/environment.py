@@ -12,6 +12,7 @@ _PREFIX = "UAL_"
 _OF_TESTS = "UAL_TEST_"
 OF_CLIENTS = (
     "UAL_ADDRESS",
+    "UAL_NETWORK",
     "UAL_NS",
     "UAL_RUNTIME_DIR",
     "UAL_TLS_CA",
@@ -34,6 +35,7 @@ OF_DAEMON = (
     "UAL_LISTEN",
     "UAL_LOG_FORMAT",
     "UAL_LOG_LEVEL",
+    "UAL_NETWORK",
     "UAL_NS",
     "UAL_RECORD",
     "UAL_RECORD_RAW",

@@ -32,10 +32,15 @@ _HEADER = ("uav", "state", "backend", "address", "pid", "battery")
 _STATES = [state.name for state in State]
 
 
-@command("list", "ual list", "ual --json list", section=Section.LOOKING, multi=Multi.ITSELF)
+@command("list", "ual list", "ual list --network", "ual --json list", section=Section.LOOKING, multi=Multi.ITSELF)
 @pass_session
 def list_uavs(session: Session) -> None:
-    """List the UAVs whose daemons run on this computer, the worst first."""
+    """List the UAVs whose daemons run on this computer, or are on the network, the worst first."""
+    if session.joined is not None:
+        from ual_tools.network import listing
+
+        listing.list_uavs(session, session.joined)
+        return
     daemons = discovery.list_daemons()
     known = [_Known(daemon, found) for daemon, found in zip(daemons, ask_all(session, daemons), strict=True)]
     known = condition.worst_first(known, lambda each: each.how, lambda each: each.daemon.ns)

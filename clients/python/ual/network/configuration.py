@@ -116,18 +116,28 @@ def access_control(site: str, publishers: Sequence[str], observers: Sequence[str
 
 def router(
     settings: NetworkSettings,
+    *,
     listen: Sequence[str],
-    publishers: Sequence[str],
-    observers: Sequence[str],
-    routers: Sequence[str],
+    connect: Sequence[str] = (),
+    publishers: Sequence[str] = (),
+    observers: Sequence[str] = (),
+    routers: Sequence[str] = (),
 ) -> Json:
-    """Returns the configuration of a router, for ``zenohd --config`` or ``ual router``; its settings' `connect` are
-    other routers.
+    """Returns the configuration of a router, for ``zenohd --config`` or ``ual router``.
+
+    Args:
+        settings: Its site and its certificate.
+        listen: Where it is reached.
+        connect: The routers that it connects to.
+        publishers: Those that may tell, by the names in their certificates.
+        observers: Those that may listen.
+        routers: The other routers.
+
     """
     config: Json = {
         "mode": "router",
         "listen": {"endpoints": list(listen)},
-        "connect": {"endpoints": list(settings.connect), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
+        "connect": {"endpoints": list(connect), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
         "scouting": {"multicast": _OFF},
         "transport": transport(settings),
         "adminspace": _OFF,

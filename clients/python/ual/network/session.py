@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from typing_extensions import Self
 
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.network import configuration
@@ -61,3 +66,33 @@ def _require_readable(path: str) -> None:
     from ual.credentials import read
 
     read(path, "network")
+
+
+class RouterSession:
+    """A router, from the construction until the end of its block.
+
+    Args:
+        file: Its configuration, as Zenoh reads it.
+
+    Raises:
+        InvalidArgumentError: The file is none, or its addresses cannot be had.
+
+    """
+
+    def __init__(self, file: Path) -> None:
+        import zenoh
+
+        try:
+            config = zenoh.Config.from_file(file)
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise InvalidArgumentError(f"{file}: the router cannot run: {error}", {"field": "file"}) from None
+        self.identifier = str(self._session.zid())
+        endpoints = json.loads(config.get_json("listen/endpoints"))
+        self.listen: Sequence[str] = endpoints
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        close_session(self._session)
