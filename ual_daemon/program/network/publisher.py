@@ -54,6 +54,11 @@ class Publisher:
 
     def start(self, uavs: Sequence[Told]) -> None:
         """Begins to tell of UAVs, once they are served."""
+        self.begin(uavs)
+        self._thread.start()
+
+    def begin(self, uavs: Sequence[Told]) -> None:
+        """Takes note of the UAVs to tell of."""
         self._uavs = uavs
         self._teller = Teller(
             __version__,
@@ -64,7 +69,6 @@ class Publisher:
             self._settings.rate_hz,
             len(uavs),
         )
-        self._thread.start()
 
     def close(self) -> None:
         """Leaves the network: its UAVs are gone there at once."""
@@ -96,12 +100,13 @@ class Publisher:
         due_s = time.monotonic()
         while not self._is_closing.is_set():
             self._note(is_connected=publication.is_connected, why="no router is reached")
-            for report in self._reports(period_s):
+            for report in self.reports(period_s):
                 publication.put(report)
             due_s = max(due_s + period_s, time.monotonic())
             self._is_closing.wait(due_s - time.monotonic())
 
-    def _reports(self, period_s: float) -> Iterator[Report]:
+    def reports(self, period_s: float) -> Iterator[Report]:
+        """Makes what is told at once, in pieces, and leaves time to others between two UAVs."""
         pause_s = min(_PAUSE_S, period_s / 4.0 / len(self._uavs))
         for begin in range(0, len(self._uavs), _MOST_IN_REPORT):
             told: list[UavReport] = []

@@ -102,6 +102,7 @@ def _read_uav(message: pb.NetworkUav) -> UavReport:
     _require(_NAMESPACE.fullmatch(message.namespace), f"a UAV of the name {message.namespace!r:.80}")
     addresses = tuple(message.addresses[:_MOST_ADDRESSES])
     _require(all(map(_ADDRESS.fullmatch, addresses)), "an address that is none")
+    _require_finite(message.telemetry)
     _make_printable(message.telemetry)
     return UavReport(
         message.namespace,
@@ -133,6 +134,16 @@ def _make_printable(message: ual_pb2.Telemetry) -> None:
         health = message.health
         health.failsafe, health.held_by = printable(health.failsafe), printable(health.held_by)
         health.failing_checks[:] = [printable(each) for each in health.failing_checks]
+
+
+def _require_finite(message: ual_pb2.Telemetry) -> None:
+    """Refuses places, speeds and charges that are no numbers: what shows them would fail."""
+    place, turned, speed = message.transform.translation, message.transform.rotation, message.velocity.linear
+    geo, battery, task = message.position_geo, message.battery, message.task
+    numbers = (place.x, place.y, place.z, turned.x, turned.y, turned.z, turned.w, speed.x, speed.y, speed.z)
+    numbers += (geo.latitude_deg, geo.longitude_deg, geo.altitude_amsl_m, geo.altitude_home_m, geo.altitude_ellipsoid_m)
+    numbers += (battery.remaining_percent, battery.voltage_v, battery.current_a, task.progress, task.distance_left_m)
+    _require(all(map(math.isfinite, (*numbers, message.health.link_quality))), "numbers that are none")
 
 
 def _require(is_fine: object, what: str) -> None:

@@ -60,7 +60,7 @@ def _check(directory: Path, site: Site) -> None:
     names = [*(each.name for each in site.routers), *site.uavs, *site.observers]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
-        raise ValueError(f"{sorted(twice)[0]} is given twice: a certificate is for one purpose")
+        raise ValueError(f"{min(twice)} is given twice: a certificate is for one purpose")
     for name in site.uavs:
         if not is_publisher(name):
             raise ValueError(f"{name!r} is no UAV: uav_7, or uav_1-200 for a fleet")

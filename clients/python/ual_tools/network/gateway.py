@@ -54,7 +54,7 @@ def gateway(session: Session, file: Path, pid_file: Path | None, once: bool) -> 
         if upstreams.update(network.uavs()) or once:
             private_file.replace(file, upstreams.text().encode(), _READABLE)
             session.emit({"uavs": dict(upstreams.addresses)}, f"{file}: {len(upstreams.addresses)} UAVs")
-            _tell_nginx(pid_file)
+            _tell_nginx(pid_file, session.tell)
         if once:
             return
         time.sleep(_LOOK_S)
@@ -129,14 +129,14 @@ def _upstream(uav: NetworkUav) -> str:
     return address
 
 
-def _tell_nginx(pid_file: Path | None) -> None:
+def _tell_nginx(pid_file: Path | None, say: Callable[[str], None]) -> None:
     """Has nginx read the list anew. Calls that are under way go on."""
     if pid_file is None:
         return
     try:
         os.kill(int(pid_file.read_text(encoding="ascii")), signal.SIGHUP)
     except (OSError, ValueError) as error:
-        raise InvalidArgumentError(f"nginx cannot be told by {pid_file}: {error}") from None
+        say(f"nginx cannot be told by {pid_file} ({error}): it reads the list when it starts")
 
 
 COMMANDS = (gateway,)
