@@ -12,7 +12,7 @@ import pytest
 
 from tests.ports import free_port
 from tests.ual.network.samples import report, uav
-from tests.ual.network.zenoh_net import ZenohNet
+from tests.ual.network.zenoh_net import ZenohNet, saying
 from tests.waiting import LIMIT_S, until
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.network import Network, NetworkSettings, Scouting, discover
@@ -33,7 +33,7 @@ def names(network: Network) -> list[str]:
 def test_a_uav_appears_is_heard_and_vanishes(net: ZenohNet) -> None:
     net.router()
     network, told = net.network(), net.publication()
-    until(lambda: told.put(report()) or names(network))  # type: ignore[func-returns-value]
+    until(lambda: names(network), between=saying(told, report()))
     [found] = network.uavs()
     assert found == network.find("uav_1")
     assert (found.site, found.addresses, found.telemetry.battery) == (
@@ -62,7 +62,7 @@ def test_two_routers_are_one_network(net: ZenohNet) -> None:
     net.router(net.endpoint, endpoint=other)
     network = net.network(NetworkSettings(site=net.site, connect=(other,)))
     told = net.publication()
-    until(lambda: told.put(report()) or names(network) == ["uav_1"])  # type: ignore[func-returns-value]
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
 
 
 def test_other_sites_are_not_heard(net: ZenohNet) -> None:
@@ -71,14 +71,14 @@ def test_other_sites_are_not_heard(net: ZenohNet) -> None:
     elsewhere = NetworkSettings(site=f"{net.site}x", connect=net.settings.connect)
     other = net.network(elsewhere)
     told = net.publication()
-    until(lambda: told.put(report()) or names(network) == ["uav_1"])  # type: ignore[func-returns-value]
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
     assert other.uavs() == ()
 
 
 def test_after_a_router_was_started_again_presence_is_right_by_itself(net: ZenohNet) -> None:
     router = net.router()
     network, told = net.network(), net.publication()
-    until(lambda: told.put(report()) or names(network) == ["uav_1"])  # type: ignore[func-returns-value]
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
     router.close()
     until(lambda: names(network) == [])
     assert not network.is_connected
@@ -95,7 +95,7 @@ def test_two_daemons_of_one_name_are_told_and_not_flown(net: ZenohNet) -> None:
     for instance, host in ((1, "a"), (2, "b")):
         told = net.publication(instance=instance)
         once = report(uav(address=f"10.0.0.{instance}:50051"), host=host)
-        until(lambda: told.put(once) or len(names(network)) == instance)  # type: ignore[func-returns-value] # noqa: B023
+        until(lambda: len(names(network)) == instance, between=saying(told, once))  # noqa: B023
     with pytest.raises(InvalidArgumentError, match="2 UAVs have the name uav_1"):
         network.find("uav_1")
 
@@ -105,7 +105,7 @@ def test_what_is_no_report_is_dropped_and_told(net: ZenohNet) -> None:
     net.router()
     network, told = net.network(), net.publication()
     network._on_problem = said.append
-    until(lambda: told.put(report()) or names(network) == ["uav_1"])  # type: ignore[func-returns-value]
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
     session = told._session
     session.put(told._key, b"\xff\xff")
     session.put(f"ual/{net.site}/uav_9/nonsense/telemetry", b"")
@@ -122,7 +122,7 @@ def test_on_loopback_they_find_each_other_without_a_router(net: ZenohNet) -> Non
     loopback = NetworkSettings(site=net.site, scouting_port=free_port())
     assert loopback.means is Scouting.LOOPBACK
     network, told = net.network(loopback), net.publication(settings=loopback)
-    until(lambda: told.put(report()) or names(network) == ["uav_1"])  # type: ignore[func-returns-value]
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
 
 
 def test_without_a_router_it_says_where_it_looked(net: ZenohNet) -> None:

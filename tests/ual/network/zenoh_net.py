@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import secrets
+import time
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -14,8 +16,20 @@ from ual.network.listening import Network
 from ual.network.publishing import Publication
 from ual.network.session import RouterSession
 from ual.network.settings import NetworkSettings
+from ual.network.values import Report
 
 JOIN_S = 30.0
+_PAUSE_S = 0.01
+
+
+def saying(told: Publication, once: Report) -> Callable[[], None]:
+    """What tells again between two looks of `tests.waiting.until`."""
+
+    def say() -> None:
+        told.put(once)
+        time.sleep(_PAUSE_S)
+
+    return say
 
 
 class ZenohNet:

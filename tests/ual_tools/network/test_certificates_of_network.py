@@ -1,9 +1,10 @@
-"""What `ual certificates network` writes, with real Zenoh: who may publish, who may listen, and that strangers may not."""
+"""What `ual certificates network` writes, with real Zenoh: who may publish, who may listen, and strangers."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -13,16 +14,15 @@ from click.testing import CliRunner, Result
 
 from tests.ports import free_port
 from tests.ual.network.samples import report, source, uav
+from tests.ual.network.zenoh_net import JOIN_S, saying
 from tests.waiting import until
 from ual.errors import DaemonUnreachableError
-from ual.network import Network, settings
+from ual.network import Network, NetworkUav, settings
 from ual.network.publishing import Publication
 from ual.network.session import RouterSession, open_session
 from ual_tools.main import cli
 
 pytest.importorskip("zenoh", reason="ZENOH IS MISSING, the network is NOT TESTED: pip install 'ual-tools[network]'")
-
-JOIN_S = 30.0
 
 
 def run(directory: Path, *words: str) -> Result:
@@ -99,7 +99,7 @@ def test_each_does_what_its_certificate_allows_and_nothing_else(team: Team) -> N
     """An observer listens through the other router; a UAV publishes as itself; neither does what the other may."""
     network = team.network("tablet")
     honest = team.publication("uav_1", "uav_1", 1)
-    until(lambda: honest.put(report()) or network.uavs())  # type: ignore[func-returns-value]
+    until(network.uavs, between=saying(honest, report()))
     forging = team.publication("uav_2", "uav_1", 2)
     observer = team.publication("tablet", "uav_2", 3)
     witness = team.publication("uav_2", "uav_2", 4)
@@ -109,9 +109,9 @@ def test_each_does_what_its_certificate_allows_and_nothing_else(team: Team) -> N
     spy.liveliness().declare_subscriber("ual/farm/**", spying.append, history=True)
     forging.put(report(uav(address="6.6.6.6:1"), host="forged"))
     observer.put(report(uav("uav_2", "6.6.6.6:1"), host="forged"))
-    until(lambda: witness.put(report(uav("uav_2"))) or len(_others(network)) == 2)  # type: ignore[func-returns-value]
+    until(lambda: len(_present(network)) == 2, between=saying(witness, report(uav("uav_2"))))
     honest.put(report())
-    assert [(each.ns, each.teller.host, each.is_contested) for each in _others(network)] == [
+    assert [(each.ns, each.teller.host, each.is_contested) for each in _present(network)] == [
         ("uav_1", "a", False),
         ("uav_2", "a", False),
     ]
@@ -119,9 +119,8 @@ def test_each_does_what_its_certificate_allows_and_nothing_else(team: Team) -> N
     spy.close()  # type: ignore[no-untyped-call]
 
 
-def _others(network: Network) -> list[object]:
-    """What came from others; Zenoh hands a session what it publishes itself."""
-    return [each for each in network.uavs() if each.gone_s is None]  # type: ignore[misc]
+def _present(network: Network) -> list[NetworkUav]:
+    return [each for each in network.uavs() if each.gone_s is None]
 
 
 def test_a_certificate_that_no_file_names_sees_nothing(team: Team) -> None:
@@ -130,7 +129,7 @@ def test_a_certificate_that_no_file_names_sees_nothing(team: Team) -> None:
     unnamed = team.directory / "phone.network.yaml"
     unnamed.write_text((team.directory / "tablet.network.yaml").read_text().replace("tablet", "phone"))
     network, known = team.network("phone"), team.network("tablet")
-    until(lambda: honest.put(report()) or known.uavs())  # type: ignore[func-returns-value]
+    until(known.uavs, between=saying(honest, report()))
     assert network.uavs() == ()
 
 
@@ -155,8 +154,6 @@ def test_a_stranger_is_not_let_in(team: Team, tmp_path: Path) -> None:
     ],
 )
 def test_why_it_is_refused_is_said(team: Team, words: list[str], why: str) -> None:
-    import re
-
     result = run(team.directory, "network", "farm", *words)
     assert result.exit_code == 1
     assert re.search(why, result.output), result.output

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -53,7 +54,7 @@ def run(*words: str) -> Result:
     return CliRunner().invoke(cli, list(words))
 
 
-def rows(net: ZenohNet, config: str, told: list[tuple[Publication, Report]]) -> list[dict[str, Any]]:
+def rows(config: str, told: list[tuple[Publication, Report]]) -> list[dict[str, Any]]:
     """What `ual list` says once all have told."""
 
     def listed() -> list[dict[str, Any]]:
@@ -77,8 +78,6 @@ class Telling:
     """Tells again and again on a thread, as daemons do."""
 
     def __init__(self, stack: ExitStack, told: list[tuple[Publication, Report]]) -> None:
-        import threading
-
         self._told = told
         self._end = threading.Event()
         thread = threading.Thread(target=self._run, daemon=True)
@@ -101,7 +100,7 @@ def telling() -> Iterator[ExitStack]:
 def test_list_shows_what_uavs_tell_and_where_they_are(net: ZenohNet, config: str, telling: ExitStack) -> None:
     told = [(net.publication("uav_1", 1), report(host="field-1")), (net.publication("uav_2", 2), report(uav("uav_2")))]
     Telling(telling, told)
-    found = rows(net, config, told)
+    found = rows(config, told)
     assert [(each["ns"], each["state"], each["host"], each["addresses"]) for each in found] == [
         ("uav_1", "FLYING_AUTO", "field-1", ["10.0.0.1:50051"]),
         ("uav_2", "FLYING_AUTO", "a", ["10.0.0.1:50051"]),
@@ -127,7 +126,7 @@ def test_a_name_that_is_not_there_is_told(net: ZenohNet, config: str) -> None:
     assert f"no UAV uav_9 is on the network (site {net.site}" in result.stderr
 
 
-def test_network_and_address_cannot_both_say_where_it_is(config: str) -> None:
+def test_network_and_address_cannot_both_say_where_it_is() -> None:
     result = run("--network", "--address", "127.0.0.1:1", "state")
     assert result.exit_code == 1
     assert "leave out --address" in result.stderr
@@ -179,7 +178,8 @@ class Case:
 
 
 def test_a_gateway_keeps_the_uav_that_was_there_first() -> None:
-    case, said = Case(), []
+    case = Case()
+    said: list[str] = []
     upstreams = Upstreams(said.append)
     case.tell(1)
     assert upstreams.update(case.uavs())
@@ -204,7 +204,8 @@ def test_of_two_uavs_that_come_together_a_gateway_takes_none() -> None:
 
 
 def test_a_gateway_takes_addresses_that_nginx_needs_not_look_up() -> None:
-    case, said = Case(), []
+    case = Case()
+    said: list[str] = []
     upstreams = Upstreams(said.append)
     case.tell(1, "field-1:50051")
     assert not upstreams.update(case.uavs())
@@ -212,7 +213,8 @@ def test_a_gateway_takes_addresses_that_nginx_needs_not_look_up() -> None:
 
 
 def test_a_board_shows_what_is_told_and_since_when_it_is_gone() -> None:
-    case, said = Case(), []
+    case = Case()
+    said: list[str] = []
     board = Board([], 1.0, 600.0)
     feed = Feed(case, board, said.append)  # type: ignore[arg-type]
     case.tell(1)
