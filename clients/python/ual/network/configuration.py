@@ -87,8 +87,10 @@ def _tls(settings: NetworkSettings) -> Json:
 
 
 def access_control(site: str, publishers: Sequence[str], observers: Sequence[str], routers: Sequence[str]) -> Json:
-    """Returns the rules by the names in certificates: a UAV publishes under its own name and sees nothing, an observer
-    sees and publishes nothing, routers pass on, and strangers can do nothing.
+    """Returns the rules by the names in certificates.
+
+    A UAV publishes under its own name and sees nothing. An observer sees, and publishes nothing. Routers pass on. Others
+    can do nothing.
     """
     everything = [keys.all_of(site)]
     rules = [
