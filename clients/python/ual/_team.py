@@ -52,7 +52,7 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
             These are the names of the results.
         tls_ca: A file with the certificates to trust, for daemons that use TLS.
         credentials: What shows the daemons who calls. Default: the environment's (`Credentials.from_environment`).
-        network: Where names are looked for instead of on this computer (`ual.network.Network`); it stays open meanwhile.
+        network: Where names are looked for instead of on this computer (`ual.network.Network`), open meanwhile.
 
     Raises:
         InvalidArgumentError: There is no UAV, or one is named twice.

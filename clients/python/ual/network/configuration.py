@@ -89,8 +89,8 @@ def _tls(settings: NetworkSettings) -> Json:
 def access_control(site: str, publishers: Sequence[str], observers: Sequence[str], routers: Sequence[str]) -> Json:
     """Returns the rules by the names in certificates.
 
-    A UAV publishes under its own name and sees nothing. An observer sees, and publishes nothing. Routers pass on. Others
-    can do nothing.
+    A UAV publishes under its own name and sees nothing. An observer sees, and publishes nothing. Routers pass on.
+    Others can do nothing.
     """
     everything = [keys.all_of(site)]
     rules = [
