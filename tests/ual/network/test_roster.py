@@ -85,11 +85,14 @@ def test_a_sample_under_anothers_name_is_dropped_and_told(case: Case) -> None:
 
 def test_what_shows_no_sign_of_life_is_not_heard(case: Case) -> None:
     case.roster.on_report(source(), report(), 1.0)
+    assert case.dropped == []  # its sign of life may be on its way
+    case.roster.on_report(source(), report(), 1.5)
     assert case.names() == []
     case.roster.on_alive(source(), 2.0)
     case.roster.on_report(source(), report(), 2.0)
     case.roster.on_gone(source(), 3.0)
-    case.roster.on_report(source(), report(uav(state=State.LANDING)), 4.0)
+    for now_s in (4.0, 5.0):
+        case.roster.on_report(source(), report(uav(state=State.LANDING)), now_s)
     assert [each.telemetry.state for each in case.roster.uavs()] == [State.FLYING_AUTO]
     assert case.dropped == ["uav_1 tells of UAVs, but shows no sign of life: dropped"] * 2
 

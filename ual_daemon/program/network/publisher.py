@@ -27,10 +27,11 @@ _log = logging.getLogger(__name__)
 
 _MOST_IN_REPORT = 128
 """UAVs: about 40 kB, less than what Zenoh sends as one piece."""
-_JOIN_S = 2.0
+_JOIN_S = 1.0
 _RETRY_S = 1.0
 _PAUSE_S = 0.001
-_CLOSE_S = 2.0
+_CLOSE_S = 8.0
+"""Longer than it may wait for a router: a thread that came back from Zenoh while Python ends would abort the process."""
 _INSTANCE_BYTES = 8
 
 

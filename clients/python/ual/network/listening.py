@@ -7,8 +7,9 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from typing_extensions import Self
 
@@ -16,7 +17,7 @@ from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.network import keys, settings
 from ual.network.followed import Followed, conflict
 from ual.network.roster import Roster
-from ual.network.session import close_session, has_router, open_session, require
+from ual.network.session import channel, close_session, has_router, open_session, require
 from ual.network.settings import LOOPBACK, NetworkSettings
 from ual.network.values import NetworkUav
 from ual.wire import network as wire
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 _JOIN_S = 3.0
 _LEAST_LOOK_S = 0.5
 """Who is there says so within this time."""
+_CLOSE_S = 5.0
 _MOST_PROBLEMS = 100
 
 
@@ -65,17 +67,24 @@ class Network:
         self._changed = threading.Condition()
         self._roster = Roster(self._drop)
         self._is_closed = False
+        self._readers: list[threading.Thread] = []
         self._session = open_session(self.settings, timeout_s)
         self._since_s = time.monotonic()
-        # A program that ends without `close` would hang in Zenoh's threads.
         atexit.register(self.close)
         try:
             site = self.settings.site
-            self._session.declare_subscriber(keys.all_telemetry(site), self._on_sample)
-            self._session.liveliness().declare_subscriber(keys.all_alive(site), self._on_token, history=True)
+            samples = self._session.declare_subscriber(keys.all_telemetry(site), channel())
+            tokens = self._session.liveliness().declare_subscriber(keys.all_alive(site), channel(), history=True)
         except BaseException:
             self.close()
             raise
+        # Zenoh's own threads for callbacks would keep a program from ending.
+        self._readers = [
+            threading.Thread(target=_read, args=reading, name="ual network", daemon=True)
+            for reading in ((samples, self._on_sample), (tokens, self._on_token))
+        ]
+        for reader in self._readers:
+            reader.start()
 
     def __enter__(self) -> Self:
         return self
@@ -150,6 +159,10 @@ class Network:
             self._is_closed = True
             atexit.unregister(self.close)
             close_session(self._session)
+            # One that came back from Zenoh while Python ends would abort the program.
+            for reader in self._readers:
+                if reader is not threading.current_thread():
+                    reader.join(_CLOSE_S)
 
     @property
     def _is_complete(self) -> bool:
@@ -198,6 +211,15 @@ class Network:
             self._problems[why] += 1
         if is_new and self._on_problem is not None:
             self._on_problem(why)
+
+
+def _read(subscriber: zenoh.Subscriber[Any], take: Callable[[zenoh.Sample], None]) -> None:
+    """Takes what comes, until the session is closed."""
+    import zenoh
+
+    with suppress(zenoh.ZError):
+        for sample in subscriber:
+            take(sample)
 
 
 def discover(config: NetworkSettings | str | Path = LOOPBACK, *, timeout_s: float = _JOIN_S) -> tuple[NetworkUav, ...]:

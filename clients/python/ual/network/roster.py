@@ -52,10 +52,12 @@ class Roster:
     def __init__(self, drop: Callable[[str], None]) -> None:
         self._drop = drop
         self._processes: dict[Source, _Process] = {}
+        self._unannounced: set[Source] = set()
 
     def on_alive(self, source: Source, now_s: float) -> None:
         """Takes note that a process is there."""
         self._forget(now_s)
+        self._unannounced.discard(source)
         process = self._processes.get(source)
         if process is not None:
             process.gone_s = None  # the network to it was cut
@@ -74,7 +76,7 @@ class Roster:
         """Takes what a process tells."""
         process = self._processes.get(source)
         if process is None or process.gone_s is not None:
-            self._drop(f"{source.publisher} tells of UAVs, but shows no sign of life: dropped")
+            self._on_unannounced(source)
             return
         process.teller = report.teller
         for uav in report.uavs:
@@ -100,6 +102,13 @@ class Roster:
         """Returns the UAVs of a name: several, if several daemons tell of it."""
         found = [_uav(source, each, ns) for source, each in self._processes.items() if ns in each.uavs]
         return tuple(_of_one_name(found))
+
+    def _on_unannounced(self, source: Source) -> None:
+        """Drops what comes before the sign of life: once that may be a little late, and from the second time on not."""
+        if source in self._unannounced:
+            self._drop(f"{source.publisher} tells of UAVs, but shows no sign of life: dropped")
+        elif len(self._unannounced) < MOST_PROCESSES:
+            self._unannounced.add(source)
 
     def _forget(self, now_s: float) -> None:
         """Forgets the processes that are gone for long."""

@@ -17,6 +17,8 @@ from ual.shared import extras
 if TYPE_CHECKING:
     import zenoh
 
+_MOST_WAITING = 1024
+
 
 def require(what: str, extra: str) -> None:
     """Loads Zenoh.
@@ -50,6 +52,14 @@ def open_session(settings: NetworkSettings, timeout_s: float) -> zenoh.Session:
                 f"no router of the network answers ({', '.join(settings.connect)}), or none that knows this certificate"
             ) from None
         raise InvalidArgumentError(f"network: {error}", {"field": "network"}) from None
+
+
+def channel() -> zenoh.handlers.FifoChannel[zenoh.Sample]:
+    """Returns where samples wait until they are read. While it is full, the network waits, and senders drop."""
+    import zenoh
+
+    made: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(_MOST_WAITING)
+    return made
 
 
 def close_session(session: zenoh.Session) -> None:
