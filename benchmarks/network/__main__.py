@@ -1,10 +1,7 @@
 """Measures the network: ``python -m benchmarks.network [--only presence|flight|wire] [--uavs 1000]``.
 
     presence  a fleet in five daemons, each in a network namespace of its own, and two routers with certificates.
-              Who listens is at the other router. When all are listed after the start, when they are gone after kill -9
-              and SIGSTOP, and when all is right after a router was started again.
-    flight    a UAV flown by setpoints at 50 Hz. How late they are without the network and with it. Then while its
-              router is killed and started again, and while 10^5 messages of nonsense are sent to it.
+    flight    how late setpoints at 50 Hz are: without the network, with it, without its router, and beside nonsense.
     wire      10,000 UAVs that twenty processes tell of, from recorded telemetry, over one router.
 
 Exit status 1 where something is missed. Namespaces need root and ``ip`` (iproute2).

@@ -31,7 +31,7 @@ _JOIN_S = 1.0
 _RETRY_S = 1.0
 _PAUSE_S = 0.001
 _CLOSE_S = 8.0
-"""Longer than it may wait for a router: a thread that came back from Zenoh while Python ends would abort the process."""
+"""Longer than it may wait for a router: a thread that came back from Zenoh while Python ends would abort it."""
 _INSTANCE_BYTES = 8
 
 
