@@ -1,8 +1,8 @@
 """Measures the network: ``python -m benchmarks.network [--only presence|flight|wire] [--uavs 1000]``.
 
-    presence  a fleet in five daemons, each in a network namespace of its own, and two routers with certificates.
-    flight    how late setpoints at 50 Hz are: without the network, with it, without its router, and beside nonsense.
-    wire      10,000 UAVs that twenty processes tell of, from recorded telemetry, over one router.
+- presence: A fleet in five daemons, each in a network namespace of its own, and two routers with certificates.
+- flight: How late setpoints at 50 Hz are: without the network, with it, without its router, and beside nonsense.
+- wire: 10,000 UAVs that twenty processes tell of, from recorded telemetry, over one router.
 
 Exit status 1 where something is missed. Namespaces need root and ``ip`` (iproute2).
 """
