@@ -22,7 +22,12 @@ _OFF = {"enabled": False}
 _TO_LISTENERS = ["put", "liveliness_token"]
 _FROM_LISTENERS = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
 
+_LISTEN, _BE_TOLD, _BE_ASKED, _PASS_ON = "to listen", "to be told", "to be asked", "to pass on"
+"""Names of rules; a publisher's has its own name."""
+
 Json = dict[str, Any]
+_Allowed = tuple[str, Sequence[str] | None, Sequence[str]]
+"""Some who may do something: what they are called, the names in their certificates (None: any), and which rules."""
 
 
 def of(settings: NetworkSettings, connect_timeout_ms: int) -> str:
@@ -55,7 +60,7 @@ def _among_peers(settings: NetworkSettings) -> Json:
         "scouting": {"multicast": multicast if is_lan else {**multicast, "interface": "lo"}, "gossip": _OFF},
     }
     if is_lan:
-        config["access_control"] = access_control(settings.site, settings.publishers, (), ())
+        config["access_control"] = _access_among_peers(settings.site, settings.publishers)
     return config
 
 
@@ -93,27 +98,53 @@ def access_control(site: str, publishers: Sequence[str], observers: Sequence[str
     Others can do nothing.
     """
     everything = [keys.all_of(site)]
-    rules = [
-        _rule("listen", "ingress", _FROM_LISTENERS, everything),
-        _rule("be told", "egress", _TO_LISTENERS, everything),
-        _rule("be asked", "egress", _FROM_LISTENERS, everything),
-        _rule("pass on in", "ingress", _TO_LISTENERS, everything),
+    common = [
+        _rule(_LISTEN, "ingress", _FROM_LISTENERS, everything),
+        _rule(_BE_TOLD, "egress", _TO_LISTENERS, everything),
+        _rule(_BE_ASKED, "egress", _FROM_LISTENERS, everything),
+        _rule(_PASS_ON, "ingress", _TO_LISTENERS, everything),
     ]
-    policies = []
+    rules = common + [_rule_of(site, publisher) for publisher in publishers]
+    allowed: list[_Allowed] = []
     if observers:
-        policies.append(("observers", list(observers), ["listen", "be told"]))
+        allowed.append(("observers", observers, [_LISTEN, _BE_TOLD]))
     if routers:
-        policies.append(("routers", list(routers), ["listen", "be told", "be asked", "pass on in"]))
-    for publisher in publishers:
-        rules.append(_rule(f"publish as {publisher}", "ingress", _TO_LISTENERS, [keys.all_of(site, publisher)]))
-        policies.append((publisher, [publisher], [f"publish as {publisher}", "be asked"]))
+        allowed.append(("routers", routers, [_LISTEN, _BE_TOLD, _BE_ASKED, _PASS_ON]))
+    allowed += [(publisher, [publisher], [publisher, _BE_ASKED]) for publisher in publishers]
+    return _access(rules, allowed)
+
+
+def _access_among_peers(site: str, publishers: Sequence[str]) -> Json:
+    """Returns the rules of a program on a LAN without routers: it takes each UAV's word from that UAV only, and tells
+    whoever has a certificate of the team.
+    """
+    everything = [keys.all_of(site)]
+    common = [
+        _rule(_LISTEN, "ingress", _FROM_LISTENERS, everything),
+        _rule(_BE_TOLD, "egress", _TO_LISTENERS, everything),
+        _rule(_BE_ASKED, "egress", _FROM_LISTENERS, everything),
+    ]
+    allowed: list[_Allowed] = [("team", None, [_LISTEN, _BE_TOLD, _BE_ASKED])]
+    allowed += [(publisher, [publisher], [publisher]) for publisher in publishers]
+    return _access(common + [_rule_of(site, publisher) for publisher in publishers], allowed)
+
+
+def _access(rules: Sequence[Json], allowed: Sequence[_Allowed]) -> Json:
+    """Returns access control that denies what no rule allows."""
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": rules,
-        "subjects": [{"id": name, "cert_common_names": names} for name, names, _ in policies],
-        "policies": [{"rules": allowed, "subjects": [name]} for name, _, allowed in policies],
+        "rules": list(rules),
+        "subjects": [
+            {"id": name} if names is None else {"id": name, "cert_common_names": list(names)}
+            for name, names, _ in allowed
+        ],
+        "policies": [{"rules": list(ids), "subjects": [name]} for name, _, ids in allowed],
     }
+
+
+def _rule_of(site: str, publisher: str) -> Json:
+    return _rule(publisher, "ingress", _TO_LISTENERS, [keys.all_of(site, publisher)])
 
 
 def router(
