@@ -86,15 +86,38 @@ def test_a_sample_under_anothers_name_is_dropped_and_told(case: Case) -> None:
 def test_what_shows_no_sign_of_life_is_not_heard(case: Case) -> None:
     case.roster.on_report(source(), report(), 1.0)
     assert case.dropped == []  # its sign of life may be on its way
-    case.roster.on_report(source(), report(), 1.5)
+    assert case.roster.is_doubtful(1.0)
+    case.roster.on_answer([], 1.5)
+    assert not case.roster.is_doubtful(1.5)
     assert case.names() == []
     case.roster.on_alive(source(), 2.0)
     case.roster.on_report(source(), report(), 2.0)
     case.roster.on_gone(source(), 3.0)
-    for now_s in (4.0, 5.0):
-        case.roster.on_report(source(), report(uav(state=State.LANDING)), now_s)
+    case.roster.on_report(source(), report(uav(state=State.LANDING)), 4.0)
+    case.roster.on_answer([source("uav_2", 2)], 5.0)
     assert [each.telemetry.state for each in case.roster.uavs()] == [State.FLYING_AUTO]
     assert case.dropped == ["uav_1 tells of UAVs, but shows no sign of life: dropped"] * 2
+
+
+def test_a_sign_of_life_that_was_lost_is_asked_for(case: Case) -> None:
+    case.roster.on_alive(source(), 0.0)
+    case.roster.on_report(source(), report(), 1.0)
+    case.roster.on_gone(source(), 2.0)
+    case.roster.on_report(source(), report(), 4.0)
+    case.roster.on_answer([source()], 4.5)
+    case.roster.on_report(source(), report(), 5.0)
+    [found] = case.roster.uavs()
+    assert (found.gone_s, found.heard_s, case.dropped) == (None, 5.0, [])
+
+
+def test_one_that_is_silent_and_not_there_when_it_is_asked_for_is_gone(case: Case) -> None:
+    for name, instance, heard_s in (("uav_1", 1, 1.0), ("uav_2", 2, 4.0)):
+        case.roster.on_alive(source(name, instance), 0.0)
+        case.roster.on_report(source(name, instance), report(uav(name)), heard_s)
+    assert not case.roster.is_doubtful(2.9)
+    assert case.roster.is_doubtful(3.1)
+    case.roster.on_answer([], 4.5)
+    assert [each.gone_s for each in case.roster.uavs()] == [4.5, None]
 
 
 def test_two_uavs_of_one_name_are_told_apart(case: Case) -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _JOIN_S = 3.0
 _LEAST_LOOK_S = 0.5
 """Who is there says so within this time."""
+_ASK_S, _ANSWER_S = 0.5, 2.0
 _CLOSE_S = 5.0
 _MOST_PROBLEMS = 100
 
@@ -67,6 +68,7 @@ class Network:
         self._changed = threading.Condition()
         self._roster = Roster(self._drop)
         self._is_closed = False
+        self._closing = threading.Event()
         self._readers: list[threading.Thread] = []
         self._session = open_session(self.settings, timeout_s)
         self._since_s = time.monotonic()
@@ -83,6 +85,7 @@ class Network:
             threading.Thread(target=_read, args=reading, name="ual network", daemon=True)
             for reading in ((samples, self._on_sample), (tokens, self._on_token))
         ]
+        self._readers.append(threading.Thread(target=self._keep_asking, name="ual network", daemon=True))
         for reader in self._readers:
             reader.start()
 
@@ -157,6 +160,7 @@ class Network:
         """Leaves the network. What was heard last stays to be read."""
         if not self._is_closed:
             self._is_closed = True
+            self._closing.set()
             atexit.unregister(self.close)
             close_session(self._session)
             # One that came back from Zenoh while Python ends would abort the program.
@@ -180,6 +184,26 @@ class Network:
             if source is not None:
                 on_change = self._roster.on_alive if sample.kind == zenoh.SampleKind.PUT else self._roster.on_gone
                 on_change(source, time.monotonic())
+            self._changed.notify_all()
+
+    def _keep_asking(self) -> None:
+        """Asks who is there where signs of life and reports contradict each other."""
+        while not self._closing.wait(_ASK_S):
+            with self._changed:
+                is_doubtful = self._roster.is_doubtful(time.monotonic())
+            if is_doubtful:
+                self._ask()
+
+    def _ask(self) -> None:
+        import zenoh
+
+        try:
+            replies = list(self._session.liveliness().get(keys.all_alive(self.settings.site), timeout=_ANSWER_S))
+        except zenoh.ZError:
+            return  # closed meanwhile
+        found = [self._source(reply.ok) for reply in replies if reply.ok is not None]
+        with self._changed:
+            self._roster.on_answer([each for each in found if each is not None], time.monotonic())
             self._changed.notify_all()
 
     def _on_sample(self, sample: zenoh.Sample) -> None:

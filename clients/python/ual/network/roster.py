@@ -6,13 +6,13 @@ UAVs for which its key says that it may speak. Two processes that tell of one na
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 
 from ual.discovery import natural_order
 from ual.network import keys
 from ual.network.keys import Source
-from ual.network.values import NetworkUav, Report, Teller, UavReport
+from ual.network.values import NetworkUav, Report, Teller, UavReport, old_after_s
 
 KEEP_GONE_S = 600.0
 """How long a UAV whose daemon is gone is kept: it may still be in the air."""
@@ -32,6 +32,7 @@ class _Process:
     """What is known of one process."""
 
     gone_s: float | None = None
+    heard_s: float = 0.0
     teller: Teller | None = None
     uavs: dict[str, _Told] = field(default_factory=dict)
 
@@ -39,6 +40,11 @@ class _Process:
     def is_complete(self) -> bool:
         """Whether it has told of all its UAVs."""
         return self.teller is not None and len(self.uavs) >= min(self.teller.uav_count, MOST_UAVS)
+
+    def is_silent(self, now_s: float) -> bool:
+        """Whether it is said to be there, but tells nothing any more."""
+        teller = self.teller
+        return self.gone_s is None and teller is not None and now_s - self.heard_s > old_after_s(teller.rate_hz)
 
 
 class Roster:
@@ -76,14 +82,33 @@ class Roster:
         """Takes what a process tells."""
         process = self._processes.get(source)
         if process is None or process.gone_s is not None:
-            self._on_unannounced(source)
+            if len(self._unannounced) < MOST_PROCESSES:
+                self._unannounced.add(source)
             return
-        process.teller = report.teller
+        process.teller, process.heard_s = report.teller, now_s
         for uav in report.uavs:
             if not keys.speaks_for(source.publisher, uav.ns):
                 self._drop(f"{source.publisher} tells of {uav.ns}, for which it may not speak: dropped")
             elif uav.ns in process.uavs or len(process.uavs) < MOST_UAVS:
                 process.uavs[uav.ns] = _Told(uav, now_s)
+
+    def is_doubtful(self, now_s: float) -> bool:
+        """Whether signs of life and reports contradict each other: who is there must be asked.
+
+        After a router was started again, Zenoh sometimes keeps a sign of life from those who listened before.
+        """
+        return bool(self._unannounced) or any(each.is_silent(now_s) for each in self._processes.values())
+
+    def on_answer(self, present: Collection[Source], now_s: float) -> None:
+        """Takes the answer to the question who is there."""
+        for source in self._unannounced - set(present):
+            self._drop(f"{source.publisher} tells of UAVs, but shows no sign of life: dropped")
+        self._unannounced.clear()
+        for source, process in self._processes.items():
+            if source not in present and process.is_silent(now_s):
+                process.gone_s = now_s
+        for source in present:
+            self.on_alive(source, now_s)
 
     @property
     def is_complete(self) -> bool:
@@ -102,13 +127,6 @@ class Roster:
         """Returns the UAVs of a name: several, if several daemons tell of it."""
         found = [_uav(source, each, ns) for source, each in self._processes.items() if ns in each.uavs]
         return tuple(_of_one_name(found))
-
-    def _on_unannounced(self, source: Source) -> None:
-        """Drops what comes before the sign of life: once that may be a little late, and from the second time on not."""
-        if source in self._unannounced:
-            self._drop(f"{source.publisher} tells of UAVs, but shows no sign of life: dropped")
-        elif len(self._unannounced) < MOST_PROCESSES:
-            self._unannounced.add(source)
 
     def _forget(self, now_s: float) -> None:
         """Forgets the processes that are gone for long."""

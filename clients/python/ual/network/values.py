@@ -10,6 +10,11 @@ LEAST_LATE_S = 2.0
 """A sample is old after two of its periods, but not before this."""
 
 
+def old_after_s(rate_hz: float) -> float:
+    """Returns from which age on a sample that comes at a rate is not the present."""
+    return max(LEAST_LATE_S, 2.0 / rate_hz)
+
+
 @dataclass(frozen=True, slots=True)
 class UavReport:
     """What a daemon tells of one UAV.
@@ -81,7 +86,7 @@ class NetworkUav:
     @property
     def old_after_s(self) -> float:
         """From which age on its sample is not the present."""
-        return max(LEAST_LATE_S, 2.0 / self.teller.rate_hz)
+        return old_after_s(self.teller.rate_hz)
 
     def is_old(self, now_s: float) -> bool:
         """Whether its sample must not be taken for the present; `now_s` by `time.monotonic`."""
