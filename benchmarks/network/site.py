@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import subprocess
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,7 +12,6 @@ from benchmarks.network.namespaces import Lan, Loopback
 from ual_tools.access import certificates, network_files
 
 _PORT = 7447
-_START_S = 1.0
 ROUTERS = ("router_1", "router_2")
 
 
@@ -50,10 +49,12 @@ class Site:
         return str(self.directory / f"{name}.network.yaml")
 
     def router(self, name: str) -> Process:
-        """Starts a router."""
+        """Starts a router. Returns it once it says that it routes."""
         command = [*self.lan.prefix(name), UAL, "router"]
-        process = self._stack.enter_context(Process([*command, str(self.directory / f"{name}.router.json5")]))
-        time.sleep(_START_S)
+        file = str(self.directory / f"{name}.router.json5")
+        process = self._stack.enter_context(Process([*command, file], stdout=subprocess.PIPE))
+        assert process.popen.stdout is not None
+        process.popen.stdout.readline()
         return process
 
     def listener(self) -> Child:

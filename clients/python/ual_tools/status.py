@@ -35,7 +35,7 @@ _STATES = [state.name for state in State]
 @command("list", "ual list", "ual list --network", "ual --json list", section=Section.LOOKING, multi=Multi.ITSELF)
 @pass_session
 def list_uavs(session: Session) -> None:
-    """List the UAVs whose daemons run on this computer, or are on the network, the worst first."""
+    """List the UAVs of this computer, or of the network, the worst first."""
     if session.joined is not None:
         from ual_tools.network import listing
 

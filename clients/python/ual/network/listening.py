@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _JOIN_S = 3.0
 _LEAST_LOOK_S = 0.5
 """Who is there says so within this time."""
-_ASK_S, _ANSWER_S = 0.5, 2.0
+_ASK_S, _ANSWER_S = 0.25, 2.0
 _CLOSE_S = 5.0
 _MOST_PROBLEMS = 100
 

@@ -40,7 +40,9 @@ _READABLE = 0o644
 @click.option("--once", is_flag=True, help="Write the file once, and end.")
 @pass_session
 def gateway(session: Session, file: Path, pid_file: Path | None, once: bool) -> None:
-    """Keep a gateway's list of UAVs as the network says, until Ctrl-C.
+    """Keep a gateway's list of UAVs as the network says.
+
+    It does so until Ctrl-C.
 
     FILE is the list that nginx reads (deploy/gateway). nginx is told of each change, and its calls go on. A UAV that is
     gone from the network stays in the list: whether its daemon is there, the call will tell. Where two UAVs have one
