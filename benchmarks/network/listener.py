@@ -15,6 +15,8 @@ from ual.network import Network, discover
 
 _LIMIT_S = 120.0
 _LOOK_S = 0.02
+_IDLE_SHARE = 4.0
+"""A look at thousands of UAVs takes a while: so much longer it does not look."""
 
 
 class Listener:
@@ -36,8 +38,11 @@ class Listener:
             return found == count if is_exact else found >= count
 
         end_s = time.monotonic() + _LIMIT_S
-        while not is_so() and time.monotonic() < end_s:
-            time.sleep(_LOOK_S)
+        while time.monotonic() < end_s:
+            began_s = time.monotonic()
+            if is_so():
+                break
+            time.sleep(max(_LOOK_S, _IDLE_SHARE * (time.monotonic() - began_s)))
         return {"at_s": time.monotonic(), "count": self._present(), "problems": dict(self._network.problems)}
 
     def discover(self) -> dict[str, Any]:

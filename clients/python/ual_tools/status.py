@@ -35,7 +35,10 @@ _STATES = [state.name for state in State]
 @command("list", "ual list", "ual list --network", "ual --json list", section=Section.LOOKING, multi=Multi.ITSELF)
 @pass_session
 def list_uavs(session: Session) -> None:
-    """List the UAVs of this computer, or of the network, the worst first."""
+    """List the UAVs, the worst first.
+
+    They are those whose daemons run on this computer, or with --network those of the network.
+    """
     if session.joined is not None:
         from ual_tools.network import listing
 

@@ -17,7 +17,7 @@ from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.network import keys, settings
 from ual.network.followed import Followed, conflict
 from ual.network.roster import Roster
-from ual.network.session import channel, close_session, has_router, open_session, require
+from ual.network.session import close_session, has_router, open_session, queue, require, ring
 from ual.network.settings import LOOPBACK, NetworkSettings
 from ual.network.values import NetworkUav
 from ual.wire import network as wire
@@ -75,8 +75,8 @@ class Network:
         atexit.register(self.close)
         try:
             site = self.settings.site
-            samples = self._session.declare_subscriber(keys.all_telemetry(site), channel())
-            tokens = self._session.liveliness().declare_subscriber(keys.all_alive(site), channel(), history=True)
+            samples = self._session.declare_subscriber(keys.all_telemetry(site), ring())
+            tokens = self._session.liveliness().declare_subscriber(keys.all_alive(site), queue(), history=True)
         except BaseException:
             self.close()
             raise

@@ -17,7 +17,7 @@ from ual.shared import extras
 if TYPE_CHECKING:
     import zenoh
 
-_MOST_WAITING = 1024
+_MOST_SIGNS, _MOST_REPORTS = 1024, 512
 
 
 def require(what: str, extra: str) -> None:
@@ -54,11 +54,19 @@ def open_session(settings: NetworkSettings, timeout_s: float) -> zenoh.Session:
         raise InvalidArgumentError(f"network: {error}", {"field": "network"}) from None
 
 
-def channel() -> zenoh.handlers.FifoChannel[zenoh.Sample]:
-    """Returns where samples wait until they are read. While it is full, the network waits, and senders drop."""
+def queue() -> zenoh.handlers.FifoChannel[zenoh.Sample]:
+    """Returns where signs of life wait until they are read. None is lost: while it is full, the network waits."""
     import zenoh
 
-    made: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(_MOST_WAITING)
+    made: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(_MOST_SIGNS)
+    return made
+
+
+def ring() -> zenoh.handlers.RingChannel[zenoh.Sample]:
+    """Returns where reports wait until they are read. A reader that is too slow gets the newest, not old ones."""
+    import zenoh
+
+    made: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(_MOST_REPORTS)
     return made
 
 
