@@ -1,7 +1,7 @@
 """``ual-daemon`` whose light backend notes each setpoint that it gets: ``python -m benchmarks.attacks.noted ...``.
 
 It is the backend ``noted``: the light one, which also sends the yaw rate of each setpoint to the UDP port that
-``UAL_NOTED_PORT`` names.
+``ATTACKS_NOTED_PORT`` names.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class NotedBackend(LightBackend):
     def __init__(self, options: BackendOptions, world: World | None = None) -> None:
         super().__init__(options, world)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.connect(("127.0.0.1", int(os.environ["UAL_NOTED_PORT"])))
+        self._socket.connect(("127.0.0.1", int(os.environ["ATTACKS_NOTED_PORT"])))
         self._socket.setblocking(False)
 
     @override

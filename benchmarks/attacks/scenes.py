@@ -140,7 +140,7 @@ class LightScene(Scene):
 
     @override
     def _environment(self) -> dict[str, str]:
-        return {"UAL_NOTED_PORT": str(self._sink)}
+        return {"ATTACKS_NOTED_PORT": str(self._sink)}
 
     @override
     def _command(self) -> list[str]:
@@ -184,7 +184,7 @@ class PlainScene(Scene):
 
 
 def _flags() -> list[str]:
-    return os.environ.get("UAL_ATTACKS_FLAGS", "").split()
+    return os.environ.get("ATTACKS_FLAGS", "").split()
 
 
 SCENES: dict[str, type[Scene]] = {

@@ -26,7 +26,7 @@ _MOST_P99_MS = 20.0
 """As `benchmarks.attacks` wants."""
 _MOST_MORE_MS = 5.0
 """The flight without the network is another one, and the machine is not quiet."""
-_FLAGS = "UAL_ATTACKS_FLAGS"
+_FLAGS = "ATTACKS_FLAGS"
 
 
 def measure(messages: int, seconds: float) -> list[Found]:
