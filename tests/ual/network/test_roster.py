@@ -161,6 +161,7 @@ def test_a_fleet_is_complete_when_it_has_told_of_all(case: Case) -> None:
     assert not case.roster.is_complete
     case.roster.on_report(fleet, report(uav("uav_11"), count=3), 1.0)
     assert case.roster.is_complete
+    assert (case.roster.pieces(fleet), case.roster.pieces(source("uav_1"))) == (2, None)
     assert case.names() == ["uav_9", "uav_10", "uav_11"]
 
 

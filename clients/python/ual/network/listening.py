@@ -6,7 +6,7 @@ import atexit
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -83,7 +83,7 @@ class Network:
         # Zenoh's own threads for callbacks would keep a program from ending.
         self._readers = [
             threading.Thread(target=_read, args=reading, name="ual network", daemon=True)
-            for reading in ((samples, self._on_sample), (tokens, self._on_token))
+            for reading in ((samples, self._on_samples), (tokens, self._on_tokens))
         ]
         self._readers.append(threading.Thread(target=self._keep_asking, name="ual network", daemon=True))
         for reader in self._readers:
@@ -206,11 +206,24 @@ class Network:
             self._roster.on_answer([each for each in found if each is not None], time.monotonic())
             self._changed.notify_all()
 
-    def _on_sample(self, sample: zenoh.Sample) -> None:
+    def _on_tokens(self, samples: Sequence[zenoh.Sample]) -> None:
+        for sample in samples:
+            self._on_token(sample)
+
+    def _on_samples(self, samples: Sequence[zenoh.Sample]) -> None:
+        """Takes the newest reports of each process: a listener that is too slow must not show old ones as new."""
+        by_source: dict[keys.Source, list[zenoh.Sample]] = {}
+        for sample in samples:
+            if (source := self._source(sample)) is not None:
+                by_source.setdefault(source, []).append(sample)
+        for source, waiting in by_source.items():
+            with self._changed:
+                newest = self._roster.pieces(source) or len(waiting)
+            for sample in waiting[-newest:]:
+                self._on_sample(source, sample)
+
+    def _on_sample(self, source: keys.Source, sample: zenoh.Sample) -> None:
         now_s = time.monotonic()
-        source = self._source(sample)
-        if source is None:
-            return
         try:
             report = wire.report_from_bytes(sample.payload.to_bytes())
         except ValueError as error:
@@ -237,13 +250,16 @@ class Network:
             self._on_problem(why)
 
 
-def _read(subscriber: zenoh.Subscriber[Any], take: Callable[[zenoh.Sample], None]) -> None:
-    """Takes what comes, until the session is closed."""
+def _read(subscriber: zenoh.Subscriber[Any], take: Callable[[Sequence[zenoh.Sample]], None]) -> None:
+    """Takes what has come, all at once, until the session is closed."""
     import zenoh
 
     with suppress(zenoh.ZError):
         for sample in subscriber:
-            take(sample)
+            waiting = [sample]
+            while (more := subscriber.try_recv()) is not None:
+                waiting.append(more)
+            take(waiting)
 
 
 def discover(config: NetworkSettings | str | Path = LOOPBACK, *, timeout_s: float = _JOIN_S) -> tuple[NetworkUav, ...]:

@@ -34,6 +34,7 @@ class _Process:
     gone_s: float | None = None
     heard_s: float = 0.0
     teller: Teller | None = None
+    most_at_once: int = 1
     uavs: dict[str, _Told] = field(default_factory=dict)
 
     @property
@@ -86,11 +87,19 @@ class Roster:
                 self._unannounced.add(source)
             return
         process.teller, process.heard_s = report.teller, now_s
+        process.most_at_once = max(process.most_at_once, len(report.uavs))
         for uav in report.uavs:
             if not keys.speaks_for(source.publisher, uav.ns):
                 self._drop(f"{source.publisher} tells of {uav.ns}, for which it may not speak: dropped")
             elif uav.ns in process.uavs or len(process.uavs) < MOST_UAVS:
                 process.uavs[uav.ns] = _Told(uav, now_s)
+
+    def pieces(self, source: Source) -> int | None:
+        """Returns in how many reports a process tells of all its UAVs once; None where that is not known yet."""
+        process = self._processes.get(source)
+        if process is None or process.teller is None:
+            return None
+        return max(1, -(-process.teller.uav_count // process.most_at_once))
 
     def is_doubtful(self, now_s: float) -> bool:
         """Whether signs of life and reports contradict each other: who is there must be asked.
