@@ -22,6 +22,8 @@ from typing_extensions import Self
 REPOSITORY = Path(__file__).parents[1]
 LIMIT_S = 60.0
 """How long an answer may take, in addition to the task itself."""
+UAL = str(Path(sys.executable).with_name("ual"))
+"""The command `ual`."""
 _END_S = 10.0
 _REALTIME_PRIORITY = 20
 _NICE = -15
@@ -106,8 +108,9 @@ class Process:
 class Child(Process):
     """A module of this package as a process, which answers each line of JSON with a line of JSON."""
 
-    def __init__(self, module: str, *arguments: str) -> None:
-        super().__init__([sys.executable, "-m", module, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    def __init__(self, module: str, *arguments: str, prefix: Sequence[str] = ()) -> None:
+        command = [*prefix, sys.executable, "-m", module, *arguments]
+        super().__init__(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._name = " ".join((module, *arguments))
 
     def ask(self, do: str, *, limit_s: float = LIMIT_S, **values: object) -> dict[str, Any]:

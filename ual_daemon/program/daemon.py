@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from ual.interface import Simulation
     from ual_daemon.choice import ServedVehicle
     from ual_daemon.program.metrics.gathering import ProcessMetrics
+    from ual_daemon.program.network.publisher import Publisher
+    from ual_daemon.program.network.told import Told
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
     from ual_daemon.server.access.policy import Access
@@ -53,6 +55,11 @@ class Callers(NamedTuple):
 
     credentials: grpc.ServerCredentials | None = None
     access: Access | None = None
+
+    @property
+    def needs_role(self) -> bool:
+        """Whether a caller of another computer needs a role to fly."""
+        return self.access is None or self.access.needs_role
 
 
 class Uav(NamedTuple):
@@ -80,7 +87,9 @@ class Daemon:
         audit: Audit | None = None,
         metrics: ProcessMetrics | None = None,
         supervision: Supervision | None = None,
+        network: Publisher | None = None,
     ) -> None:
+        self._network = network
         self._supervision = supervision or Unsupervised()
         self._is_of_many = len(uavs) > 1 or supervision is not None
         self._recording = recording
@@ -163,11 +172,15 @@ class Daemon:
         try:
             for each in served:
                 each.open()
+            if self._network is not None:
+                self._network.start([each.told() for each in served])
             await stop.wait()
         finally:
             trimming.cancel()
             limit = ending.within(_SAFE_EXIT_LIMIT_S + _CLOSE_LIMIT_S)
             are_safe = all(await asyncio.gather(*(each.end() for each in served)))
+            if self._network is not None:  # they were there until they were safe
+                await asyncio.to_thread(self._network.close)
             transport.close()
             limit.cancel()
             gc.unfreeze()
@@ -195,6 +208,7 @@ class _Served:
     ) -> None:
         self._vehicle, self._namespace, self._listen, self._interface = uav
         self._credentials = callers.credentials
+        self._needs_role = callers.needs_role
         self._transport_name = transport.name
         self._pilot = self._vehicle.safety_pilot() if is_auto_arming else None
         self._arming: asyncio.Task[None] | None = None
@@ -233,6 +247,21 @@ class _Served:
             tls=self._credentials is not None,
             transport=self._transport_name,
             pid=os.getpid(),
+        )
+
+    def told(self) -> Told:
+        """Returns what the network is told of it."""
+        from ual_daemon.program.network.told import Told
+
+        vehicle = self._vehicle
+        return Told(
+            vehicle.ns,
+            vehicle.backend.name,
+            self._addresses,
+            vehicle.telemetry,
+            has_tls=self._credentials is not None,
+            needs_role=self._needs_role,
+            is_watch_only=vehicle.backend.is_watch_only,
         )
 
     def open(self) -> None:

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle
     from ual_daemon.program.daemon import Callers
     from ual_daemon.program.metrics.gathering import ProcessMetrics
+    from ual_daemon.program.network.publisher import Publisher
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
     from ual_daemon.program.worker import Worker
@@ -145,6 +146,13 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 @click.option("--roles", metavar="FILE", help="What each certificate and token may do, YAML.")
 @click.option("--audit", metavar="FILE", help="Append a line to this file for each call that changes something.")
 @click.option("--metrics", metavar="HOST:PORT", help="Serve metrics for Prometheus there, over HTTP.")
+@click.option(
+    "--network",
+    is_flag=False,
+    flag_value="loopback",
+    metavar="[FILE]",
+    help="Be found by programs of other computers, as this YAML file says; without one, by those of this computer.",
+)
 @click.option(
     "--transport",
     type=click.Choice(["auto", "core", "aio"]),
@@ -276,6 +284,7 @@ def _fly(
         who_may = access_files.access(settings)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
         opening.address_of(settings)
+        network = _network(configuration)
         _refuse_arming_while_watching(settings)
         if settings.auto_arm and uavs[0].vehicle.safety_pilot() is None:
             where = f" at {settings.url}" if settings.url else ""
@@ -296,7 +305,7 @@ def _fly(
     _warn_of_callers(settings, uavs[0].listen, has_tls=credentials is not None)
     from ual_daemon.program.daemon import Callers
 
-    _serve(configuration, uavs, interfaces, Callers(credentials, who_may), worker)
+    _serve(configuration, uavs, interfaces, Callers(credentials, who_may), worker, network)
 
 
 def _choose_poller(configuration: Configuration) -> None:
@@ -378,6 +387,7 @@ def _serve(
     interfaces: Sequence[UAL],
     callers: Callers,
     worker: Worker | None,
+    network: Publisher | None,
 ) -> None:
     import asyncio
     from contextlib import ExitStack
@@ -412,6 +422,7 @@ def _serve(
                 audit=audit,
                 metrics=metrics,
                 supervision=worker,
+                network=network,
             )
             sys.setswitchinterval(_SWITCH_S)
             are_safe = asyncio.run(daemon.run())
@@ -481,6 +492,19 @@ def _audit(settings: DaemonSettings, worker: Worker | None) -> Audit | None:
     return Audit(AuditFile(Path(settings.audit)) if worker is None else AuditPipe(worker.channels.audit))
 
 
+def _network(configuration: Configuration) -> Publisher | None:
+    """Returns what tells the network of the UAVs of this process, if that is wanted."""
+    settings = configuration.daemon
+    if settings.network is None:
+        return None
+    from ual_daemon.program import fleet
+    from ual_daemon.program.network import setup
+
+    count = fleet.parts(settings)[-1].stop
+    names = fleet.names(settings.ns, count) if configuration.is_fleet else [settings.ns]
+    return setup.publisher(settings.network, names)
+
+
 def _warn_of_callers(settings: DaemonSettings, listen: Sequence[Address], *, has_tls: bool) -> None:
     """Warns where tokens cross a network that anybody can read, and where other computers could call, but may not."""
     if all(address.is_local for address in listen):
@@ -499,10 +523,12 @@ def _refuse_arming_while_watching(settings: DaemonSettings) -> None:
 
 
 def _refuse_exposure(listen: Sequence[Address], *, is_safe: bool) -> None:
-    exposed = [str(address) for address in listen if not address.is_local]
-    if exposed and not is_safe:
+    from ual.shared.exposure import exposed
+
+    found = exposed(map(str, listen))
+    if found and not is_safe:
         raise ConfigError(
-            f"{exposed[0]} can be reached from other computers, which could fly the UAV: "
+            f"{found[0]} can be reached from other computers, which could fly the UAV: "
             "give --tls-certificate and --tls-key, or --insecure where the network is trusted",
             "listen",
         )

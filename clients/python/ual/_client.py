@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from typing_extensions import override
 
@@ -18,6 +18,9 @@ from ual._target import Target
 from ual._task import Task
 from ual.credentials import Credentials
 from ual.types import Info, Plan, TaskRequest, Telemetry
+
+if TYPE_CHECKING:
+    from ual.network import Network
 
 T = TypeVar("T")
 
@@ -33,6 +36,7 @@ class Uav(UavMembers):
             neither is given, it is the only UAV of this computer.
         tls_ca: A file with the certificates to trust, for a daemon that uses TLS.
         credentials: What shows the daemon who calls. Default: the environment's (`Credentials.from_environment`).
+        network: Where `ns` is looked for instead of on this computer (`ual.network.Network`); it stays open meanwhile.
 
     Example:
         >>> with ual.Uav("uav_1") as uav:
@@ -49,8 +53,9 @@ class Uav(UavMembers):
         address: str | None = None,
         tls_ca: str | Path | None = None,
         credentials: Credentials | None = None,
+        network: Network | None = None,
     ) -> None:
-        self._connection = Connection(Target(ns, address, tls_ca, credentials))
+        self._connection = Connection(Target(ns, address, tls_ca, credentials, network))
         self._lease: Lease | None = None
         self._setpoints = Setpoints(self._connection)
         self._external_poses = Setpoints(self._connection, kind=EXTERNAL_POSES)

@@ -6,7 +6,7 @@ import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import grpc
 
@@ -69,8 +69,22 @@ class Route:
     call_count: int = 0
 
 
+class Followed(Protocol):
+    """See `ual.network.followed.Followed`."""
+
+    def address(self) -> str:
+        """Returns where the UAV is now."""
+
+
+class Directory(Protocol):
+    """See `ual.network.Network`."""
+
+    def follow(self, ns: str) -> Followed:
+        """Returns what says where a UAV is, at any time."""
+
+
 class Target:
-    """The daemon that a client talks to: at a fixed address, or wherever its namespace is registered."""
+    """The daemon that a client talks to: at a fixed address, or where the network or this computer's registry says."""
 
     def __init__(
         self,
@@ -78,11 +92,13 @@ class Target:
         address: str | None,
         tls_ca: str | Path | None,
         credentials: Credentials | None = None,
+        network: Directory | None = None,
     ) -> None:
         if mistake := environment.mistake_in(os.environ):
             raise InvalidArgumentError(mistake, {"field": "environment"})
         self.ns = ns or os.environ.get(NS_VARIABLE, "")
-        given = address or os.environ.get(ADDRESS_VARIABLE) or None
+        self._followed = None if network is None else _follow(network, self.ns, address)
+        given = address or (os.environ.get(ADDRESS_VARIABLE) if network is None else None) or None
         self._fixed_address = None if given is None else _checked(given)
         self._shown = credentials or Credentials.from_environment()
         self._credentials = None if tls_ca is None else _read_tls(tls_ca, self._shown)
@@ -138,6 +154,9 @@ class Target:
         """
         if self._fixed_address is not None:
             return self._fixed_address
+        if self._followed is not None:
+            self._address = self._followed.address()
+            return self._address
         if not self.ns:
             daemon = discovery.only()
             if daemon is None:
@@ -150,6 +169,14 @@ class Target:
             if registration is not None:
                 self._address = registration.address
         return self._address or discovery.default_address(self.ns)
+
+
+def _follow(network: Directory, ns: str, address: str | None) -> Followed:
+    if not ns:
+        raise InvalidArgumentError("ns: a UAV of the network is found by its name", {"field": "ns"})
+    if address is not None:
+        raise InvalidArgumentError("address: the network says where it is: leave one of both out", {"field": "address"})
+    return network.follow(ns)
 
 
 def _checked(address: str) -> str:

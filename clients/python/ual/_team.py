@@ -7,7 +7,7 @@ import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Iterator
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from typing_extensions import Self, override
 
@@ -18,6 +18,9 @@ from ual.credentials import Credentials
 from ual.errors import UalError
 from ual.interface import DryRun, TaskCommands
 from ual.types import MotionRequest, Plan, TaskInfo, TaskKind, TaskRequest
+
+if TYPE_CHECKING:
+    from ual.network import Network
 
 T = TypeVar("T")
 
@@ -37,6 +40,7 @@ class Team(TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
             These are the names of the results.
         tls_ca: A file with the certificates to trust, for daemons that use TLS.
         credentials: What shows the daemons who calls. Default: the environment's (`Credentials.from_environment`).
+        network: Where names are looked for instead of on this computer (`ual.network.Network`), open meanwhile.
 
     Raises:
         InvalidArgumentError: There is no UAV, or one is named twice.
@@ -51,16 +55,22 @@ class Team(TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
     """
 
     def __init__(
-        self, uavs: Iterable[str], *, tls_ca: str | Path | None = None, credentials: Credentials | None = None
+        self,
+        uavs: Iterable[str],
+        *,
+        tls_ca: str | Path | None = None,
+        credentials: Credentials | None = None,
+        network: Network | None = None,
     ) -> None:
         self._loop = _Loop()
         try:
-            self._team = self._loop.run(_made(uavs, tls_ca, credentials))
+            self._team = self._loop.run(_made(uavs, tls_ca, credentials, network))
         except BaseException:
             self._loop.close()
             raise
         self._tls_ca = tls_ca
         self._credentials = credentials
+        self._network = network
         self._uavs: dict[str, Uav] = {}
         self._dry_run: DryRun[dict[str, Plan]] = DryRun(self._plan)
 
@@ -72,8 +82,11 @@ class Team(TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
         if name not in self._team:
             raise KeyError(name)
         if name not in self._uavs:
-            where = {"address": name} if ":" in name else {"ns": name}
-            self._uavs[name] = Uav(**where, tls_ca=self._tls_ca, credentials=self._credentials)
+            if ":" in name:
+                uav = Uav(address=name, tls_ca=self._tls_ca, credentials=self._credentials)
+            else:
+                uav = Uav(name, tls_ca=self._tls_ca, credentials=self._credentials, network=self._network)
+            self._uavs[name] = uav
         return self._uavs[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -260,9 +273,11 @@ class _Loop:
         self._loop.close()
 
 
-async def _made(uavs: Iterable[str], tls_ca: str | Path | None, credentials: Credentials | None) -> aio.Team:
+async def _made(
+    uavs: Iterable[str], tls_ca: str | Path | None, credentials: Credentials | None, network: Network | None
+) -> aio.Team:
     """Makes the team on its loop."""
-    return aio.Team(uavs, tls_ca=tls_ca, credentials=credentials)
+    return aio.Team(uavs, tls_ca=tls_ca, credentials=credentials, network=network)
 
 
 async def _next(samples: AsyncIterator[TaskInfo]) -> TaskInfo | None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from ual.access import tokens
-from ual.errors import InvalidArgumentError
+from ual.errors import InvalidArgumentError, UalError
 from ual.shared import extras
 from ual_tools.app import UalGroup, command
 from ual_tools.help import Section
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from ual_tools.access.certificates import Files
 
 F = TypeVar("F", bound=Callable[..., Any])
+R = TypeVar("R")
 
 _LONGEST_DAYS = 3650.0
 
@@ -82,9 +85,10 @@ def authority(session: Session, name: str, days: float, directory: Path) -> None
 @_directory
 @pass_session
 def daemon(session: Session, name: str, hosts: tuple[str, ...], days: float, directory: Path) -> None:
-    """Make the certificate of a daemon.
+    """Make the certificate of a daemon, or of a router of the network.
 
-    It is used by `ual-daemon --tls-certificate NAME.pem --tls-key NAME.key`.
+    It is used by `ual-daemon --tls-certificate NAME.pem --tls-key NAME.key`, and by what `ual certificates network`
+    writes. On the network NAME is the UAV: uav_7, or uav_1-200 for a fleet.
     """
     module = _module()
     _made(session, lambda: module.make_daemon(directory, _checked(name), hosts, days))
@@ -104,6 +108,55 @@ def caller(session: Session, name: str, days: float, directory: Path) -> None:
     _made(session, lambda: module.make_caller(directory, _checked(name), days))
 
 
+@command(
+    "network",
+    "ual certificates network farm --router router_1=10.0.0.1 --uav uav_1 --uav uav_2 --observer tablet",
+    section=Section.ACCESS,
+)
+@click.argument("site")
+@click.option(
+    "--router",
+    "routers",
+    multiple=True,
+    required=True,
+    metavar="NAME=HOST[:PORT]",
+    help="A router, and where others reach it; as often as there are routers.",
+)
+@click.option("--uav", "uavs", multiple=True, metavar="NAME", help="A UAV that may publish, or a fleet: uav_1-200.")
+@click.option("--observer", "observers", multiple=True, metavar="NAME", help="A caller that may listen.")
+@_directory
+@pass_session
+def network(
+    session: Session,
+    site: str,
+    routers: tuple[str, ...],
+    uavs: tuple[str, ...],
+    observers: tuple[str, ...],
+    directory: Path,
+) -> None:
+    """Write how routers, UAVs and observers join the network of a site.
+
+    Each needs its certificate first: routers and UAVs by `ual certificates daemon`, observers by `ual certificates
+    caller`. A router gets NAME.router.json5, for `ual router` or zenohd, and the others get NAME.network.yaml, for
+    `ual-daemon --network` or `ual --network-config`. Name all of them each time: who is not named may do nothing.
+    """
+    _module()
+    from ual_tools.access import network_files
+
+    with _refusals("`ual certificates daemon` makes those of routers and UAVs, `ual certificates caller` the others"):
+        read = [_router(network_files.Router, each) for each in routers]
+        written = network_files.write(directory, network_files.Site(site, read, uavs, observers))
+    session.emit({"files": [str(path) for path in written]}, "\n".join(map(str, written)))
+
+
+def _router(make: Callable[..., R], text: str) -> R:
+    match = re.fullmatch(r"([^=]+)=(\[[0-9A-Fa-f:.]+\]|[^:=\s]+)(?::([0-9]{1,5}))?", text)
+    if match is None:
+        raise click.BadParameter(f"{text!r} is not NAME=HOST or NAME=HOST:PORT", param_hint="--router")
+    name = _checked(match[1])
+    return make(name, match[2], int(match[3])) if match[3] else make(name, match[2])
+
+
 def _module() -> ModuleType:
     with extras.needs("ual certificates", "ual-tools[access]"):
         from ual_tools.access import certificates as module
@@ -111,19 +164,28 @@ def _module() -> ModuleType:
 
 
 def _made(session: Session, make: Callable[[], Files]) -> None:
-    try:
+    with _refusals("`ual certificates authority` makes it"):
         made = make()
+    session.emit({"certificate": made.certificate, "key": made.key}, f"{made.certificate}\n{made.key}")
+
+
+@contextmanager
+def _refusals(remedy: str) -> Iterator[None]:
+    """Says why files cannot be made; `remedy`, what makes a file that is missing."""
+    try:
+        yield
     except FileExistsError as error:
         raise InvalidArgumentError(
             f"{error.filename} is there already: remove it first, or choose another name"
         ) from None
     except FileNotFoundError as error:
-        raise InvalidArgumentError(f"there is no {error.filename}: `ual certificates authority` makes it") from None
+        raise InvalidArgumentError(f"there is no {error.filename}: {remedy}") from None
     except OSError as error:
         raise InvalidArgumentError(f"{error.filename}: {error.strerror}") from None
+    except UalError:
+        raise
     except ValueError as error:
         raise InvalidArgumentError(str(error)) from None
-    session.emit({"certificate": made.certificate, "key": made.key}, f"{made.certificate}\n{made.key}")
 
 
 def _checked(name: str) -> str:
@@ -133,6 +195,6 @@ def _checked(name: str) -> str:
     return name
 
 
-for _command in (authority, daemon, caller):
+for _command in (authority, daemon, caller, network):
     certificates.add_command(_command)
 COMMANDS = (certificates,)

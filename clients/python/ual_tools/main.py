@@ -31,6 +31,7 @@ from ual_tools import (
 )
 from ual_tools.app import UalGroup
 from ual_tools.help import WIDEST
+from ual_tools.network import gateway, router
 from ual_tools.teleop import command as teleop
 from ual_tools.view import command as view
 
@@ -70,6 +71,8 @@ for command in (
     *simulation.COMMANDS,
     *tokens.COMMANDS,
     *certificates.COMMANDS,
+    *router.COMMANDS,
+    *gateway.COMMANDS,
     *audit.COMMANDS,
     *check.COMMANDS,
     *extpose.COMMANDS,

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ual import discovery
 from ual.discovery import natural_order
 from ual.errors import DaemonUnreachableError, UalError
 from ual_tools.session import INTERRUPTED, REFUSED, Session
@@ -28,11 +27,11 @@ _PLACE = "{ns}"
 def names(session: Session) -> list[str] | None:
     """Returns the UAVs that were chosen, if they are several or may be; None for a single one."""
     if session.is_all and (session.ns or session.address):
-        raise click.UsageError("--all is all UAVs of this computer: leave out --ns and --address")
+        raise click.UsageError("--all is all UAVs: leave out --ns and --address")
     if session.is_all:
-        found = [daemon.ns for daemon in discovery.list_daemons()]
+        found = [daemon.ns for daemon in session.daemons()]
         if not found:
-            raise DaemonUnreachableError("no daemon runs on this computer: start one with `ual-daemon`")
+            raise DaemonUnreachableError(f"no daemon {session.where}: start one with `ual-daemon`")
         return found
     if session.member is not None or session.ns is None or "," not in session.ns:
         return None

@@ -56,7 +56,16 @@ SHARED = (
     Option(
         "--ns", "ns", "Which UAV, or several: uav_1,uav_3.", click.STRING, "NAME", "UAL_NS", None, complete.namespaces
     ),
-    Option("--all", "is_all", "All UAVs of this computer."),
+    Option("--all", "is_all", "All UAVs of this computer, or of the network."),
+    Option("--network", "uses_network", "Look for UAVs on the network, not only on this computer."),
+    Option(
+        "--network-config",
+        "network_config",
+        "The same, on the network of this YAML file; loopback: this computer's.",
+        click.STRING,
+        "FILE",
+        "UAL_NETWORK",
+    ),
     Option(
         "--at",
         "begin_utc_s",

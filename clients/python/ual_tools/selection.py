@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ual import discovery
 from ual.discovery import Registration
 from ual.errors import DaemonUnreachableError, UalError
 from ual.types import Telemetry
@@ -15,8 +14,8 @@ _PARALLEL = 16
 
 
 def chosen_daemons(session: Session) -> list[Registration]:
-    """Returns the daemons of this computer: with ``--ns a,b`` those with these names, else all."""
-    daemons = discovery.list_daemons()
+    """Returns the daemons of this computer, or of the network: with ``--ns a,b`` those with these names, else all."""
+    daemons = session.daemons()
     names = multi.names(session) if session.ns else None
     return daemons if names is None else [daemon for daemon in daemons if daemon.ns in names]
 
@@ -25,7 +24,7 @@ def several(session: Session) -> list[Registration] | None:
     """Returns the daemons where several UAVs are chosen; None for a single one.
 
     Raises:
-        DaemonUnreachableError: One that is named does not run on this computer.
+        DaemonUnreachableError: One that is named does not run on this computer, or is not on the network.
 
     """
     names = multi.names(session)
@@ -34,7 +33,7 @@ def several(session: Session) -> list[Registration] | None:
     daemons = chosen_daemons(session)
     missing = set(names) - {daemon.ns for daemon in daemons}
     if missing:
-        raise DaemonUnreachableError(f"no daemon of the name {', '.join(sorted(missing))} runs on this computer")
+        raise DaemonUnreachableError(f"no daemon of the name {', '.join(sorted(missing))} {session.where}")
     return daemons
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ual.errors import UalError
+from ual.errors import InvalidArgumentError, UalError
 from ual.types import TaskInfo
 from ual_tools import start
 from ual_tools.help import as_typed
@@ -22,11 +22,20 @@ if TYPE_CHECKING:
     from ual import Uav
     from ual.credentials import Credentials
     from ual.discovery import Registration
+    from ual.network import Network
+    from ual_tools.network.joined import Joined
     from ual_tools.start import Member
 
 REFUSED = 1
 """The exit status of a command that was refused or failed."""
 INTERRUPTED = 130
+
+
+@dataclass
+class _Shared:
+    """What all UAVs of one command share."""
+
+    joined: Joined | None = None
 
 
 @dataclass
@@ -43,11 +52,15 @@ class Session:
     takes_lease: bool = False
     timeout_s: float | None = None
     as_json: bool = False
+    network_config: str | None = None
+    """A file of the network's settings, or ``loopback``."""
+    uses_network: bool = False
     is_all: bool = False
     begin_utc_s: float | None = None
     """When its command is to begin, in seconds since the epoch; None: now."""
     member: Member | None = None
     """Its place among several UAVs that get the same command."""
+    _shared: _Shared = field(default_factory=_Shared)
 
     def connect(self, *, with_lease: bool = True) -> Uav:
         """Returns the chosen UAV: when its command is to begin, where that is said.
@@ -56,7 +69,8 @@ class Session:
         """
         from ual import Uav
 
-        uav = Uav(self.ns, address=self.address, tls_ca=self.tls_ca, credentials=self.credentials)
+        network, ns = self._network_and_name()
+        uav = Uav(ns, address=self.address, tls_ca=self.tls_ca, credentials=self.credentials, network=network)
         if self.member is not None:
             self.member.meet(uav)
         elif self.begin_utc_s is not None:
@@ -65,6 +79,40 @@ class Session:
         if with_lease and (self.has_lease or self.takes_lease):
             self._lease(uav)
         return uav
+
+    @property
+    def joined(self) -> Joined | None:
+        """The network, if UAVs are looked for there; it is joined when it is asked first."""
+        if self.uses_network and self.address is not None:
+            raise InvalidArgumentError("--network says where UAVs are: leave out --address (UAL_ADDRESS)")
+        if self.address is not None or not (self.uses_network or self.network_config):
+            return None
+        if self._shared.joined is None:
+            from ual_tools.network.joined import Joined
+
+            self._shared.joined = Joined(self.network_config or "loopback", self.note)
+        return self._shared.joined
+
+    def daemons(self) -> list[Registration]:
+        """Returns the daemons of this computer, or those of the network that can be reached from here."""
+        from ual import discovery
+
+        return discovery.list_daemons() if self.joined is None else self.joined.registrations()
+
+    @property
+    def where(self) -> str:
+        """Where UAVs are looked for, as the end of a sentence."""
+        return "runs on this computer" if self.joined is None else "is on the network"
+
+    def _network_and_name(self) -> tuple[Network | None, str | None]:
+        """Returns where the UAV is looked for, and its name: where none is given, that of the only one."""
+        if self.joined is None:
+            return None, self.ns
+        network = self.joined.network()
+        names = {uav.ns for uav in network.uavs() if uav.gone_s is None}
+        if self.ns or len(names) == 1:
+            return network, self.ns or names.pop()
+        raise InvalidArgumentError(f"ns: {len(names)} UAVs are on the network: choose one by --ns", {"field": "ns"})
 
     def connect_to(self, daemon: Registration) -> Uav:
         """Returns the UAV of a daemon of this computer."""

@@ -32,10 +32,18 @@ _HEADER = ("uav", "state", "backend", "address", "pid", "battery")
 _STATES = [state.name for state in State]
 
 
-@command("list", "ual list", "ual --json list", section=Section.LOOKING, multi=Multi.ITSELF)
+@command("list", "ual list", "ual list --network", "ual --json list", section=Section.LOOKING, multi=Multi.ITSELF)
 @pass_session
 def list_uavs(session: Session) -> None:
-    """List the UAVs whose daemons run on this computer, the worst first."""
+    """List the UAVs, the worst first.
+
+    They are those whose daemons run on this computer, or with --network those of the network.
+    """
+    if session.joined is not None:
+        from ual_tools.network import listing
+
+        listing.list_uavs(session, session.joined)
+        return
     daemons = discovery.list_daemons()
     known = [_Known(daemon, found) for daemon, found in zip(daemons, ask_all(session, daemons), strict=True)]
     known = condition.worst_first(known, lambda each: each.how, lambda each: each.daemon.ns)

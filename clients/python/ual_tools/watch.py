@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import click
 
@@ -21,13 +22,22 @@ from ual_tools.values import Number
 from ual_tools.watch_board import Board
 from ual_tools.watch_roster import all_subscribed
 
+if TYPE_CHECKING:
+    from ual_tools.network.joined import Joined
+
 _RATE_HZ = 5.0
 _TOTAL_RATE_HZ = 200.0
 """Of all UAVs together. With 200 UAVs at 5 Hz, one program could not read all samples in time."""
 
 
 @command(
-    "watch", "ual watch", "ual watch --all", "ual --json watch --rate 1", section=Section.LOOKING, multi=Multi.ITSELF
+    "watch",
+    "ual watch",
+    "ual watch --all",
+    "ual watch --network",
+    "ual --json watch --rate 1",
+    section=Section.LOOKING,
+    multi=Multi.ITSELF,
 )
 @click.option("--once", is_flag=True, help="Print one sample of each, and end.")
 @click.option(
@@ -44,9 +54,14 @@ def watch(session: Session, once: bool, rate_hz: float | None) -> None:
     worst comes first, in red where it is urgent. Positions are in map. The arrow keys, PgUp, PgDn, Home and End scroll
     it. UAVs appear when their daemons start, and vanish when they end. In a pipe, or with --json, each sample is one
     line.
+    With --network and without names it shows what all UAVs of the network tell, at their own rate; those that are gone
+    stay, with since when.
     """
     if rate_hz is not None and math.isinf(rate_hz):
         raise click.BadParameter("inf is not a rate; use 0 for every sample", param_hint="--rate")
+    if session.joined is not None and session.ns is None:
+        _watch_network(session, session.joined, once=once, rate_hz=rate_hz)
+        return
     daemons = several(session)
     if daemons is not None:
         if once:
@@ -65,6 +80,25 @@ def watch(session: Session, once: bool, rate_hz: float | None) -> None:
         board = Board([uav.ns], rate_hz)
         with uav.subscribe(partial(board.put, uav.ns), rate_hz):
             _follow(session, board, is_all=False)
+
+
+def _watch_network(session: Session, joined: Joined, *, once: bool, rate_hz: float | None) -> None:
+    """Shows what all UAVs of the network tell."""
+    from ual.network.roster import KEEP_GONE_S
+    from ual_tools.network.feed import Feed, feeding
+    from ual_tools.network.joined import label
+
+    if rate_hz is not None:
+        raise click.BadParameter("the network tells at its own rate; name UAVs by --ns", param_hint="--rate")
+    network = joined.network()
+    if once:
+        for uav in network.uavs():
+            if uav.gone_s is None:
+                _print(session, label(uav), uav.telemetry, is_one=False)
+        return
+    board = Board([], 1.0, KEEP_GONE_S)
+    with feeding(Feed(network, board, (lambda _: None) if _is_screen(session) else note)):
+        _follow(session, board, is_all=True)
 
 
 def default_rate_hz(count: int) -> float:

@@ -67,6 +67,11 @@ class Access:
         self._tokens = known_tokens
         self._now = now
 
+    @property
+    def needs_role(self) -> bool:
+        """Whether a caller of another computer that shows nothing may not fly."""
+        return self._roles().nobody < Role.PILOT
+
     def identify(self, call: Call) -> Caller:
         """Returns who calls.
 

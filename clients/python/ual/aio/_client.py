@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from typing_extensions import Self, override
 
@@ -25,6 +25,9 @@ from ual.interface import DryRun, TaskCommands
 from ual.shared import views
 from ual.shared.time_limit import time_limit
 from ual.types import Info, MotionRequest, Plan, State, TaskRequest
+
+if TYPE_CHECKING:
+    from ual.network import Network
 
 T = TypeVar("T")
 
@@ -50,8 +53,9 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         address: str | None = None,
         tls_ca: str | Path | None = None,
         credentials: Credentials | None = None,
+        network: Network | None = None,
     ) -> None:
-        self._connection = Connection(Target(ns, address, tls_ca, credentials))
+        self._connection = Connection(Target(ns, address, tls_ca, credentials, network))
         self._lease: Lease | None = None
         self._setpoints = Setpoints(self._connection)
         self._external_poses = Setpoints(self._connection, EXTERNAL_POSES)

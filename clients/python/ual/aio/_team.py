@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from typing_extensions import Self, override
 
@@ -19,6 +19,9 @@ from ual.interface import DryRun, TaskCommands
 from ual.types import LandRequest, MotionRequest, Plan, ReturnToLaunchRequest, TaskRequest
 
 _ENDS_A_FLIGHT = (LandRequest, ReturnToLaunchRequest)
+
+if TYPE_CHECKING:
+    from ual.network import Network
 
 T = TypeVar("T")
 All = Coroutine[Any, Any, dict[str, T]]
@@ -39,6 +42,7 @@ class Team(TeamMembers, TaskCommands[All[Task]]):
             These are the names of the results.
         tls_ca: A file with the certificates to trust, for daemons that use TLS.
         credentials: What shows the daemons who calls. Default: the environment's (`Credentials.from_environment`).
+        network: Where names are looked for instead of on this computer (`ual.network.Network`), open meanwhile.
 
     Raises:
         InvalidArgumentError: There is no UAV, or one is named twice.
@@ -53,10 +57,15 @@ class Team(TeamMembers, TaskCommands[All[Task]]):
     """
 
     def __init__(
-        self, uavs: Iterable[str], *, tls_ca: str | Path | None = None, credentials: Credentials | None = None
+        self,
+        uavs: Iterable[str],
+        *,
+        tls_ca: str | Path | None = None,
+        credentials: Credentials | None = None,
+        network: Network | None = None,
     ) -> None:
         names = _checked(uavs)
-        self._uavs = {name: _uav(name, tls_ca, credentials) for name in names}
+        self._uavs = {name: _uav(name, tls_ca, credentials, network) for name in names}
         self._dry_run: DryRun[All[Plan]] = DryRun(self._plan)
 
     def __repr__(self) -> str:
@@ -185,9 +194,10 @@ def _checked(uavs: Iterable[str]) -> list[str]:
     return names
 
 
-def _uav(name: str, tls_ca: str | Path | None, credentials: Credentials | None) -> Uav:
-    where = {"address": name} if ":" in name else {"ns": name}
-    return Uav(**where, tls_ca=tls_ca, credentials=credentials)
+def _uav(name: str, tls_ca: str | Path | None, credentials: Credentials | None, network: Network | None) -> Uav:
+    if ":" in name:
+        return Uav(address=name, tls_ca=tls_ca, credentials=credentials)
+    return Uav(name, tls_ca=tls_ca, credentials=credentials, network=network)
 
 
 def _results(outcomes: Mapping[str, T | BaseException]) -> dict[str, T]:

@@ -12,6 +12,7 @@ OTHERS_VARIABLE = "UAL_OTHER_VARIABLES"
 """Names, separated by commas, of variables ``UAL_...`` that belong to programs beside UAL."""
 OF_CLIENTS = (
     "UAL_ADDRESS",
+    "UAL_NETWORK",
     "UAL_NS",
     OTHERS_VARIABLE,
     "UAL_RUNTIME_DIR",
@@ -35,6 +36,8 @@ OF_DAEMON = (
     "UAL_LISTEN",
     "UAL_LOG_FORMAT",
     "UAL_LOG_LEVEL",
+    "UAL_METRICS",
+    "UAL_NETWORK",
     "UAL_NS",
     "UAL_RECORD",
     "UAL_RECORD_RAW",

@@ -70,7 +70,7 @@ def make_authority(directory: Path, name: str, days: float) -> Files:
 
 
 def make_daemon(directory: Path, name: str, hosts: Sequence[str], days: float) -> Files:
-    """Makes the certificate of a daemon, for the host names and addresses by which callers know it.
+    """Makes the certificate of a daemon or a router, for the host names and addresses by which others know it.
 
     Raises:
         OSError: The authority cannot be read, or the files cannot be written.
@@ -78,7 +78,9 @@ def make_daemon(directory: Path, name: str, hosts: Sequence[str], days: float) -
 
     """
     signer, key = _signer(directory), ec.generate_private_key(ec.SECP256R1())
-    builder = _signed_builder(signer, name, key, days, ExtendedKeyUsageOID.SERVER_AUTH)
+    # A router of the network is a client of the other routers, too, and a UAV is one of its router.
+    both = (ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH)
+    builder = _signed_builder(signer, name, key, days, both)
     builder = builder.add_extension(x509.SubjectAlternativeName([_host(each) for each in hosts]), critical=False)
     return _write(directory, name, builder.sign(signer.key, hashes.SHA256()), key)
 
@@ -92,7 +94,7 @@ def make_caller(directory: Path, name: str, days: float) -> Files:
 
     """
     signer, key = _signer(directory), ec.generate_private_key(ec.SECP256R1())
-    builder = _signed_builder(signer, name, key, days, ExtendedKeyUsageOID.CLIENT_AUTH)
+    builder = _signed_builder(signer, name, key, days, (ExtendedKeyUsageOID.CLIENT_AUTH,))
     return _write(directory, name, builder.sign(signer.key, hashes.SHA256()), key)
 
 
@@ -105,13 +107,17 @@ def _signer(directory: Path) -> _Signer:
 
 
 def _signed_builder(
-    signer: _Signer, name: str, key: ec.EllipticCurvePrivateKey, days: float, purpose: x509.ObjectIdentifier
+    signer: _Signer,
+    name: str,
+    key: ec.EllipticCurvePrivateKey,
+    days: float,
+    purposes: Sequence[x509.ObjectIdentifier],
 ) -> x509.CertificateBuilder:
     issuer = signer.certificate
     builder = _builder(_subject(name), issuer.subject, key.public_key(), days)
     builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
     builder = builder.add_extension(_usage("digital_signature"), critical=True)
-    builder = builder.add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
+    builder = builder.add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
     identifier = issuer.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
     return builder.add_extension(
         x509.AuthorityKeyIdentifier.from_issuer_subject_key_identifier(identifier), critical=False

@@ -9,7 +9,7 @@ _OWN = 0o600
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
 
-def replace(path: Path, data: bytes) -> None:
+def replace(path: Path, data: bytes, mode: int = _OWN) -> None:
     """Writes a file in one step: a reader sees the old content or the new one.
 
     Raises:
@@ -19,7 +19,7 @@ def replace(path: Path, data: bytes) -> None:
     path = path.resolve()  # a link stays one
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        create(beside, data)
+        create(beside, data, mode)
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)

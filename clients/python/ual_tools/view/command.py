@@ -83,7 +83,8 @@ def view(
     """Show the UAVs in a page of the browser until Ctrl-C.
 
     These are all UAVs of this computer, or those named by --ns, and those at the given addresses. They appear when
-    their daemons start. A UAV that is lost turns grey at once. Needs ual-tools[view].
+    their daemons start. A UAV that is lost turns grey at once. With --network they are those of the network: what these
+    tell is shown, and with --control each is connected to. Needs ual-tools[view].
     """
     _require_viser()
     below = ground(map_tiles, map_zoom, map_picture, map_corners)

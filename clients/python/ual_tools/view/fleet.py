@@ -7,19 +7,23 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from ual import Uav
 from ual.discovery import Registration
 from ual.errors import UalError
 from ual.interface import Lease
 from ual.types import Frame, Geofence, Info, Route, TaskStatus, Telemetry
+from ual_tools.network.feed import Feed, feeding
 from ual_tools.output import error_text
 from ual_tools.selection import chosen_daemons
 from ual_tools.session import Session
 from ual_tools.view.journal import Journal
 from ual_tools.watch_board import Board
 from ual_tools.watch_roster import Roster, kept_up_to_date
+
+if TYPE_CHECKING:
+    from ual.network import Network
 
 T = TypeVar("T")
 
@@ -73,6 +77,12 @@ class Fleet:
         self._named = [Named(address, session, self._say) for address in addresses]
         self._members: dict[str, Member] = {}
         self._roster = Roster(session, self.board, RATE_HZ, self._say, self._choose, self._attend)
+
+    @contextmanager
+    def running_on(self, network: Network) -> Iterator[None]:
+        """Shows what the UAVs of a network tell while the block runs. Nothing is asked of their daemons."""
+        with feeding(Feed(network, self.board, self._say)):
+            yield
 
     @contextmanager
     def running(self) -> Iterator[None]:

@@ -1,0 +1,1 @@
+"""Measures the network: presence, what a flight notices of it, and the wire alone."""

@@ -1,0 +1,63 @@
+"""A site for a measurement: its certificates and files, its routers and who listens, as processes."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from benchmarks.children import UAL, Child, Process
+from benchmarks.network.namespaces import Lan, Loopback
+from ual_tools.access import certificates, network_files
+
+_PORT = 7447
+ROUTERS = ("router_1", "router_2")
+
+
+class Site:
+    """A network with two routers, UAVs by their publishers, and an observer at the second router."""
+
+    def __init__(self, directory: Path, lan: Lan | Loopback, publishers: Sequence[str], stack: ExitStack) -> None:
+        self.directory = directory
+        self.lan = lan
+        self._stack = stack
+        addresses = [lan.add(name) for name in ROUTERS]
+        certificates.make_authority(directory, "benchmark", 1.0)
+        for name, address in zip(ROUTERS, addresses, strict=True):
+            certificates.make_daemon(directory, name, [address], 1.0)
+        for name in publishers:
+            certificates.make_daemon(directory, name, ["127.0.0.1"], 1.0)
+        certificates.make_caller(directory, "observer", 1.0)
+        routers = [
+            network_files.Router(name, address, _PORT + i)
+            for i, (name, address) in enumerate(zip(ROUTERS, addresses, strict=True))
+        ]
+        network_files.write(directory, network_files.Site("benchmark", routers, publishers, ["observer"]))
+        # The listener is at the second router, the daemons are at the first: all crosses both.
+        self._keep_router("observer", routers[1].endpoint)
+        for name in publishers:
+            self._keep_router(name, routers[0].endpoint)
+
+    def _keep_router(self, name: str, endpoint: str) -> None:
+        file = self.directory / f"{name}.network.yaml"
+        lines = file.read_text().splitlines()
+        file.write_text("\n".join(f"connect: [{endpoint}]" if each.startswith("connect:") else each for each in lines))
+
+    def config(self, name: str) -> str:
+        """Returns the file by which one joins."""
+        return str(self.directory / f"{name}.network.yaml")
+
+    def router(self, name: str) -> Process:
+        """Starts a router. Returns it once it says that it routes."""
+        command = [*self.lan.prefix(name), UAL, "router"]
+        file = str(self.directory / f"{name}.router.json5")
+        process = self._stack.enter_context(Process([*command, file], stdout=subprocess.PIPE))
+        assert process.popen.stdout is not None
+        process.popen.stdout.readline()
+        return process
+
+    def listener(self) -> Child:
+        """Starts who listens, beside the second router."""
+        arguments = ("benchmarks.network.listener", self.config("observer"))
+        return self._stack.enter_context(Child(*arguments, prefix=self.lan.prefix(ROUTERS[1])))

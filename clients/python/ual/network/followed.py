@@ -1,0 +1,80 @@
+"""Where one UAV of the network is, for a client that flies it: found again, and never exchanged for another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ual.credentials import is_this_computer
+from ual.errors import DaemonUnreachableError, InvalidArgumentError
+from ual.network import computer
+from ual.network.values import NetworkUav
+
+
+class Followed:
+    """The address of one UAV, as it is now. Any thread may ask.
+
+    Args:
+        ns: Its name.
+        called: Returns the UAVs of a name that are known now.
+        where: The network, for errors.
+
+    """
+
+    def __init__(self, ns: str, called: Callable[[str], Sequence[NetworkUav]], where: str) -> None:
+        self._ns = ns
+        self._called = called
+        self._where = where
+        self._last: NetworkUav | None = None
+
+    def address(self) -> str:
+        """Returns where it is.
+
+        Raises:
+            DaemonUnreachableError: The network does not know it, or it can be reached on its own computer only.
+            InvalidArgumentError: Several UAVs have this name, or it is another one than before.
+
+        """
+        found = self._choose(self._called(self._ns))
+        self._last = found
+        return best_address(found)
+
+    def _choose(self, found: Sequence[NetworkUav]) -> NetworkUav:
+        same = [each for each in found if self._last is not None and each.instance == self._last.instance]
+        if same:
+            return same[0]
+        if len(found) > 1:
+            raise InvalidArgumentError(f"ns: {conflict(found)}", {"field": "ns"})
+        if not found:
+            if self._last is not None:  # it is gone for long: its daemon, not the network, says whether it is there
+                return self._last
+            raise DaemonUnreachableError(f"no UAV {self._ns} is on the network ({self._where}): `ual list --network`")
+        if self._last is not None and found[0].teller.host != self._last.teller.host:
+            raise InvalidArgumentError(
+                f"ns: {self._ns} was on {self._last.teller.host} and is now told by {found[0].teller.host}: that is "
+                "another UAV. Make a new client if it is meant",
+                {"field": "ns"},
+            )
+        return found[0]
+
+
+def conflict(found: Sequence[NetworkUav]) -> str:
+    """Returns that several UAVs have one name, human-readable."""
+    places = " and ".join(each.described() for each in found)
+    return f"{len(found)} UAVs have the name {found[0].ns}: {places}. Give each a name of its own"
+
+
+def best_address(uav: NetworkUav) -> str:
+    """Returns the address by which a program of this computer reaches a UAV best.
+
+    Raises:
+        DaemonUnreachableError: It can be reached on its own computer only.
+
+    """
+    is_here = uav.teller.computer_id == computer.identifier()
+    reachable = [each for each in uav.addresses if is_here or not is_this_computer(each)]
+    if not reachable:
+        raise DaemonUnreachableError(
+            f"{uav.ns} can be reached only on its own computer, {uav.teller.host} "
+            f"({', '.join(uav.addresses) or 'no address'}): start its daemon with --listen, or fly it through a gateway"
+        )
+    return min(reachable, key=lambda each: not is_this_computer(each)) if is_here else reachable[0]

@@ -1,0 +1,269 @@
+"""Listens to the network: which UAVs there are, and how they are."""
+
+from __future__ import annotations
+
+import atexit
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from typing_extensions import Self
+
+from ual.errors import DaemonUnreachableError, InvalidArgumentError
+from ual.network import keys, settings
+from ual.network.followed import Followed, conflict
+from ual.network.roster import Roster
+from ual.network.session import close_session, has_router, open_session, queue, require, ring
+from ual.network.settings import LOOPBACK, NetworkSettings
+from ual.network.values import NetworkUav
+from ual.wire import network as wire
+
+if TYPE_CHECKING:
+    import zenoh
+
+_JOIN_S = 3.0
+_LEAST_LOOK_S = 0.5
+"""Who is there says so within this time."""
+_ASK_S, _ANSWER_S = 0.25, 2.0
+_CLOSE_S = 5.0
+_MOST_PROBLEMS = 100
+
+
+class Network:
+    """The UAVs of a site, from the construction until `close`. Any thread may call.
+
+    Args:
+        config: A file (`ual.network.settings`), the settings themselves, or ``loopback``: this computer only.
+        timeout_s: How long to wait for a router.
+        on_problem: Is called with each new reason why something was dropped, human-readable, on a thread of Zenoh's.
+
+    Raises:
+        DaemonUnreachableError: No router answers in time.
+        InvalidArgumentError: The settings are not valid.
+        NotSupportedError: The extra ``network`` is not installed.
+
+    Example:
+        >>> with ual.network.Network("farm.yaml") as farm:
+        ...     farm.wait_until_complete()
+        ...     for uav in farm.uavs():
+        ...         print(uav.ns, uav.telemetry.state)
+
+    """
+
+    def __init__(
+        self,
+        config: NetworkSettings | str | Path = LOOPBACK,
+        *,
+        timeout_s: float = _JOIN_S,
+        on_problem: Callable[[str], None] | None = None,
+    ) -> None:
+        require("the network", "ual-client[network]")
+        self.settings = settings.read(config)
+        self._on_problem = on_problem
+        self._problems: Counter[str] = Counter()
+        self._changed = threading.Condition()
+        self._roster = Roster(self._drop)
+        self._is_closed = False
+        self._closing = threading.Event()
+        self._readers: list[threading.Thread] = []
+        self._session = open_session(self.settings, timeout_s)
+        self._since_s = time.monotonic()
+        atexit.register(self.close)
+        try:
+            site = self.settings.site
+            samples = self._session.declare_subscriber(keys.all_telemetry(site), ring())
+            tokens = self._session.liveliness().declare_subscriber(keys.all_alive(site), queue(), history=True)
+        except BaseException:
+            self.close()
+            raise
+        # Zenoh's own threads for callbacks would keep a program from ending.
+        self._readers = [
+            threading.Thread(target=_read, args=reading, name="ual network", daemon=True)
+            for reading in ((samples, self._on_samples), (tokens, self._on_tokens))
+        ]
+        self._readers.append(threading.Thread(target=self._keep_asking, name="ual network", daemon=True))
+        for reader in self._readers:
+            reader.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the network is reached. While it is not, all UAVs count as gone; it is joined again by itself."""
+        return not self._is_closed and has_router(self._session, self.settings)
+
+    def uavs(self) -> tuple[NetworkUav, ...]:
+        """Returns all UAVs by name and number, those that are gone included (for ten minutes).
+
+        A name is there more than once where several daemons tell of it: these are contested.
+        """
+        with self._changed:
+            return self._roster.uavs()
+
+    def find(self, ns: str) -> NetworkUav:
+        """Returns a UAV by its name.
+
+        Raises:
+            DaemonUnreachableError: There is none.
+            InvalidArgumentError: Several UAVs have this name.
+
+        """
+        found = self._called(ns)
+        if not found:
+            raise DaemonUnreachableError(f"no UAV {ns} is on the network ({self.described})")
+        if len(found) > 1:
+            raise InvalidArgumentError(f"ns: {conflict(found)}", {"field": "ns"})
+        return found[0]
+
+    def follow(self, ns: str) -> Followed:
+        """Returns what says where a UAV is now, at any time; `ual.Uav` uses it."""
+        return Followed(ns, self._called, self.described)
+
+    @property
+    def problems(self) -> Mapping[str, int]:
+        """What was dropped and why, and how often."""
+        with self._changed:
+            return dict(self._problems)
+
+    @property
+    def described(self) -> str:
+        """Which network it is, human-readable."""
+        where = ", ".join(self.settings.connect) or self.settings.means.value
+        return f"site {self.settings.site}, {where}"
+
+    def wait_until_complete(self, timeout_s: float = _JOIN_S) -> bool:
+        """Waits until each daemon that is there has told of all its UAVs. Returns whether that was so in time."""
+        return self.wait_for(
+            lambda _: time.monotonic() - self._since_s >= _LEAST_LOOK_S and self._is_complete, timeout_s
+        )
+
+    def wait_for(self, is_so: Callable[[Self], bool], timeout_s: float) -> bool:
+        """Waits until something holds, which is asked after each change. Returns whether it did in time."""
+        end_s = time.monotonic() + timeout_s
+        with self._changed:
+            while not is_so(self):
+                left_s = end_s - time.monotonic()
+                if left_s <= 0.0:
+                    return False
+                self._changed.wait(min(left_s, _LEAST_LOOK_S / 5.0))
+        return True
+
+    def close(self) -> None:
+        """Leaves the network. What was heard last stays to be read."""
+        if not self._is_closed:
+            self._is_closed = True
+            self._closing.set()
+            atexit.unregister(self.close)
+            close_session(self._session)
+            # One that came back from Zenoh while Python ends would abort the program.
+            for reader in self._readers:
+                if reader is not threading.current_thread():
+                    reader.join(_CLOSE_S)
+
+    @property
+    def _is_complete(self) -> bool:
+        return self._roster.is_complete
+
+    def _called(self, ns: str) -> tuple[NetworkUav, ...]:
+        with self._changed:
+            return self._roster.called(ns)
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        import zenoh
+
+        source = self._source(sample)
+        with self._changed:
+            if source is not None:
+                on_change = self._roster.on_alive if sample.kind == zenoh.SampleKind.PUT else self._roster.on_gone
+                on_change(source, time.monotonic())
+            self._changed.notify_all()
+
+    def _keep_asking(self) -> None:
+        """Asks who is there where signs of life and reports contradict each other."""
+        while not self._closing.wait(_ASK_S):
+            with self._changed:
+                is_doubtful = self._roster.is_doubtful(time.monotonic())
+            if is_doubtful:
+                self._ask()
+
+    def _ask(self) -> None:
+        import zenoh
+
+        try:
+            replies = list(self._session.liveliness().get(keys.all_alive(self.settings.site), timeout=_ANSWER_S))
+        except zenoh.ZError:
+            return  # closed meanwhile
+        found = [self._source(reply.ok) for reply in replies if reply.ok is not None]
+        with self._changed:
+            self._roster.on_answer([each for each in found if each is not None], time.monotonic())
+            self._changed.notify_all()
+
+    def _on_tokens(self, samples: Sequence[zenoh.Sample]) -> None:
+        for sample in samples:
+            self._on_token(sample)
+
+    def _on_samples(self, samples: Sequence[zenoh.Sample]) -> None:
+        """Takes the newest reports of each process: a listener that is too slow must not show old ones as new."""
+        by_source: dict[keys.Source, list[zenoh.Sample]] = {}
+        for sample in samples:
+            if (source := self._source(sample)) is not None:
+                by_source.setdefault(source, []).append(sample)
+        for source, waiting in by_source.items():
+            with self._changed:
+                newest = self._roster.pieces(source) or len(waiting)
+            for sample in waiting[-newest:]:
+                self._on_sample(source, sample)
+
+    def _on_sample(self, source: keys.Source, sample: zenoh.Sample) -> None:
+        now_s = time.monotonic()
+        try:
+            report = wire.report_from_bytes(sample.payload.to_bytes())
+        except ValueError as error:
+            self._drop(f"{source.publisher} sends what is no report ({error}): dropped")
+            return
+        with self._changed:
+            self._roster.on_report(source, report, now_s)
+            self._changed.notify_all()
+
+    def _source(self, sample: zenoh.Sample) -> keys.Source | None:
+        source = keys.source_of(str(sample.key_expr))
+        if source is None:
+            self._drop("something was sent under a key that no daemon has: dropped")
+        return source
+
+    def _drop(self, why: str) -> None:
+        """Counts what was dropped, and says each reason once."""
+        with self._changed:
+            is_new = why not in self._problems
+            if is_new and len(self._problems) >= _MOST_PROBLEMS:
+                return
+            self._problems[why] += 1
+        if is_new and self._on_problem is not None:
+            self._on_problem(why)
+
+
+def _read(subscriber: zenoh.Subscriber[Any], take: Callable[[Sequence[zenoh.Sample]], None]) -> None:
+    """Takes what has come, all at once, until the session is closed."""
+    import zenoh
+
+    with suppress(zenoh.ZError):
+        for sample in subscriber:
+            waiting = [sample]
+            while (more := subscriber.try_recv()) is not None:
+                waiting.append(more)
+            take(waiting)
+
+
+def discover(config: NetworkSettings | str | Path = LOOPBACK, *, timeout_s: float = _JOIN_S) -> tuple[NetworkUav, ...]:
+    """Returns the UAVs that are on the network now; see `Network` for the arguments and what is raised."""
+    with Network(config, timeout_s=timeout_s) as network:
+        network.wait_until_complete(timeout_s)
+        return network.uavs()

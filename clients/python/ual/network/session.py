@@ -1,0 +1,116 @@
+"""Opens a session of Zenoh. The only module, beside those that publish and listen, that knows Zenoh."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from typing_extensions import Self
+
+from ual.errors import DaemonUnreachableError, InvalidArgumentError
+from ual.network import configuration
+from ual.network.settings import NetworkSettings
+from ual.shared import extras
+
+if TYPE_CHECKING:
+    import zenoh
+
+_MOST_SIGNS, _MOST_REPORTS = 1024, 512
+
+
+def require(what: str, extra: str) -> None:
+    """Loads Zenoh.
+
+    Raises:
+        NotSupportedError: It is not installed: the message says which extra to install.
+
+    """
+    with extras.needs(what, extra):
+        import zenoh  # noqa: F401
+
+
+def open_session(settings: NetworkSettings, timeout_s: float) -> zenoh.Session:
+    """Joins the network. The session must be closed: else the program may hang at its end.
+
+    Raises:
+        DaemonUnreachableError: No router answers in time.
+        InvalidArgumentError: Zenoh refuses the settings, as where a certificate cannot be read.
+
+    """
+    import zenoh
+
+    for path in filter(None, (settings.certificate, settings.key, settings.authority)):
+        _require_readable(str(path))
+    config = zenoh.Config.from_json5(configuration.of(settings, round(timeout_s * 1e3)))
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        if settings.connect:
+            raise DaemonUnreachableError(
+                f"no router of the network answers ({', '.join(settings.connect)}), or none that knows this certificate"
+            ) from None
+        raise InvalidArgumentError(f"network: {error}", {"field": "network"}) from None
+
+
+def queue() -> zenoh.handlers.FifoChannel[zenoh.Sample]:
+    """Returns where signs of life wait until they are read. None is lost: while it is full, the network waits."""
+    import zenoh
+
+    made: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(_MOST_SIGNS)
+    return made
+
+
+def ring() -> zenoh.handlers.RingChannel[zenoh.Sample]:
+    """Returns where reports wait until they are read. A reader that is too slow gets the newest, not old ones."""
+    import zenoh
+
+    made: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(_MOST_REPORTS)
+    return made
+
+
+def close_session(session: zenoh.Session) -> None:
+    """Leaves the network."""
+    session.close()  # type: ignore[no-untyped-call]  # Zenoh's stub says nothing of it
+
+
+def has_router(session: zenoh.Session, settings: NetworkSettings) -> bool:
+    """Whether the session reaches a router; peers need none."""
+    return not settings.connect or bool(session.info.routers_zid())
+
+
+def _require_readable(path: str) -> None:
+    from ual.credentials import read
+
+    read(path, "network")
+
+
+class RouterSession:
+    """A router, from the construction until the end of its block.
+
+    Args:
+        file: Its configuration, as Zenoh reads it.
+
+    Raises:
+        InvalidArgumentError: The file is none, or its addresses cannot be had.
+
+    """
+
+    def __init__(self, file: Path) -> None:
+        import zenoh
+
+        try:
+            config = zenoh.Config.from_file(file)
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise InvalidArgumentError(f"{file}: the router cannot run: {error}", {"field": "file"}) from None
+        self.identifier = str(self._session.zid())
+        endpoints = json.loads(config.get_json("listen/endpoints"))
+        self.listen: Sequence[str] = endpoints
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        close_session(self._session)

@@ -1,0 +1,146 @@
+"""Presence and telemetry over real Zenoh, with routers on loopback."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from tests.ports import free_port
+from tests.ual.network.samples import report, uav
+from tests.ual.network.zenoh_net import ZenohNet, saying
+from tests.waiting import LIMIT_S, until
+from ual.errors import DaemonUnreachableError, InvalidArgumentError
+from ual.network import Network, NetworkSettings, Scouting, discover
+
+pytest.importorskip("zenoh", reason="ZENOH IS MISSING, the network is NOT TESTED: pip install 'ual-client[network]'")
+
+
+@pytest.fixture
+def net(tmp_path: Path) -> Iterator[ZenohNet]:
+    with ExitStack() as stack:
+        yield ZenohNet(tmp_path, stack)
+
+
+def names(network: Network) -> list[str]:
+    return [each.ns for each in network.uavs() if each.gone_s is None]
+
+
+def test_a_uav_appears_is_heard_and_vanishes(net: ZenohNet) -> None:
+    net.router()
+    network, told = net.network(), net.publication()
+    until(lambda: names(network), between=saying(told, report()))
+    [found] = network.uavs()
+    assert found == network.find("uav_1")
+    assert (found.site, found.addresses, found.telemetry.battery) == (
+        net.site,
+        uav().addresses,
+        uav().telemetry.battery,
+    )
+    told.close()
+    until(lambda: network.find("uav_1").gone_s is not None)
+    assert network.problems == {}
+
+
+def test_who_listens_later_hears_who_was_there_before(net: ZenohNet) -> None:
+    net.router()
+    told = net.publication()
+    network = net.network()
+    until(lambda: not network._is_complete)  # the token is known, and no report has come
+    told.put(report())
+    assert network.wait_until_complete(LIMIT_S)
+    assert names(network) == ["uav_1"]
+
+
+def test_two_routers_are_one_network(net: ZenohNet) -> None:
+    other = f"tcp/127.0.0.1:{free_port()}"
+    net.router()
+    net.router(net.endpoint, endpoint=other)
+    network = net.network(NetworkSettings(site=net.site, connect=(other,)))
+    told = net.publication()
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
+
+
+def test_other_sites_are_not_heard(net: ZenohNet) -> None:
+    net.router()
+    network = net.network()
+    elsewhere = NetworkSettings(site=f"{net.site}x", connect=net.settings.connect)
+    other = net.network(elsewhere)
+    told = net.publication()
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
+    assert other.uavs() == ()
+
+
+def test_after_a_router_was_started_again_presence_is_right_by_itself(net: ZenohNet) -> None:
+    router = net.router()
+    network, told = net.network(), net.publication()
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
+    router.close()
+    until(lambda: names(network) == [])
+    assert not network.is_connected
+    told.put(report())  # waits for nothing
+    net.router()
+    until(lambda: names(network) == ["uav_1"])
+    assert network.is_connected
+    assert told.is_connected
+
+
+def test_two_daemons_of_one_name_are_told_and_not_flown(net: ZenohNet) -> None:
+    net.router()
+    network = net.network()
+    for instance, host in ((1, "a"), (2, "b")):
+        told = net.publication(instance=instance)
+        once = report(uav(address=f"10.0.0.{instance}:50051"), host=host)
+        until(lambda: len(names(network)) == instance, between=saying(told, once))  # noqa: B023
+    with pytest.raises(InvalidArgumentError, match="2 UAVs have the name uav_1"):
+        network.find("uav_1")
+
+
+def test_what_is_no_report_is_dropped_and_told(net: ZenohNet) -> None:
+    said: list[str] = []
+    net.router()
+    network, told = net.network(), net.publication()
+    network._on_problem = said.append
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
+    session = told._session
+    session.put(told._key, b"\xff\xff")
+    session.put(f"ual/{net.site}/uav_9/nonsense/telemetry", b"")
+    session.put(f"ual/{net.site}/uav_9/00000000000000ff/telemetry", b"")
+    told.put(report(uav("uav_2")))
+    until(lambda: len(said) == 4, seen=lambda: said)
+    assert said == [
+        "uav_1 sends what is no report (Error parsing message with type 'ual.v1.NetworkReport'): dropped",
+        "something was sent under a key that no daemon has: dropped",
+        "uav_9 sends what is no report (it tells of a rate of 0.0): dropped",
+        "uav_1 tells of uav_2, for which it may not speak: dropped",
+    ]
+    assert names(network) == ["uav_1"]
+
+
+def test_on_loopback_they_find_each_other_without_a_router(net: ZenohNet) -> None:
+    loopback = NetworkSettings(site=net.site, scouting_port=free_port())
+    assert loopback.means is Scouting.LOOPBACK
+    network, told = net.network(loopback), net.publication(settings=loopback)
+    until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
+
+
+def test_without_a_router_it_says_where_it_looked(net: ZenohNet) -> None:
+    with pytest.raises(DaemonUnreachableError, match=f"no router of the network answers .{net.endpoint}.") as caught:
+        discover(net.settings, timeout_s=0.2)
+    assert caught.value.reason == "DAEMON_UNREACHABLE"
+
+
+def test_a_program_that_forgets_to_close_ends(net: ZenohNet) -> None:
+    """Without `close` it would wait for Zenoh's threads."""
+    net.router()
+    program = f"""
+from ual.network import Network, NetworkSettings
+network = Network(NetworkSettings(site={net.site!r}, connect=({net.endpoint!r},)), timeout_s={LIMIT_S})
+print(network.described)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LIMIT_S)
+    assert (done.returncode, done.stdout) == (0, f"site {net.site}, {net.endpoint}\n"), done.stderr
