@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -107,11 +107,16 @@ def test_what_is_no_report_is_dropped_and_told(net: ZenohNet) -> None:
     network._on_problem = said.append
     until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
     session = told._session
-    session.put(told._key, b"\xff\xff")
-    session.put(f"ual/{net.site}/uav_9/nonsense/telemetry", b"")
-    session.put(f"ual/{net.site}/uav_9/00000000000000ff/telemetry", b"")
-    told.put(report(uav("uav_2")))
-    until(lambda: len(said) == 4, seen=lambda: said)
+    # One after the other: of what waits together only the newest of each daemon is read.
+    sent: list[Callable[[], None]] = [
+        lambda: session.put(told._key, b"\xff\xff"),
+        lambda: session.put(f"ual/{net.site}/uav_9/nonsense/telemetry", b""),
+        lambda: session.put(f"ual/{net.site}/uav_9/00000000000000ff/telemetry", b""),
+        lambda: told.put(report(uav("uav_2"))),
+    ]
+    for count, send in enumerate(sent, 1):
+        send()
+        until(lambda: len(said) == count, seen=lambda: said)  # noqa: B023
     assert said == [
         "uav_1 sends what is no report (Error parsing message with type 'ual.v1.NetworkReport'): dropped",
         "something was sent under a key that no daemon has: dropped",
