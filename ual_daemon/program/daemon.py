@@ -256,12 +256,12 @@ class _Served:
         vehicle = self._vehicle
         return Told(
             vehicle.ns,
-            vehicle.backend.name,
+            vehicle.backend_name,
             self._addresses,
             vehicle.telemetry,
             has_tls=self._credentials is not None,
             needs_role=self._needs_role,
-            is_watch_only=vehicle.backend.is_watch_only,
+            is_watch_only=vehicle.is_watch_only,
         )
 
     def open(self) -> None:

@@ -92,6 +92,11 @@ class PlayedVehicle(ReportedVehicle):
         done.set_result(None)
         return done
 
+    @property
+    def is_watch_only(self) -> bool:
+        """Whether every command is refused: a recording cannot be flown."""
+        return True
+
     def is_flown_by_us(self) -> bool:
         """Returns False."""
         return False

@@ -184,6 +184,11 @@ class Vehicle(ReportedVehicle):
         """
         return self._flight.prepare_shutdown()
 
+    @property
+    def is_watch_only(self) -> bool:
+        """Whether every command is refused."""
+        return self._flight.is_watch_only
+
     def is_flown_by_us(self) -> bool:
         """Returns whether UAL flies it: it was commanded in this flight, or the UAV would fall without it."""
         return self._flight.is_flown_by_us()
