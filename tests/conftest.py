@@ -20,7 +20,7 @@ import grpc
 import hypothesis
 import pytest
 
-from tests import waiting
+from tests import forkserver, waiting
 from ual import discovery
 
 LIMIT_S = waiting.LIMIT_S
@@ -59,6 +59,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 class DaemonProcess:
     """One ``ual-daemon`` process; its log, one JSON object a line, tells tests what it does."""
 
+    may_be_forked = True
+    """Whether it may be forked off a process that has imported UAL, which is quicker: see `started_daemons`."""
+
     def __init__(
         self, flags: tuple[str, ...], ns: str, environment: dict[str, str], module: str = "ual_daemon"
     ) -> None:
@@ -68,15 +71,22 @@ class DaemonProcess:
         self._changed = threading.Condition()
         self._has_ended = False
         self._resources = ExitStack()
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", module, "--ns", ns, "--log-format", "json", *flags],
+        self.process = self._start((*("--ns", ns, "--log-format", "json"), *flags), environment, module)
+        self._reader = threading.Thread(target=self._read, name=f"log of {ns}", daemon=True)
+        self._reader.start()
+
+    def _start(
+        self, flags: tuple[str, ...], environment: dict[str, str], module: str
+    ) -> subprocess.Popen[str] | forkserver.ForkedProcess:
+        if self.may_be_forked and module == "ual_daemon" and forkserver.can_fork(environment):
+            return forkserver.start(flags, environment)
+        return subprocess.Popen(
+            [sys.executable, "-m", module, *flags],
             env=environment,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
         )
-        self._reader = threading.Thread(target=self._read, name=f"log of {ns}", daemon=True)
-        self._reader.start()
 
     @property
     def pid(self) -> int:
@@ -170,6 +180,12 @@ def runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "ual"
     monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, str(path))
     return path
+
+
+@pytest.fixture
+def started_daemons(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Starts daemons as users do: for tests of how they start, and with which signals, modules and memory."""
+    monkeypatch.setattr(DaemonProcess, "may_be_forked", False)
 
 
 @pytest.fixture

@@ -25,6 +25,7 @@ from ual.v1 import ual_pb2 as pb
 from ual.wire import rpc_errors
 
 TLS = Path(__file__).parents[2] / "data" / "tls"
+pytestmark = pytest.mark.usefixtures("started_daemons")
 
 
 def stub_of(daemon: DaemonProcess) -> ual_pb2_grpc.UalServiceStub[Any]:
