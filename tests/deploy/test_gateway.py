@@ -18,7 +18,7 @@ import pytest
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 import ual
-from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ports import free_port
 from tests.ual_daemon.server.access.ways_in import Made, beyond_loopback, make_files
 from tests.waiting import until
@@ -157,8 +157,12 @@ def test_setpoints_are_not_held_back(gateway: str) -> None:
 def test_a_caller_that_gives_up_ends_its_go_to(gateway: str, fleet: DaemonProcess) -> None:
     with ual.Uav("uav_1", address=gateway) as uav:
         up(uav)
-        with pytest.raises(UalError):
-            uav.go_to_waypoint(PoseStamped(Pose.at(1000.0, 0.0, 2.0)), timeout_s=TIME_TO_BEGIN_S)
+
+        def go_to(limit_s: float) -> None:
+            with pytest.raises(UalError):
+                uav.go_to_waypoint(PoseStamped(Pose.at(1000.0, 0.0, 2.0)), timeout_s=limit_s)
+
+        fleet.give_up_begun("go_to_waypoint", go_to)
         fleet.wait_for("caller_gone", ns="uav_1", cancelled=True)
 
 

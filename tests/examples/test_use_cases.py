@@ -187,7 +187,10 @@ def test_where_one_falls_silent_the_other_lands(start_daemon: StartDaemon, runti
     with ual.Uav("uav_2") as uav:
         uav.wait_for(ual.State.FLYING_AUTO)
         until(lambda: uav.velocity().twist.linear.norm() > 0.1)
+        uav.simulation.set_speed_factor(0.0)  # it does not arrive before the other one is silent
+        assert program.process.poll() is None
         with daemons[0].frozen():
+            uav.simulation.set_speed_factor(5.0)
             out, _ = program.process.communicate(timeout=LIMIT_S)
         assert program.process.returncode == 1
         assert "uav_1: DAEMON_UNREACHABLE: " in out.splitlines()[-1]

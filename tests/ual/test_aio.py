@@ -114,6 +114,7 @@ def test_a_return_home_with_a_pause(daemon: DaemonProcess) -> None:
         await take_off(uav)
         await uav.go_to_waypoint(Pose.at(4.0, 2.0, 3.0))
         assert (await uav.dry_run.return_to_launch(4.0)).length_m == pytest.approx(1.0 + 20**0.5, abs=0.3)
+        await uav.simulation.set_speed_factor(0.1)  # the return lasts
         task = await uav.return_to_launch(4.0, blocking=False)
         await uav.pause()
         assert (await task.info()).is_paused
@@ -122,6 +123,7 @@ def test_a_return_home_with_a_pause(daemon: DaemonProcess) -> None:
             await uav.resume()
         await task.pause()
         await uav.resume()
+        await uav.simulation.set_speed_factor(10.0)
         assert (await task.wait()).status is TaskStatus.SUCCEEDED
         await uav.take_off(3.0)  # waits for the automatic arming
         assert await uav.state() is State.FLYING_AUTO

@@ -113,13 +113,15 @@ def test_what_ends_a_flight_ends_it_for_all_that_can_be_reached(
 
 def test_tasks_can_be_watched_paused_and_cancelled_one_by_one(team: ual.Team) -> None:
     team.take_off(3.0)
-    tasks = team.go_to_waypoint(ual.Pose.at(50.0, 0.0, 3.0), blocking=False)
+    team[TEAM[0]].simulation.set_speed_factor(0.1)  # of all: the go-to lasts
+    tasks = team.go_to_waypoint(ual.Pose.at(5.0, 0.0, 3.0), blocking=False)
     first, second, third = tasks.values()
     first.cancel()
     second.pause()
     assert second.info().is_paused
     second.resume()
     assert not third.done()
+    team[TEAM[0]].simulation.set_speed_factor(10.0)
     last = list(third.watch(rate_hz=50.0))[-1]
     assert (last.status, first.info().status) == (TaskStatus.SUCCEEDED, TaskStatus.ABORTED)
     assert second.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
@@ -127,7 +129,7 @@ def test_tasks_can_be_watched_paused_and_cancelled_one_by_one(team: ual.Team) ->
 
 def test_an_abort_stops_all(team: ual.Team) -> None:
     team.take_off(3.0)
-    tasks = team.go_to_waypoint(ual.Pose.at(100.0, 0.0, 3.0), blocking=False)
+    tasks = team.go_to_waypoint(ual.Pose.at(1000.0, 0.0, 3.0), blocking=False)
     team.abort()
     assert [task.info().status for task in tasks.values()] == [TaskStatus.ABORTED] * 3
 

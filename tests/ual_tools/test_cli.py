@@ -605,12 +605,14 @@ def test_it_returns_home_and_takes_off_again_in_one_script(flying: DaemonProcess
 def test_a_task_is_paused_and_resumed(flying: DaemonProcess) -> None:
     assert run("pause").stderr == "ual: WRONG_STATE: pause: no task runs\n"
     with ual.Uav() as uav:
+        uav.simulation.set_speed_factor(0.1)  # the go-to lasts
         task = uav.go_to_waypoint(ual.Pose.at(5.0, 0.0, 3.0), blocking=False)
         assert done("pause").startswith("paused")
         (sample,) = done_json("watch", "--once")
         assert sample["task"]["is_paused"]
         assert done("resume") == "resumed\n"
         assert run("resume").exit_code == 1
+        uav.simulation.set_speed_factor(10.0)
         task.wait(LIMIT_S)
     assert flying.process.poll() is None
 
@@ -635,10 +637,13 @@ def test_speeds_are_kept(flying: DaemonProcess) -> None:
 
 
 def test_what_takes_too_long_is_cancelled(flying: DaemonProcess) -> None:
-    result = run("goto", "1000", "0", "3", "--timeout", "0.3")
-    assert result.exit_code == 1
-    told = "ual: TIMEOUT: goto did not end within 0.3 s; if it reached the UAV it is cancelled"
-    assert result.stderr.startswith(told)
+    def go_to(limit_s: float) -> None:
+        result = run("goto", "1000", "0", "3", "--timeout", str(limit_s))
+        assert result.exit_code == 1
+        told = f"ual: TIMEOUT: goto did not end within {limit_s:g} s; if it reached the UAV it is cancelled"
+        assert result.stderr.startswith(told)
+
+    flying.give_up_begun("go_to_waypoint", go_to)
     flying.wait_for("task_ended", task="go_to_waypoint")
 
 

@@ -147,7 +147,8 @@ def test_one_flies_while_the_others_stay(start_daemon: StartDaemon) -> None:
     daemon = start_daemon("--fleet", "5", "--auto-arm", "--set", "light.speed_factor=10")
     with clients(daemon, 5) as uavs:
         uavs[2].take_off(2.0, timeout_s=LIMIT_S)
-        going = uavs[2].go_to_waypoint(PoseStamped(Pose.at(100.0, 0.0, 2.0)), blocking=False)
+        going = uavs[2].go_to_waypoint(PoseStamped(Pose.at(1000.0, 0.0, 2.0)), blocking=False)
+        uavs[2].simulation.set_speed_factor(0.0)  # it is on its way until the others were looked at
         assert [uav.state() for uav in uavs] == [
             State.FLYING_AUTO if uav is uavs[2] else State.LANDED_ARMED for uav in uavs
         ]
@@ -157,6 +158,7 @@ def test_one_flies_while_the_others_stay(start_daemon: StartDaemon) -> None:
         for uav in uavs:
             if uav is not uavs[2]:
                 assert uav.pose().pose.position == Vector3()
+        uavs[2].simulation.set_speed_factor(10.0)
         going.cancel()
 
 

@@ -20,7 +20,7 @@ from grpc_health.v1 import health_pb2, health_pb2_grpc
 from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoReflectionDescriptorDatabase
 from grpc_status import rpc_status
 
-from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2_grpc
 from ual.v1 import ual_pb2 as pb
 
@@ -56,9 +56,12 @@ def holds(stub: Any) -> bool:
 
 
 def test_a_deadline_that_passes_cancels_the_go_to_and_the_uav_holds(daemon: DaemonProcess, stub: Any) -> None:
-    with pytest.raises(grpc.RpcError) as caught:
-        stub.GoToWaypoint(far_away(), timeout=TIME_TO_BEGIN_S)
-    assert caught.value.code() is grpc.StatusCode.DEADLINE_EXCEEDED
+    def go_to(limit_s: float) -> None:
+        with pytest.raises(grpc.RpcError) as caught:
+            stub.GoToWaypoint(far_away(), timeout=limit_s)
+        assert caught.value.code() is grpc.StatusCode.DEADLINE_EXCEEDED
+
+    daemon.give_up_begun("go_to_waypoint", go_to)
     daemon.wait_for("caller_gone", kind="GO_TO_WAYPOINT", cancelled=True)
     ended = daemon.wait_for("task_ended", reason="TASK_ABORTED")
     assert ended["caller"].startswith("ipv4:127.0.0.1:")

@@ -178,6 +178,7 @@ def test_the_way_of_anothers_task_and_the_fence_are_drawn(start_daemon: StartDae
         assert len(corners) == 24
         assert {point[2] for point in corners} == {0.5, 8.0}
         assert {point[:2] for point in corners} == {(-5.0, -5.0), (9.0, -5.0), (9.0, 9.0), (-5.0, 9.0)}
+        uav.simulation.set_speed_factor(0.1)  # the take-off lasts until the page has shown its way
         uav.take_off(2.0, blocking=False)
         ends = page.read_until_lines("/uav/0/way")
         assert ends[-1] == pytest.approx((0.0, 0.0, 2.0), abs=0.3)
