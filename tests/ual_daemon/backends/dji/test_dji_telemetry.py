@@ -24,11 +24,11 @@ NOW_S = 1.0
 def told(**messages: Message) -> Snapshot:
     """The snapshot after an aircraft of dji_osdk_ros has said everything, with some of it in other words."""
     usual: dict[str, Message] = {
-        "take_gps_level": {"data": 5},
-        "take_attitude": {"quaternion": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}},
-        "take_velocity": {"vector": {"x": 1.0, "y": 0.0, "z": 0.0}},
-        "take_body_rates": {"vector": {"x": 0.0, "y": 0.0, "z": 0.1}},
-        "take_position": {"latitude": 37.0, "longitude": -6.0, "altitude": 20.0},
+        "on_gps_level": {"data": 5},
+        "on_attitude": {"quaternion": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}},
+        "on_velocity": {"vector": {"x": 1.0, "y": 0.0, "z": 0.0}},
+        "on_body_rates": {"vector": {"x": 0.0, "y": 0.0, "z": 0.1}},
+        "on_position": {"latitude": 37.0, "longitude": -6.0, "altitude": 20.0},
     }
     telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
     for name, message in {**usual, **messages}.items():
@@ -55,23 +55,23 @@ def test_what_can_be_true_is_taken() -> None:
     ],
 )
 def test_an_impossible_place_is_no_pose(place: Message) -> None:
-    snapshot = told(take_position=place)
+    snapshot = told(on_position=place)
     assert snapshot.pose is None
     assert snapshot.position_geo is None
 
 
 @pytest.mark.parametrize("quaternion", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0), (2.0, 0.0, 0.0, 1.0)])
 def test_an_impossible_attitude_is_no_pose(quaternion: tuple[float, ...]) -> None:
-    assert told(take_attitude={"quaternion": dict(zip("xyzw", quaternion, strict=True))}).pose is None
+    assert told(on_attitude={"quaternion": dict(zip("xyzw", quaternion, strict=True))}).pose is None
 
 
 @pytest.mark.parametrize("speed_m_s", [math.nan, math.inf, 3e38])
 def test_an_impossible_velocity_is_none(speed_m_s: float) -> None:
-    assert told(take_velocity={"vector": {"x": speed_m_s, "y": 0.0, "z": 0.0}}).velocity is None
+    assert told(on_velocity={"vector": {"x": speed_m_s, "y": 0.0, "z": 0.0}}).velocity is None
 
 
 def test_impossible_rates_are_not_taken() -> None:
-    snapshot = told(take_body_rates={"vector": {"x": 0.0, "y": 0.0, "z": math.nan}})
+    snapshot = told(on_body_rates={"vector": {"x": 0.0, "y": 0.0, "z": math.nan}})
     assert snapshot.velocity is not None
     assert snapshot.velocity.value.angular.z == 0.0
 
