@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ssl
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from typing import Any
 
@@ -54,10 +54,16 @@ class Forger:
         """Reads until an element has a text with these words."""
         until(lambda: self._has(text), text, seen=lambda: self.elements, between=self._read)
 
-    def read_until_lines(self, name: str) -> list[tuple[float, ...]]:
-        """Reads until lines of this name are drawn, and returns their points."""
-        until(lambda: self.nodes.get(name, {}).get("visible"), name, seen=lambda: [*self.nodes], between=self._read)
-        return list(struct.iter_unpack("<3f", self.nodes[name]["points"]))
+    def read_until_lines(
+        self, name: str, are_these: Callable[[list[tuple[float, ...]]], bool] = bool
+    ) -> list[tuple[float, ...]]:
+        """Reads until lines of this name are drawn whose points fulfil a condition, and returns these."""
+        until(lambda: are_these(self._lines(name)), name, seen=lambda: [*self.nodes], between=self._read)
+        return self._lines(name)
+
+    def _lines(self, name: str) -> list[tuple[float, ...]]:
+        node = self.nodes.get(name, {})
+        return list(struct.iter_unpack("<3f", node["points"])) if node.get("visible") else []
 
     def _find(self, label: str) -> str:
         return next((key for key, each in self.elements.items() if each.get("label") == label), "")
