@@ -45,6 +45,7 @@ class Vehicle:
     """False: a real remote control overwrites what the API moves."""
     wind: Vector = (0.0, 0.0, 0.0)
     collision: dict[str, Any] = field(default_factory=dict)
+    has_collided: bool = False
     _goal: Target | None = None
     _is_stopped: bool = False
     _goal_s: float = 0.0
@@ -150,6 +151,7 @@ class Vehicle:
             self.body.position = (self.wall_north_m, east, down)
             self.body.velocity = (0.0, self.body.velocity[1], self.body.velocity[2])
             self.collision = {"time_s": self.now_s, "normal": (-1.0, 0.0, 0.0), "object_name": "Wall"}
+            self.has_collided = True
 
     # --- What it reports ----------------------------------------------------------------------------------------------
 
@@ -157,15 +159,8 @@ class Vehicle:
         body = self.body
         roll, pitch = body.tilt
         rates = (0.0, 0.0, body.yaw_rate_rad_s)
-        touched_s = self.collision.get("time_s")
-        collision = {
-            "has_collided": touched_s is not None,
-            "time_stamp": 0 if touched_s is None else int((epoch_s + touched_s) * 1e9),
-            "normal": vector(self.collision.get("normal", (0.0, 0.0, 0.0))),
-            "object_name": self.collision.get("object_name", ""),
-        }
         return {
-            "collision": collision,
+            "collision": _NO_COLLISION,
             "kinematics_estimated": {
                 "position": vector(body.position),
                 "orientation": quaternion(roll, pitch, body.yaw_rad),
@@ -180,6 +175,18 @@ class Vehicle:
             "rc_data": {"is_valid": bool(self.rc.get("is_valid")), "throttle": 0.0},
         }
 
+    def read_collision(self, epoch_s: float) -> dict[str, Any]:
+        """Returns the last collision. `has_collided` says whether it came since this was read last."""
+        if not self.collision:
+            return _NO_COLLISION
+        has_collided, self.has_collided = self.has_collided, False
+        return {
+            "has_collided": has_collided,
+            "time_stamp": int((epoch_s + self.collision["time_s"]) * 1e9),
+            "normal": vector(self.collision["normal"]),
+            "object_name": self.collision["object_name"],
+        }
+
     def rotors(self) -> dict[str, Any]:
         speed = math.sqrt(max(self._thrust_n, 0.0)) * _RADIANS_PER_ROOT_N
         return {"rotors": [{"thrust": self._thrust_n, "torque_scaler": 0.0, "speed": speed}] * 4, "timestamp": 0}
@@ -187,6 +194,10 @@ class Vehicle:
 
 def vector(values: Vector) -> dict[str, float]:
     return {"x_val": values[0], "y_val": values[1], "z_val": values[2]}
+
+
+_NO_COLLISION = {"has_collided": False, "time_stamp": 0, "normal": vector((0.0, 0.0, 0.0)), "object_name": ""}
+"""What ``getMultirotorState`` always says of collisions."""
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> dict[str, float]:

@@ -23,6 +23,9 @@ from ual_daemon.backends.airsim.framing import message_end
 
 EPOCH_S = 1_700_000_000.0
 _SPARE_WORKERS = 4
+_POLLED = ("getMultirotorState", "getRotorStates", "isApiControlEnabled", "simGetCollisionInfo")
+_OFTEN = (*_POLLED, "moveByVelocity", "moveByRC")
+"""What is called so often that it is not noted."""
 
 
 class Peer:
@@ -62,6 +65,7 @@ class AirsimServer:
             "getMultirotorState": self._get_multirotor_state,
             "getRotorStates": self._get_rotor_states,
             "isApiControlEnabled": self._is_api_control_enabled,
+            "simGetCollisionInfo": self._sim_get_collision_info,
             "enableApiControl": self._enable_api_control,
             "armDisarm": self._arm_disarm,
             "moveByRC": self._move_by_rc,
@@ -170,7 +174,7 @@ class AirsimServer:
         if self._pending >= len(self.vehicles) + _SPARE_WORKERS:
             self._waiting.append((peer, number, method, arguments))
             return
-        if method not in ("getMultirotorState", "getRotorStates", "isApiControlEnabled", "moveByVelocity", "moveByRC"):
+        if method not in _OFTEN:
             self.calls.append((method, tuple(arguments)))
         if method == "moveByVelocity":
             self._move(peer, number, arguments)
@@ -232,6 +236,9 @@ class AirsimServer:
         if vehicle is next(iter(self.vehicles.values())) and not self.is_paused and not self.is_silent:
             self._advance(self._steps_per_poll)
         return vehicle.state(self.epoch_s)
+
+    def _sim_get_collision_info(self, name: str) -> dict[str, Any]:
+        return self.vehicles[name].read_collision(self.epoch_s)
 
     def _get_rotor_states(self, name: str) -> dict[str, Any]:
         return self.vehicles[name].rotors()

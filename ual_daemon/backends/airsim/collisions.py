@@ -18,7 +18,7 @@ class CollisionWatch:
 
     def observe(self, report: Report) -> str:
         """Returns with what the vehicle has just collided; empty if with nothing."""
-        collision = report.state.collision
+        collision = report.collision
         touched_s = collision.time_stamp * 1e-9
         last_s, self._last_s = self._last_s, touched_s
         if last_s is None or touched_s <= last_s or collision.normal.z_val < _GROUND:

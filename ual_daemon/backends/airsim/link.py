@@ -15,7 +15,7 @@ import msgspec
 from ual_daemon import logs
 from ual_daemon.backends.airsim.rpc import Connection, RemoteError
 from ual_daemon.backends.airsim.settings import Address
-from ual_daemon.backends.airsim.state import Location, Report, Rotors, State
+from ual_daemon.backends.airsim.state import Collision, Location, Report, Rotors, State
 
 _log = logging.getLogger(__name__)
 
@@ -29,6 +29,9 @@ _QUESTIONS: tuple[tuple[type, str], ...] = (
     (bool, "isApiControlEnabled"),
 )
 """What a poll asks, one after another: the simulator delays answers that follow each other."""
+_COLLISION = (Collision, "simGetCollisionInfo")
+_COLLISION_S = 0.2
+"""How often it is asked. Each answer resets `has_collided`, by which the vehicle bounces at the next frame."""
 
 
 class Simulator(msgspec.Struct, frozen=True):
@@ -70,7 +73,12 @@ class SimulatorLink:
         """When to poll next, or to connect."""
         self._number: int | None = None
         """The question that is unanswered."""
+        self._questions = _QUESTIONS
+        """What the poll under way asks."""
         self._answers: list[Any] = []
+        self._polls_count = 0
+        self._polls_per_collision = max(1, round(_COLLISION_S * rate_hz))
+        self._collision = Collision()
         self._asked_s = 0.0
         self._is_old = False
         self._was_refused, self._was_connected = False, False
@@ -116,6 +124,7 @@ class SimulatorLink:
         if connection is not None:
             connection.close()
         self._number = None
+        self._polls_count = 0
         self._answers.clear()
         self._due_s = time.monotonic() + _RETRY_S
         self._say_lost(error)
@@ -136,24 +145,34 @@ class SimulatorLink:
         if self._number is None:
             assert self.simulator is not None
             self._is_old, self._due_s = False, time.monotonic() + self._period_s / self.simulator.clock_speed
+            self._questions = self._next_questions()
             self._ask(connection)
         assert self._number is not None
         while connection.has_answer(self._number, timeout_s):
-            self._answers.append(connection.answer(_QUESTIONS[len(self._answers)][0], self._number, 0.0))
-            if len(self._answers) == len(_QUESTIONS):
+            self._answers.append(connection.answer(self._questions[len(self._answers)][0], self._number, 0.0))
+            if len(self._answers) == len(self._questions):
                 return self._end_poll()
             self._ask(connection)
         if self._wall_s() - self._asked_s > _GIVE_UP_S:
             raise TimeoutError(f"the simulator has not answered for {_GIVE_UP_S:g} s")
         return None
 
+    def _next_questions(self) -> tuple[tuple[type, str], ...]:
+        """Returns what the next poll asks; the first one asks for the collision, too."""
+        asks_collision = self._polls_count % self._polls_per_collision == 0
+        self._polls_count += 1
+        return (*_QUESTIONS, _COLLISION) if asks_collision else _QUESTIONS
+
     def _ask(self, connection: Connection) -> None:
         assert self.simulator is not None
-        method = _QUESTIONS[len(self._answers)][1]
+        method = self._questions[len(self._answers)][1]
         self._number, self._asked_s = connection.request(method, self.simulator.vehicle), self._wall_s()
 
     def _end_poll(self) -> Report | None:
-        report = Report(*self._answers)
+        if len(self._answers) > len(_QUESTIONS):
+            self._collision = self._answers.pop()
+        state, rotors, has_api_control = self._answers
+        report = Report(state, rotors, has_api_control, self._collision)
         self._number = None
         self._answers.clear()
         return None if self._is_old else report

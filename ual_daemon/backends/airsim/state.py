@@ -63,11 +63,11 @@ class Kinematics(msgspec.Struct, frozen=True):
 
 
 class Collision(msgspec.Struct, frozen=True):
-    """The last collision. `time_stamp` is 0 if there was none."""
+    """The answer to ``simGetCollisionInfo``: the last collision. `time_stamp` is 0 if there was none."""
 
-    time_stamp: int
-    normal: Vector
-    object_name: str
+    time_stamp: int = 0
+    normal: Vector = Vector()
+    object_name: str = ""
 
 
 class Location(msgspec.Struct, frozen=True):
@@ -85,9 +85,8 @@ class RemoteControl(msgspec.Struct, frozen=True):
 
 
 class State(msgspec.Struct, frozen=True):
-    """The answer to ``getMultirotorState``."""
+    """The answer to ``getMultirotorState``. Its ``collision`` is always empty."""
 
-    collision: Collision
     kinematics_estimated: Kinematics
     timestamp: int
     landed_state: int
@@ -108,11 +107,12 @@ class Rotors(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """What one poll has read."""
+    """What one poll has read. `collision` may be of a poll before."""
 
     state: State
     rotors: Rotors
     has_api_control: bool
+    collision: Collision
 
     @property
     def time_s(self) -> float:

@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import pytest
+from typing_extensions import override
 
 from tests.conftest import LIMIT_S
 from tests.simulators.airsim import Vehicle
@@ -233,6 +234,29 @@ def test_a_collision_ends_the_task_and_says_with_what() -> None:
         uav.recover_from_manual(force=True)
         uav.go_to_waypoint(Pose.at(0.0, 0.0, 3.0))
         uav.land()
+
+
+class CountingVehicle(Vehicle):
+    """Counts how often it is asked for its state, and for its last collision."""
+
+    states_count = collisions_count = 0
+
+    @override
+    def state(self, epoch_s: float) -> dict[str, Any]:
+        self.states_count += 1
+        return super().state(epoch_s)
+
+    @override
+    def read_collision(self, epoch_s: float) -> dict[str, Any]:
+        self.collisions_count += 1
+        return super().read_collision(epoch_s)
+
+
+def test_collisions_are_asked_for_rarely_as_each_answer_resets_them() -> None:
+    vehicle = CountingVehicle("Drone1")
+    with AirsimServer([vehicle]) as server, connected(server.url):
+        until(lambda: vehicle.states_count > 40, "polls", seen=lambda: vehicle.states_count)
+        assert 1 <= vehicle.collisions_count <= vehicle.states_count // 5 + 1
 
 
 def test_after_a_collision_it_can_be_landed() -> None:

@@ -29,8 +29,8 @@ LEVEL = Rotation(1.0, 0.0, 0.0, 0.0)
 def report(rotation: Rotation = LEVEL, *, rotor_rad_s: float = 500.0) -> Report:
     """It descends."""
     motion = Kinematics(Vector(z_val=-3.0), rotation, Vector(z_val=0.5), Vector(), Vector())
-    state = State(Collision(0, Vector(), ""), motion, 1000, 1, RemoteControl(False))
-    return Report(state, Rotors([Rotor(3.0, rotor_rad_s)] * 4), has_api_control=True)
+    state = State(motion, 1000, 1, RemoteControl(False))
+    return Report(state, Rotors([Rotor(3.0, rotor_rad_s)] * 4), has_api_control=True, collision=Collision())
 
 
 def connected(backend: AirsimBackend) -> AirsimBackend:
