@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import signal
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -76,7 +77,7 @@ def test_a_daemon_ends_its_presence_by_itself(net: ZenohNet, config: str, start_
     network = net.network()
     daemon = start_daemon("--network", config)
     until(lambda: present(network) == ["uav_1"])
-    daemon.process.terminate()
+    daemon.signal(signal.SIGTERM)
     assert daemon.wait() == 0
     until(lambda: present(network) == [])
 
