@@ -26,7 +26,7 @@ def test_the_height_of_a_take_off_counts_from_the_ground_wherever_home_is(flight
     """With a rangefinder ArduPilot would climb to the sum of both heights."""
     flight.be_armed()
     ground = flight.position()
-    has_rangefinder = backend_of(uav).snapshot().has_rangefinder
+    has_rangefinder = backend_of(uav).snapshot().condition.has_rangefinder
     flight.set_home(-BELOW_M)
     highest = [ground.z]
     uav.vehicle.subscribe(lambda sample: highest.append(ground.z if sample.pose is None else sample.pose.position.z))
@@ -117,8 +117,10 @@ READ_S = 40.0
 def building(flight: Flight, uav: UAL, simulator: Simulator) -> Iterator[Vector3]:
     """Where it stands, with a polygon to stay out of beside it and a circle around it, uploaded by a ground station."""
     snapshot = backend_of(uav).snapshot
-    flight.wait_for(lambda: snapshot().projection is not None and snapshot().pose is not None, "its place on Earth")
-    projection, here = snapshot().projection, flight.position()
+    flight.wait_for(
+        lambda: snapshot().earth.projection is not None and snapshot().motion.pose is not None, "its place on Earth"
+    )
+    projection, here = snapshot().earth.projection, flight.position()
     assert projection is not None
     corners = [projection.to_geo(here + Vector3(east, north, 0.0)) for east, north in BUILDING_M]
     centre = projection.to_geo(here)

@@ -161,7 +161,7 @@ def test_a_height_above_home_counts_from_the_home_that_was_set_just_before(
 def outside(flight: Flight, uav: UAL, begin: Vector3, copter: CopterPilot) -> Iterator[Vector3]:
     """It is 3 m outside of a polygon that was uploaded in flight, and is recovered from the fence's return."""
     uav.go_to_waypoint(flight.beside(OUT_M))
-    projection = backend_of(uav).snapshot().projection
+    projection = backend_of(uav).snapshot().earth.projection
     assert projection is not None
     corners = [
         projection.to_geo(begin + Vector3(east, north, 0.0) * HALF_M)

@@ -135,7 +135,7 @@ _NO_ZONES = _NoZones()
 
 def _is_home_known(backend: Backend) -> bool:
     snapshot = backend.snapshot()
-    is_placed = snapshot.home_altitude_amsl_m is not None and snapshot.projection is not None
+    is_placed = snapshot.earth.home_altitude_amsl_m is not None and snapshot.earth.projection is not None
     return is_placed or backend.info().autopilot != "ArduPilot"
 
 

@@ -35,8 +35,8 @@ def setpoints(uav: UAL) -> list[Work]:
     """A stream to and fro, each setpoint after a new position."""
     works: list[Work] = []
     for number in range(COUNT):
-        last = backend_of(uav).snapshot().pose
-        until(lambda last=last: backend_of(uav).snapshot().pose is not last, "a position")  # type: ignore[misc]
+        last = backend_of(uav).snapshot().motion.pose
+        until(lambda last=last: backend_of(uav).snapshot().motion.pose is not last, "a position")  # type: ignore[misc]
         twist = Twist(SLOW if number % 2 else -SLOW)
         works.append(counted(lambda twist=twist: uav.set_velocity(twist)))  # type: ignore[misc]
     return works

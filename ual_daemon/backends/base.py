@@ -235,7 +235,7 @@ class Backend(ABC):
     def utc_s(self) -> float:
         """Returns the present time as UTC since 1970, by which stamps from outside are judged.
 
-        In a simulation, it is the simulated time from which `Snapshot.stamp_s` is made.
+        In a simulation, it is the simulated time from which `MotionState.stamp_s` is made.
         """
         return time.time()
 

@@ -78,8 +78,8 @@ class AutopilotCommand:
             return refusal
         if snapshot.time_s - self.sent_s <= COMMAND_PATIENCE_S:
             return None
-        status = f"; it says: {snapshot.status_text}" if snapshot.status_text else ""
-        status += f"; {snapshot.link_trouble}" if snapshot.link_trouble else ""
+        status = f"; it says: {snapshot.condition.status_text}" if snapshot.condition.status_text else ""
+        status += f"; {snapshot.link.trouble}" if snapshot.link.trouble else ""
         if self.is_answered:
             return RejectedByAutopilotError(
                 f"the autopilot accepted to {self.what}, but has not after {COMMAND_PATIENCE_S:g} s{status}"

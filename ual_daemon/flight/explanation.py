@@ -34,7 +34,7 @@ class Explanation:
 
     def explained(self, found: Estimate, snapshot: Snapshot) -> Estimate:
         """Returns the same. Where there is no position, its reason says that the poses from outside have stopped."""
-        estimator = snapshot.estimator
+        estimator = snapshot.motion.estimator
         if found.state is not State.UNINITIALIZED or estimator is None or estimator.value.is_good:
             return found
         silence = self.external_silence.text(snapshot.time_s)
@@ -42,7 +42,7 @@ class Explanation:
 
     def update(self, snapshot: Snapshot) -> None:
         """Composes the note, and logs when another program's setpoints begin and end."""
-        other = snapshot.other_sender
+        other = snapshot.control.other_sender
         if other != self._other_sender:
             self._other_sender = other
             level = logging.WARNING if other else logging.INFO

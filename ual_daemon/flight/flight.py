@@ -255,7 +255,7 @@ class Flight:
             TaskAbortedError: Another command, such as an abort, began after `Order.since`.
 
         """
-        manoeuvre.mode_seen = self._backend.snapshot().settled_mode
+        manoeuvre.mode_seen = self._backend.snapshot().control.settled_mode
         try:
             self._exchange(manoeuvre, partial(self._begins, manoeuvre, order, ""))
         except UalError as error:

@@ -32,11 +32,12 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
         if missing is not None:
             return _not_blaming(missing, snapshot)
     # Both functions have checked these.
-    assert snapshot.armed is not None
-    assert snapshot.mode is not None
-    landed = LandedState.UNKNOWN if snapshot.landed is None else snapshot.landed.value
-    control, mode = snapshot.mode.value.control, snapshot.mode.value.name
-    if not snapshot.armed.value:
+    known = snapshot.control
+    assert known.armed is not None
+    assert known.mode is not None
+    landed = LandedState.UNKNOWN if known.landed is None else known.landed.value
+    control, mode = known.mode.value.control, known.mode.value.name
+    if not known.armed.value:
         return Estimate(State.LANDED_DISARMED, "not armed")
     if landed is LandedState.ON_GROUND:
         return Estimate(State.LANDED_ARMED, "armed, on the ground")
@@ -50,7 +51,7 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
         return Estimate(State.LANDING, f"the autopilot lands{_in_mode(snapshot)}")
     if control is Control.REFERENCES:
         return _in_auto(mode, note)
-    return _in_manual(mode, snapshot.held_by)
+    return _in_manual(mode, known.held_by)
 
 
 def _not_blaming(missing: Estimate, snapshot: Snapshot) -> Estimate:
@@ -59,7 +60,7 @@ def _not_blaming(missing: Estimate, snapshot: Snapshot) -> Estimate:
     own = (
         f"this computer has not run UAL for {pause_s:.1f} s" if pause_s > _SCHEDULING_GAP_S else snapshot.scheduling_gap
     )
-    return replace(missing, why=f"{own}: {missing.why}") if own and not snapshot.conflict else missing
+    return replace(missing, why=f"{own}: {missing.why}") if own and not snapshot.link.conflict else missing
 
 
 @lru_cache(maxsize=64)  # every setpoint calls it
@@ -73,11 +74,11 @@ def _in_manual(mode: str, held_by: Cause | None) -> Estimate:
 
 def _in_mode(snapshot: Snapshot) -> str:
     """Returns in which mode it lands, and why. The landed state may come ahead of its mode: that is then an old one."""
-    assert snapshot.mode is not None
-    mode = snapshot.mode.value
+    assert snapshot.control.mode is not None
+    mode = snapshot.control.mode.value
     if mode.control is not Control.LAND and not mode.is_autonomous:
         return f"; its mode was still {mode.name} when it was told last"
-    return f" (mode {mode.name}){_because(snapshot.held_by)}"
+    return f" (mode {mode.name}){_because(snapshot.control.held_by)}"
 
 
 def _because(held_by: Cause | None) -> str:
@@ -85,47 +86,48 @@ def _because(held_by: Cause | None) -> str:
 
 
 def _unsaid(why: str, snapshot: Snapshot) -> Estimate:
-    refused = f"; it refused to send {snapshot.refused}" if snapshot.refused else ""
+    refused = f"; it refused to send {snapshot.link.refused}" if snapshot.link.refused else ""
     return Estimate(State.UNINITIALIZED, f"{why}{refused}")
 
 
 def _silent(why: str, snapshot: Snapshot) -> Estimate:
-    trouble = f"; {snapshot.link_trouble}" if snapshot.link_trouble else ""
+    trouble = f"; {snapshot.link.trouble}" if snapshot.link.trouble else ""
     return Estimate(State.UNINITIALIZED, f"{why}{trouble}", is_link_up=False)
 
 
 def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | None:
     if snapshot.heard_s is None:
         return _silent("nothing heard from the autopilot yet", snapshot)
-    if snapshot.conflict:
-        return Estimate(State.UNINITIALIZED, snapshot.conflict)
+    if snapshot.link.conflict:
+        return Estimate(State.UNINITIALIZED, snapshot.link.conflict)
     silence_s = snapshot.time_s - snapshot.heard_s
     if silence_s > freshness.link_s:
         return _silent(f"nothing heard from the autopilot for {silence_s:.1f} s", snapshot)
+    control, motion = snapshot.control, snapshot.motion
     required: tuple[tuple[str, Sample[object] | None, float], ...] = (
-        ("whether it is armed", snapshot.armed, freshness.mode_s),
-        ("its mode", snapshot.mode, freshness.mode_s),
-        ("whether its position is good", snapshot.estimator, freshness.estimator_s),
+        ("whether it is armed", control.armed, freshness.mode_s),
+        ("its mode", control.mode, freshness.mode_s),
+        ("whether its position is good", motion.estimator, freshness.estimator_s),
     )
     for what, sample, limit_s in required:
         why = _why_stale(what, sample, limit_s, snapshot.time_s)
         if why is not None:
             return _unsaid(why, snapshot)
-    assert snapshot.estimator is not None
-    if not snapshot.estimator.value.is_good:
-        return Estimate(State.UNINITIALIZED, f"the autopilot has no good position: {snapshot.estimator.value.why}")
-    why = _why_stale("its pose", snapshot.pose, freshness.pose_s, snapshot.time_s)
-    if why is None and snapshot.landed is not None:  # an autopilot may have no landed state at all
-        why = _why_stale("whether it is landed", snapshot.landed, freshness.landed_s, snapshot.time_s)
+    assert motion.estimator is not None
+    if not motion.estimator.value.is_good:
+        return Estimate(State.UNINITIALIZED, f"the autopilot has no good position: {motion.estimator.value.why}")
+    why = _why_stale("its pose", motion.pose, freshness.pose_s, snapshot.time_s)
+    if why is None and control.landed is not None:  # an autopilot may have no landed state at all
+        why = _why_stale("whether it is landed", control.landed, freshness.landed_s, snapshot.time_s)
     return None if why is None else _unsaid(why, snapshot)
 
 
 def _is_all_fresh(snapshot: Snapshot, freshness: Freshness) -> bool:
     """Whether nothing is missing or stale. Fast, because every setpoint and update calls it."""
-    now_s = snapshot.time_s
-    heard_s, landed = snapshot.heard_s, snapshot.landed
-    armed, mode, estimator, pose = snapshot.armed, snapshot.mode, snapshot.estimator, snapshot.pose
-    if heard_s is None or snapshot.conflict or armed is None or mode is None or estimator is None or pose is None:
+    now_s, heard_s, control, motion = snapshot.time_s, snapshot.heard_s, snapshot.control, snapshot.motion
+    armed, mode, landed = control.armed, control.mode, control.landed
+    estimator, pose = motion.estimator, motion.pose
+    if heard_s is None or snapshot.link.conflict or armed is None or mode is None or estimator is None or pose is None:
         return False
     return (
         now_s - heard_s <= freshness.link_s

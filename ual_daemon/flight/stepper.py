@@ -91,11 +91,11 @@ class Stepper:
     def _step_one(self, manoeuvre: Manoeuvre, snapshot: Snapshot, raw: Estimate) -> bool:
         """Steps a manoeuvre. Returns False if it has just ended."""
         if manoeuvre.is_awaited:
-            if snapshot.held_by is Cause.OPEN and raw.is_link_up:
+            if snapshot.control.held_by is Cause.OPEN and raw.is_link_up:
                 # Nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre.
                 _withdraw_older(manoeuvre, snapshot)
                 return True
-            manoeuvre.mode_seen = snapshot.settled_mode or manoeuvre.mode_seen
+            manoeuvre.mode_seen = snapshot.control.settled_mode or manoeuvre.mode_seen
         return self._do(manoeuvre, guarded(manoeuvre, manoeuvre.step, snapshot, raw), snapshot)
 
     def _do(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot) -> bool:
@@ -133,7 +133,7 @@ class Stepper:
 
     def _hand_over(self, manoeuvre: Manoeuvre, to: Handover, snapshot: Snapshot) -> None:
         """Makes another manoeuvre go on with the task, unless another thread has replaced or paused it."""
-        to.manoeuvre.mode_seen = snapshot.settled_mode
+        to.manoeuvre.mode_seen = snapshot.control.settled_mode
         goes_on = Ending(goes_on=True)
         if self._exchange(to.manoeuvre, lambda old: goes_on if old is manoeuvre and not manoeuvre.is_paused else None):
             to.begin()
@@ -159,6 +159,6 @@ def _withdraw_older(manoeuvre: Manoeuvre, snapshot: Snapshot) -> None:
 
 def _with_other_sender(error: UalError | None, snapshot: Snapshot) -> UalError | None:
     """Returns an error that also names another program's setpoints, which may be why it did not get there."""
-    if not snapshot.other_sender or not isinstance(error, UalTimeoutError):
+    if not snapshot.control.other_sender or not isinstance(error, UalTimeoutError):
         return error
-    return UalTimeoutError(f"{error}; {snapshot.other_sender}", {**error.metadata, "other_sender": "true"})
+    return UalTimeoutError(f"{error}; {snapshot.control.other_sender}", {**error.metadata, "other_sender": "true"})

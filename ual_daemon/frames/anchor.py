@@ -81,4 +81,4 @@ def has_fix(snapshot: Snapshot) -> bool:
     An origin alone does not: indoors it can be set by hand, and is then the same after each boot, wherever that is. A
     backend that does not report its satellite receiver is believed.
     """
-    return snapshot.gps is None or snapshot.gps.fix >= GpsFix.FIX_3D
+    return snapshot.condition.gps is None or snapshot.condition.gps.fix >= GpsFix.FIX_3D

@@ -15,7 +15,7 @@ from ual.errors import WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import GeoPoint
 from ual_daemon import logs
-from ual_daemon.backends.values import LandedState, Snapshot
+from ual_daemon.backends.values import Snapshot
 from ual_daemon.frames.anchor import Anchor, Loss, has_fix, utc_text
 from ual_daemon.frames.home_file import HomeFile, SavedHome
 from ual_daemon.geodesy import Projection
@@ -71,7 +71,8 @@ class LocalFrame:
 
     def update(self, snapshot: Snapshot) -> bool:
         """Follows the local frame. Returns whether anything may have changed. Called at each update."""
-        if self._is_settled and snapshot.projection is self.projection and snapshot.boots_count == self._boots_count:
+        projection, boots_count = snapshot.earth.projection, snapshot.link.boots_count
+        if self._is_settled and projection is self.projection and boots_count == self._boots_count:
             return False
         with self._lock:
             has_changed = self._follow(snapshot)
@@ -101,7 +102,7 @@ class LocalFrame:
 
         """
         with self._lock:
-            if snapshot.boots_count != self._boots_count:  # taken just before the reboot, or just after
+            if snapshot.link.boots_count != self._boots_count:  # taken just before the reboot, or just after
                 raise WrongStateError("set_home: the autopilot has just rebooted; try again")
             self._follow(snapshot)
             before = self.home
@@ -122,7 +123,7 @@ class LocalFrame:
 
     def _follow(self, snapshot: Snapshot) -> bool:
         before = (self.home, self.start, self.map_loss, self.projection)
-        if snapshot.boots_count != self._boots_count:
+        if snapshot.link.boots_count != self._boots_count:
             self._begin_boot(snapshot)
         self._begun(snapshot)
         self._place(snapshot)
@@ -132,7 +133,7 @@ class LocalFrame:
         return before != (self.home, self.start, self.map_loss, self.projection)
 
     def _begin_boot(self, snapshot: Snapshot) -> None:
-        self._boots_count = snapshot.boots_count
+        self._boots_count = snapshot.link.boots_count
         self._began_s = None
         if self._has_begun:
             self._is_new_boot = True
@@ -144,8 +145,8 @@ class LocalFrame:
     def _begun(self, snapshot: Snapshot) -> None:
         if self._began_s is None:
             self._began_s = snapshot.time_s
-        estimator = snapshot.estimator
-        if snapshot.pose is not None and estimator is not None and estimator.value.is_good:
+        estimator = snapshot.motion.estimator
+        if snapshot.motion.pose is not None and estimator is not None and estimator.value.is_good:
             self._has_begun = True
 
     def _lose(self, what: str) -> None:
@@ -162,7 +163,7 @@ class LocalFrame:
 
     def _place(self, snapshot: Snapshot) -> None:
         """Follows to where the local frame is on Earth now."""
-        new, old = snapshot.projection, self.projection
+        new, old = snapshot.earth.projection, self.projection
         if new is None:
             if old is not None:  # the backend doubts it
                 self._is_new_boot = False
@@ -194,7 +195,7 @@ class LocalFrame:
         return followed
 
     def _has_fix(self, snapshot: Snapshot) -> bool:
-        if snapshot.gps is not None:
+        if snapshot.condition.gps is not None:
             return has_fix(snapshot)
         return self._began_s is not None and snapshot.time_s - self._began_s > _NO_FIX_S
 
@@ -211,7 +212,7 @@ class LocalFrame:
         """Whether nothing changes before the local frame, or the boot, does."""
         if not self._has_begun or self._saved is not None or self._must_save:
             return False
-        if snapshot.projection is not self.projection:  # waits for a fix
+        if snapshot.earth.projection is not self.projection:  # waits for a fix
             return False
         return self.projection is None or all(
             each.geo is not None or each.loss is not None for each in (self.home, self.start)
@@ -233,7 +234,7 @@ class LocalFrame:
     def _restore(self, snapshot: Snapshot) -> None:
         """Uses what was saved if it still holds."""
         saved, vehicle = self._saved, self._identity()
-        if saved is None or not vehicle or snapshot.pose is None or not self._has_begun:
+        if saved is None or not vehicle or snapshot.motion.pose is None or not self._has_begun:
             return
         is_landed = _is_landed(snapshot)
         why_not = _why_not(saved, vehicle, is_landed=is_landed)
@@ -245,7 +246,7 @@ class LocalFrame:
             self._give_up("home was set before the daemon was restarted, and nothing tied it to Earth")
         elif self.projection is not None and self._has_fix(snapshot):
             self._saved = None
-            self._place_saved(saved.home, saved.start, self.projection, snapshot.pose.value, is_landed=is_landed)
+            self._place_saved(saved.home, saved.start, self.projection, snapshot.motion.pose.value, is_landed=is_landed)
 
     def _give_up(self, why: str) -> None:
         """Loses what was saved: only a new home helps."""
@@ -294,5 +295,5 @@ def _why_not(saved: SavedHome, vehicle: str, *, is_landed: bool) -> str:
 
 
 def _is_landed(snapshot: Snapshot) -> bool:
-    is_armed = snapshot.armed is None or snapshot.armed.value
-    return not is_armed or (snapshot.landed is not None and snapshot.landed.value is LandedState.ON_GROUND)
+    is_armed = snapshot.control.armed is None or snapshot.control.armed.value
+    return not is_armed or snapshot.control.is_on_ground

@@ -124,7 +124,7 @@ class FrameResolver:
         return None if self.odom_loss is not None else self._body(snapshot)
 
     def _body(self, snapshot: Snapshot) -> Pose | None:
-        return None if snapshot.pose is None else self.to_odom(snapshot.pose.value)
+        return None if snapshot.motion.pose is None else self.to_odom(snapshot.motion.pose.value)
 
     def transform(self, target: str, source: str, snapshot: Snapshot) -> Transform:
         """Returns the transform from the source frame (empty: the body) to the target frame (empty: ``map``).
@@ -346,10 +346,10 @@ class FrameResolver:
             InvalidArgumentError: The goal is too far away.
 
         """
-        if snapshot.projection is None:
+        if snapshot.earth.projection is None:
             raise WrongStateError("the autopilot has not said where its local frame is on Earth")
         altitude_m = _amsl_m(goal.altitude_m, goal.altitude_reference, snapshot)
-        position = snapshot.projection.to_local(goal.latitude_deg, goal.longitude_deg, altitude_m)
+        position = snapshot.earth.projection.to_local(goal.latitude_deg, goal.longitude_deg, altitude_m)
         field = "latitude_deg, longitude_deg, altitude_m (in the local frame)"
         return Waypoint(validation.position(position, field), goal.yaw_rad)
 
@@ -403,9 +403,9 @@ def _amsl_m(altitude_m: float, above: AltitudeReference, snapshot: Snapshot) -> 
     if above is AltitudeReference.AMSL:
         return altitude_m
     if above is AltitudeReference.ELLIPSOID:
-        if snapshot.geoid_separation_m is None:
+        if snapshot.earth.geoid_separation_m is None:
             raise NotSupportedError("the autopilot does not say how the ellipsoid lies to mean sea level here")
-        return altitude_m - snapshot.geoid_separation_m
-    if snapshot.home_altitude_amsl_m is None:
+        return altitude_m - snapshot.earth.geoid_separation_m
+    if snapshot.earth.home_altitude_amsl_m is None:
         raise WrongStateError("the autopilot has not said where its home is; give the altitude as AMSL")
-    return snapshot.home_altitude_amsl_m + altitude_m
+    return snapshot.earth.home_altitude_amsl_m + altitude_m

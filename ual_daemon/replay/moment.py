@@ -5,7 +5,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ual.types import State, TaskKind, Telemetry
-from ual_daemon.backends.values import Control, Estimator, Freshness, Mode, Sample, Snapshot
+from ual_daemon.backends.values import (
+    Condition,
+    Control,
+    ControlState,
+    Estimator,
+    Freshness,
+    Mode,
+    MotionState,
+    Sample,
+    Snapshot,
+)
 from ual_daemon.flight.state import Estimate, estimate
 
 
@@ -34,7 +44,7 @@ class Moment(NamedTuple):
 def decoded(snapshot: Snapshot, told: Telemetry) -> Moment:
     """Returns data that were decoded anew, with what the autopilot did not say."""
     is_ours = told.health is None or not told.health.held_by  # a mode that UAL commanded is held by nobody
-    return Moment(snapshot._replace(held_by=None) if is_ours else snapshot, told)
+    return Moment(snapshot._replace(control=snapshot.control._replace(held_by=None)) if is_ours else snapshot, told)
 
 
 def reported(told: Telemetry, time_s: float) -> Moment:
@@ -47,17 +57,17 @@ def reported(told: Telemetry, time_s: float) -> Moment:
     snapshot = Snapshot(
         time_s=time_s,
         heard_s=time_s,
-        stamp_s=told.stamp_s,
-        armed=Sample(told.armed, time_s),
-        mode=Sample(Mode(told.flight_mode, Control.OTHER), time_s),
-        estimator=Sample(Estimator(is_good=is_known, why=told.state_reason), time_s),
-        pose=None if body is None else Sample(body.pose, time_s),
-        velocity=None if told.velocity is None else Sample(told.velocity, time_s),
-        position_geo=told.position_geo,
-        battery=told.battery,
-        gps=told.gps,
-        status_text=told.status_text,
-        health=told.health,
+        control=ControlState(
+            armed=Sample(told.armed, time_s), mode=Sample(Mode(told.flight_mode, Control.OTHER), time_s)
+        ),
+        motion=MotionState(
+            stamp_s=told.stamp_s,
+            estimator=Sample(Estimator(is_good=is_known, why=told.state_reason), time_s),
+            pose=None if body is None else Sample(body.pose, time_s),
+            velocity=None if told.velocity is None else Sample(told.velocity, time_s),
+            position_geo=told.position_geo,
+        ),
+        condition=Condition(battery=told.battery, gps=told.gps, status_text=told.status_text, health=told.health),
     )
     return Moment(snapshot, told, is_whole=True)
 

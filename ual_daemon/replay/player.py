@@ -13,7 +13,7 @@ from ual.errors import UalError
 from ual_daemon import logs
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.mavlink.playback import Playback
-from ual_daemon.backends.values import Packet, Snapshot
+from ual_daemon.backends.values import Condition, Packet, Snapshot
 from ual_daemon.replay.moment import Moment, decoded, reported
 from ual_daemon.replay.renaming import renamed
 from ual_daemon.replay.source import Event, RecordedSample, SentSetpoint
@@ -156,7 +156,7 @@ class Player:
         self.clock.time_s = self._offset_s
         if self._new_playback is not None:
             self.playback = self._new_playback()
-        self._publish(Moment(Snapshot(self._offset_s, status_text="the recording begins again")))
+        self._publish(Moment(Snapshot(self._offset_s, condition=Condition(status_text="the recording begins again"))))
 
     def _stand_still(self) -> None:
         """Reports until it is closed that nothing is heard any more."""
@@ -164,4 +164,5 @@ class Player:
             logs.event(_log, logging.INFO, "replay_ended", after_s=round(self.clock.time_s, 1))
         while not self._closing.wait(_ENDED_S):
             self.clock.time_s += _ENDED_S
-            self._publish(Moment(self.moment.snapshot._replace(time_s=self.clock.time_s, status_text=ENDED)))
+            last = self.moment.snapshot.at(self.clock.time_s)
+            self._publish(Moment(last._replace(condition=last.condition._replace(status_text=ENDED))))

@@ -81,13 +81,13 @@ class DriftCorrection:
 
     def step(self, commanded: Twist, snapshot: Snapshot, limits: Limits, responses: VelocityResponses) -> None:
         """Makes one update while a velocity is commanded. It is along the local axes, and within the limits."""
-        if snapshot.pose is None or snapshot.velocity is None:
+        if snapshot.motion.pose is None or snapshot.motion.velocity is None:
             self.forget()
             return
         horizontal, vertical = self._places = self._places or self._begin(snapshot, responses)
         passed_s = _passed_s(self._stepped_s, snapshot.time_s)
         self._stepped_s = snapshot.time_s
-        seen, asked = self._see(snapshot, snapshot.velocity.value.linear), commanded.linear
+        seen, asked = self._see(snapshot, snapshot.motion.velocity.value.linear), commanded.linear
         wanted = (
             asked
             + horizontal.step(_level(asked), Seen(*map(_level, seen)), passed_s, responses.horizontal)
@@ -106,15 +106,15 @@ class DriftCorrection:
         self._yaw_rad = None if before is None else _held_yaw_rad(before, snapshot)
         self._error = VelocityError()
         for each in (*self._seen, snapshot):
-            if each.pose is not None and each.velocity is not None:
-                seen = self._see(each, each.velocity.value.linear)
+            if each.motion.pose is not None and each.motion.velocity is not None:
+                seen = self._see(each, each.motion.velocity.value.linear)
         before = before or Motion(seen.position, 0.0, seen.velocity - seen.error)
         return _place(_level, before, responses.horizontal), _place(_upright, before, responses.vertical)
 
     def _step_heading(self, commanded_rad_s: float, snapshot: Snapshot) -> None:
-        assert snapshot.pose is not None
-        assert snapshot.velocity is not None
-        yaw_rad, measured_rad_s = snapshot.pose.value.yaw_rad, snapshot.velocity.value.angular.z
+        assert snapshot.motion.pose is not None
+        assert snapshot.motion.velocity is not None
+        yaw_rad, measured_rad_s = snapshot.motion.pose.value.yaw_rad, snapshot.motion.velocity.value.angular.z
         if commanded_rad_s != 0.0 or (self._yaw_rad is None and abs(measured_rad_s) > _NO_TURN_RAD_S):
             self._yaw_rad, self.yaw_rate_rad_s = None, 0.0
             return
@@ -130,14 +130,14 @@ def _place(part: Callable[[Vector3], Vector3], before: Motion, response: Velocit
 
 def _held_yaw_rad(before: Motion, snapshot: Snapshot) -> float | None:
     """Returns the heading that was held before; None if there was none, or if the UAV does not have it."""
-    assert snapshot.pose is not None
-    is_far = abs(wrap_angle(before.yaw_rad - snapshot.pose.value.yaw_rad)) > _MOST_YAW_LAG_RAD
+    assert snapshot.motion.pose is not None
+    is_far = abs(wrap_angle(before.yaw_rad - snapshot.motion.pose.value.yaw_rad)) > _MOST_YAW_LAG_RAD
     return None if is_far or before.yaw_rate_rad_s else before.yaw_rad
 
 
 def _position(snapshot: Snapshot) -> Vector3:
     """Returns the position now: between two of the autopilot's, the UAV moves on with its velocity."""
-    pose, velocity = snapshot.pose, snapshot.velocity
+    pose, velocity = snapshot.motion.pose, snapshot.motion.velocity
     assert pose is not None
     assert velocity is not None
     return pose.value.position + velocity.value.linear * _passed_s(pose.time_s, snapshot.time_s)

@@ -94,8 +94,8 @@ class Velocity(Reference):
     def velocity(self, snapshot: Snapshot) -> Vector3:
         """Returns the commanded velocity along the local axes."""
         velocity = self.twist.linear
-        if self._in_body and snapshot.pose is not None:
-            return Quaternion.from_yaw(snapshot.pose.value.yaw_rad).rotate(velocity)
+        if self._in_body and snapshot.motion.pose is not None:
+            return Quaternion.from_yaw(snapshot.motion.pose.value.yaw_rad).rotate(velocity)
         return velocity
 
     def correct_drift(self, snapshot: Snapshot, limits: Limits, responses: VelocityResponses) -> None:
@@ -178,9 +178,9 @@ class TrajectoryReference(Reference):
 
     def _wanted_scale(self, snapshot: Snapshot) -> float:
         """Returns the wanted time scale: 1 while the UAV is close, 0 where it is too far off, else in between."""
-        if snapshot.pose is None or self.is_stopping:
+        if snapshot.motion.pose is None or self.is_stopping:
             return 0.0
-        motion, here = self._time.motion, snapshot.pose.value.position
+        motion, here = self._time.motion, snapshot.motion.pose.value.position
         there, v = motion.position, motion.velocity  # in plain numbers, as each update calls it
         lag_m = math.hypot(there.x - here.x, there.y - here.y, there.z - here.z)
         free_m = _FREE_LAG_M + _FREE_LAG_S * math.hypot(v.x, v.y, v.z)
@@ -251,11 +251,11 @@ def pose_of(motion: Motion) -> Pose:
 
 def measured_motion(snapshot: Snapshot) -> Motion:
     """Returns the motion of the UAV as the autopilot measures it. The snapshot must have a pose."""
-    assert snapshot.pose is not None
-    pose = snapshot.pose.value
-    if snapshot.velocity is None:
+    assert snapshot.motion.pose is not None
+    pose = snapshot.motion.pose.value
+    if snapshot.motion.velocity is None:
         return Motion(pose.position, pose.yaw_rad)
-    twist = snapshot.velocity.value
+    twist = snapshot.motion.velocity.value
     return Motion(pose.position, pose.yaw_rad, twist.linear, yaw_rate_rad_s=twist.angular.z)
 
 

@@ -46,8 +46,8 @@ def _velocity_towards(
     The acceleration makes up for the vehicle's response, which is taken as of the first order: `response_s` times it is
     how far the velocity must lead.
     """
-    assert snapshot.pose is not None
-    here = snapshot.pose.value
+    assert snapshot.motion.pose is not None
+    here = snapshot.motion.pose.value
     error = setpoint.position - here.position
     velocity = setpoint.velocity + setpoint.acceleration * gains.response_s + error * gains.position_per_s
     yaw_rate_rad_s = setpoint.yaw_rate_rad_s + wrap_angle(setpoint.yaw_rad - here.yaw_rad) * gains.yaw_per_s

@@ -195,7 +195,7 @@ class Commands:
         """Whether a take-off waits for the automatic arming, which comes, too, when the autopilot disarms after a
         landing.
         """
-        is_armed = snapshot.armed is not None and snapshot.armed.value
+        is_armed = snapshot.control.armed is not None and snapshot.control.armed.value
         return self.is_armed_automatically and (not is_armed or is_after_landing(snapshot))
 
     def _how_to_arm(self) -> str:
@@ -247,7 +247,7 @@ class Commands:
                 command = AutopilotCommand("take our references", snapshot.time_s)
                 recover = Recover(command, self._flight.limits.get(), self._backend.take_control, refusal)
                 self._flight.begin(recover, Order(lease_id))
-                if snapshot.held_by is not Cause.OPEN or force:
+                if snapshot.control.held_by is not Cause.OPEN or force:
                     recover.send()
                 accepted("recover_from_manual")
                 return recover.future
@@ -290,7 +290,10 @@ class Commands:
 
     def _is_flown_by_autopilot(self, snapshot: Snapshot) -> bool:
         """Whether the autopilot takes off or lands by itself, where nobody but UAL can abort that."""
-        is_by_itself = snapshot.mode is not None and snapshot.mode.value.control in (Control.TAKE_OFF, Control.LAND)
+        is_by_itself = snapshot.control.mode is not None and snapshot.control.mode.value.control in (
+            Control.TAKE_OFF,
+            Control.LAND,
+        )
         return is_by_itself and not self._flight.has_safety_pilot
 
     def _take_back(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
@@ -385,7 +388,7 @@ class Commands:
                 self._flight.require_replaceable(name)  # a take-off that has begun
             command = AutopilotCommand(name, snapshot.time_s)
             future = self._flight.watch(
-                command, lambda newer: newer.armed is not None and newer.armed.value is is_armed
+                command, lambda newer: newer.control.armed is not None and newer.control.armed.value is is_armed
             )
             command.send(self._backend.arm if is_armed else self._backend.disarm)
             accepted(name)

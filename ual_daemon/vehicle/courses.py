@@ -90,7 +90,7 @@ class PathCourse(Course):
 
     def _risen_m(self, snapshot: Snapshot) -> float:
         """Returns by how much home has risen since it was planned, where a height counts from it."""
-        before_m, now_m = self._home_m, snapshot.home_altitude_amsl_m
+        before_m, now_m = self._home_m, snapshot.earth.home_altitude_amsl_m
         return 0.0 if before_m is None or now_m is None or not any(self._above_home) else now_m - before_m
 
     @override
@@ -105,7 +105,7 @@ class PathCourse(Course):
         self._flight.geofence.admit(self._command, trajectory, self._flight.limits.get(), snapshot)
         why = "limits" if bounds != self._planned_by else "home has moved"
         self._waypoints, self._planned_by, self._above_home = rest, bounds, above_home
-        self._home_m = snapshot.home_altitude_amsl_m
+        self._home_m = snapshot.earth.home_altitude_amsl_m
         self.fence = self._flight.geofence.fence(snapshot)
         return Onward(trajectory, passed_count, why)
 

@@ -39,11 +39,11 @@ class Figures(NamedTuple):
     @property
     def is_armed(self) -> bool:
         """Whether the autopilot last said that it is armed: also while the link is lost, until it is heard again."""
-        armed = self.snapshot.armed
+        armed = self.snapshot.control.armed
         return armed is not None and armed.value
 
     @property
     def is_airborne(self) -> bool:
         """Whether it was last said to be armed, and not to stand on the ground: also while the link is lost."""
-        landed = self.snapshot.landed
+        landed = self.snapshot.control.landed
         return self.is_armed and (landed is None or landed.value is not LandedState.ON_GROUND)

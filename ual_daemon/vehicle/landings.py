@@ -76,7 +76,7 @@ class Landings:
         command = AutopilotCommand("take our references", snapshot.time_s)
         limits, control = self._flight.limits.get(), self._backend.take_control
         recover = RecoverFirst(task, "land", command, limits, control, lambda _: None, onward)
-        return Handover(recover, _nothing if snapshot.held_by is Cause.OPEN else recover.send)
+        return Handover(recover, _nothing if snapshot.control.held_by is Cause.OPEN else recover.send)
 
 
 def _nothing() -> None:

@@ -176,7 +176,7 @@ class Planner:
             self._reach_limit.require_goals("follow_path", goals, waypoints, snapshot)
             look_at = None if interest is None else self._resolver.to_local(interest, snapshot).position
             bounds = partial(self._path_bounds, max_speed_m_s, has_leg_speeds=any(leg_speeds_m_s))
-            above_home, home_m = [_is_above_home(goal) for goal in goals], snapshot.home_altitude_amsl_m
+            above_home, home_m = [_is_above_home(goal) for goal in goals], snapshot.earth.home_altitude_amsl_m
             course = PathCourse(
                 self._flight, "follow_path", waypoints, radius_m, bounds, heading, look_at, above_home, home_m
             )
@@ -300,7 +300,7 @@ class Planner:
             recover = RecoverFirst(task, name, command, limits, control, self._failsafe_refusal, partial(onward, task))
             self._flight.begin(recover, order)
             self._flight.request_home()
-            if snapshot.held_by is not Cause.OPEN:
+            if snapshot.control.held_by is not Cause.OPEN:
                 recover.send()
             accepted(name, task_id=task.id, what=what)
             return task

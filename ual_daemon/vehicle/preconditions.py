@@ -5,7 +5,7 @@ from __future__ import annotations
 from ual.errors import LinkLostError, NotSupportedError, WrongStateError
 from ual.types import Capability, State
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, LandedState, Snapshot
+from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.refusals import only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
@@ -78,7 +78,7 @@ class Preconditions(RefusalLog):
         if self._flight.estimate(self._backend.snapshot()).state is not State.FLYING_MANUAL:
             return self.require_state(command, lease_id, State.FLYING_AUTO)
         snapshot = self.require_state(command, lease_id, State.FLYING_MANUAL)
-        mode = snapshot.mode
+        mode = snapshot.control.mode
         if mode is not None and mode.value.is_autonomous:
             return snapshot
         name = "" if mode is None else f" in mode {mode.value.name}"
@@ -101,13 +101,12 @@ class Preconditions(RefusalLog):
 
     def failsafe_refusal(self, command: str, snapshot: Snapshot, *, force: bool) -> WrongStateError | None:
         """Returns the refusal of a command because of a failsafe; None if none hinders it, or if it is forced."""
-        held_by = _needing_force(snapshot.held_by)
-        cause = held_by or _needing_force(snapshot.failsafe)
+        held_by = _needing_force(snapshot.control.held_by)
+        cause = held_by or _needing_force(snapshot.control.failsafe)
         if force or cause is None:
             return None
-        mode = "" if snapshot.mode is None else f" (mode {snapshot.mode.value.name})"
-        is_on_ground = snapshot.landed is not None and snapshot.landed.value is LandedState.ON_GROUND
-        does = "has taken control" if held_by and not is_on_ground else "is active"
+        mode = f" (mode {snapshot.control.mode_name})" if snapshot.control.mode_name else ""
+        does = "has taken control" if held_by and not snapshot.control.is_on_ground else "is active"
         return WrongStateError(
             f"{command}: the autopilot's {cause.value} {does}{mode}; only with force is it overridden, and the UAV "
             "then flies without that protection",

@@ -68,10 +68,10 @@ class ReachLimit:
 
     def _swapped_m(self, goal: Goal | GeoWaypoint, here: Vector3, snapshot: Snapshot) -> float | None:
         """Returns how far a goal on Earth would be with its coordinates swapped, where that is within the reach."""
-        if not isinstance(goal, GeoWaypoint) or snapshot.projection is None or abs(goal.longitude_deg) > 90.0:
+        if not isinstance(goal, GeoWaypoint) or snapshot.earth.projection is None or abs(goal.longitude_deg) > 90.0:
             return None
         assert self._reach_m is not None
-        there = snapshot.projection.to_local(goal.longitude_deg, goal.latitude_deg, 0.0)
+        there = snapshot.earth.projection.to_local(goal.longitude_deg, goal.latitude_deg, 0.0)
         distance_m = (there - here).horizontal_norm()
         return distance_m if distance_m <= self._reach_m else None
 

@@ -86,7 +86,9 @@ class ReportedVehicle(ABC):
 
         """
         snapshot = self._snapshot()
-        return replace(self._resolver.transform(target_frame_id, source_frame_id, snapshot), stamp_s=snapshot.stamp_s)
+        return replace(
+            self._resolver.transform(target_frame_id, source_frame_id, snapshot), stamp_s=snapshot.motion.stamp_s
+        )
 
     def frames(self) -> list[Frame]:
         """Returns all frames."""

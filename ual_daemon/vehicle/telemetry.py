@@ -55,10 +55,11 @@ def make_telemetry(
     few read is computed when it is first read, by the thread that reads it, from what is known now.
     """
     odom_loss, tree = resolver.odom_loss, resolver.tree
-    body = None if snapshot.pose is None else resolver.to_odom(snapshot.pose.value)
-    twist = None if snapshot.velocity is None else snapshot.velocity.value
+    control, motion, condition = snapshot.control, snapshot.motion, snapshot.condition
+    body = None if motion.pose is None else resolver.to_odom(motion.pose.value)
+    twist = None if motion.velocity is None else motion.velocity.value
     reported = _reported(resolver, doing.reference_pose(), body, twist, pose_frame_id)
-    limitation, stamp_s = doing.limitation, snapshot.stamp_s
+    limitation, stamp_s = doing.limitation, motion.stamp_s
     known: dict[str, Any] = {
         "state": found.state,
         "state_reason": f"{found.why}; {limitation}" if limitation else found.why,
@@ -67,13 +68,13 @@ def make_telemetry(
         "pose": reported.pose,
         "velocity": reported.velocity,
         "reference_pose": reported.reference_pose,
-        "battery": snapshot.battery,
-        "gps": snapshot.gps,
-        "flight_mode": "" if snapshot.mode is None else snapshot.mode.value.name,
-        "armed": snapshot.armed is not None and snapshot.armed.value,
+        "battery": condition.battery,
+        "gps": condition.gps,
+        "flight_mode": "" if control.mode is None else control.mode.value.name,
+        "armed": control.armed is not None and control.armed.value,
         "task": doing.task_info(),
         "sequence": sequence,
-        "status_text": snapshot.status_text,
+        "status_text": condition.status_text,
         "frame_lost": "" if odom_loss is None else str(odom_loss),
         "missed_count": 0,
     }
@@ -92,11 +93,11 @@ def make_telemetry(
 
 def _health(snapshot: Snapshot) -> Health | None:
     """Returns the autopilot's health, with the failsafe and who holds the control."""
-    failsafe, held_by = snapshot.failsafe, snapshot.held_by
+    failsafe, held_by = snapshot.control.failsafe, snapshot.control.held_by
     if failsafe is None and held_by is None:
-        return snapshot.health
+        return snapshot.condition.health
     return replace(
-        snapshot.health or Health(),
+        snapshot.condition.health or Health(),
         failsafe="" if failsafe is None else failsafe.value,
         held_by="" if held_by is None else held_by.value,
     )
@@ -140,14 +141,15 @@ def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
 
     None while the autopilot does not trust its position: ArduPilot then goes on reporting the last one.
     """
-    if snapshot.estimator is None or not snapshot.estimator.value.is_good:
+    motion, earth = snapshot.motion, snapshot.earth
+    if motion.estimator is None or not motion.estimator.value.is_good:
         return None
-    if snapshot.position_geo is not None:
-        return snapshot.position_geo
-    if snapshot.pose is None or snapshot.projection is None:
+    if motion.position_geo is not None:
+        return motion.position_geo
+    if motion.pose is None or earth.projection is None:
         return None
-    point = snapshot.projection.to_geo(snapshot.pose.value.position)
-    amsl_m, home_m, separation_m = point.altitude_amsl_m, snapshot.home_altitude_amsl_m, snapshot.geoid_separation_m
+    point = earth.projection.to_geo(motion.pose.value.position)
+    amsl_m, home_m, separation_m = point.altitude_amsl_m, earth.home_altitude_amsl_m, earth.geoid_separation_m
     assert amsl_m is not None
     return GeoPoint(
         point.latitude_deg,

@@ -13,7 +13,17 @@ from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
-from ual_daemon.backends.values import Control, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import (
+    Control,
+    ControlState,
+    Estimator,
+    LandedState,
+    LinkState,
+    Mode,
+    MotionState,
+    Sample,
+    Snapshot,
+)
 from ual_hover.autopilot import Answer, Autopilot, Packet, Triple
 
 CONTROLS = {"follow": Control.REFERENCES, "land": Control.LAND}
@@ -84,20 +94,24 @@ class Session:
     def _now(self, now_s: float) -> Snapshot:
         newest = self._packet.sample
         if newest is None:
-            return Snapshot(now_s, self.watch.heard_s, boots_count=self._boots_count)
+            return Snapshot(now_s, self.watch.heard_s, link=LinkState(boots_count=self._boots_count))
         packet, received_s = newest.value, newest.time_s
         return Snapshot(
             time_s=now_s,
             heard_s=self.watch.heard_s,
-            stamp_s=self._epoch_s + received_s,
-            measured_s=packet.time_s,
-            armed=Sample(packet.is_armed, received_s),
-            landed=Sample(LandedState.ON_GROUND if packet.is_on_ground else LandedState.IN_AIR, received_s),
-            mode=Sample(Mode(packet.mode, CONTROLS.get(packet.mode, Control.OTHER)), received_s),
-            estimator=Sample(Estimator(True), received_s),
-            pose=Sample(_pose(packet), received_s),
-            velocity=Sample(_twist(packet), received_s),
-            boots_count=self._boots_count,
+            control=ControlState(
+                armed=Sample(packet.is_armed, received_s),
+                landed=Sample(LandedState.ON_GROUND if packet.is_on_ground else LandedState.IN_AIR, received_s),
+                mode=Sample(Mode(packet.mode, CONTROLS.get(packet.mode, Control.OTHER)), received_s),
+            ),
+            motion=MotionState(
+                stamp_s=self._epoch_s + received_s,
+                measured_s=packet.time_s,
+                estimator=Sample(Estimator(True), received_s),
+                pose=Sample(_pose(packet), received_s),
+                velocity=Sample(_twist(packet), received_s),
+            ),
+            link=LinkState(boots_count=self._boots_count),
         )
 
 

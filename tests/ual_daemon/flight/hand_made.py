@@ -9,11 +9,14 @@ from ual.errors import UalError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import TaskKind
 from ual_daemon.backends.values import (
+    Condition,
     Control,
+    ControlState,
     Estimator,
     Freshness,
     LandedState,
     Mode,
+    MotionState,
     Sample,
     Snapshot,
 )
@@ -49,13 +52,17 @@ class Autopilot:
         return Snapshot(
             time_s=self.time_s,
             heard_s=heard_s,
-            armed=Sample(self.armed, heard_s),
-            landed=Sample(self.landed, heard_s),
-            mode=Sample(Mode(self.mode or self.control.name, self.control), heard_s),
-            estimator=Sample(Estimator(True), heard_s),
-            pose=Sample(Pose(Vector3(1.0, 2.0, self.z), Quaternion.from_yaw(self.yaw_rad)), heard_s),
-            velocity=Sample(Twist(Vector3(0.0, 0.0, self.climb_m_s)), heard_s),
-            status_text=self.status_text,
+            control=ControlState(
+                armed=Sample(self.armed, heard_s),
+                landed=Sample(self.landed, heard_s),
+                mode=Sample(Mode(self.mode or self.control.name, self.control), heard_s),
+            ),
+            motion=MotionState(
+                estimator=Sample(Estimator(True), heard_s),
+                pose=Sample(Pose(Vector3(1.0, 2.0, self.z), Quaternion.from_yaw(self.yaw_rad)), heard_s),
+                velocity=Sample(Twist(Vector3(0.0, 0.0, self.climb_m_s)), heard_s),
+            ),
+            condition=Condition(status_text=self.status_text),
         )
 
     def step(self, manoeuvre: Manoeuvre) -> Step:

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from typing_extensions import override
 
 from tests.interleaving import Interleaving
+from tests.snapshots import changed, value_of
 from tests.ual_daemon.stepped import stepped
 from ual.errors import LeaseHeldError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Vector3
@@ -174,9 +175,9 @@ class World:
         later: dict[str, Any] = {
             name: Sample(sample.value, time_s)
             for name in ("armed", "landed", "mode", "estimator", "pose", "velocity")
-            if (sample := getattr(now, name)) is not None
+            if (sample := value_of(now, name)) is not None
         }
-        self.wire.now = now._replace(time_s=time_s, heard_s=time_s, updated_s=time_s, **later)
+        self.wire.now = changed(now, time_s=time_s, heard_s=time_s, updated_s=time_s, **later)
         self.flight.step(self.wire.now)
 
 

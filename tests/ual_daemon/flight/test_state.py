@@ -1,22 +1,24 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.snapshots import changed, value_of
 from ual.geometry import Pose
 from ual.types import State
 from ual_daemon.backends.values import (
     NEVER_S,
     Cause,
     Control,
+    ControlState,
     Estimator,
     Freshness,
     LandedState,
     Mode,
+    MotionState,
     Sample,
     Snapshot,
 )
@@ -28,18 +30,20 @@ FRESHNESS = Freshness(link_s=1.0, pose_s=2.0, mode_s=3.0, landed_s=4.0, estimato
 HEALTHY = Snapshot(
     time_s=NOW_S,
     heard_s=NOW_S,
-    armed=Sample(True, NOW_S),
-    landed=Sample(LandedState.IN_AIR, NOW_S),
-    mode=Sample(Mode("OFFBOARD", Control.REFERENCES), NOW_S),
-    estimator=Sample(Estimator(True), NOW_S),
-    pose=Sample(Pose(), NOW_S),
+    control=ControlState(
+        armed=Sample(True, NOW_S),
+        landed=Sample(LandedState.IN_AIR, NOW_S),
+        mode=Sample(Mode("OFFBOARD", Control.REFERENCES), NOW_S),
+    ),
+    motion=MotionState(estimator=Sample(Estimator(True), NOW_S), pose=Sample(Pose(), NOW_S)),
 )
 
 
 def snapshot(
     *, armed: bool = True, landed: LandedState | None = LandedState.IN_AIR, control: Control = Control.REFERENCES
 ) -> Snapshot:
-    return HEALTHY._replace(
+    return changed(
+        HEALTHY,
         armed=Sample(armed, NOW_S),
         landed=None if landed is None else Sample(landed, NOW_S),
         mode=Sample(Mode("a mode", control), NOW_S),
@@ -160,7 +164,7 @@ OUR_TAKE_OFF, OUR_LANDING = State.TAKING_OFF, State.LANDING
         (
             "the autopilot loses its position in flight",
             (snapshot(), None),
-            (HEALTHY._replace(estimator=Sample(Estimator(False, "no GPS"), NOW_S)), None),
+            (changed(HEALTHY, estimator=Sample(Estimator(False, "no GPS"), NOW_S)), None),
             (State.FLYING_AUTO, State.UNINITIALIZED),
         ),
         (
@@ -198,10 +202,8 @@ def test_an_autopilot_without_a_landed_state_can_fly() -> None:
 )
 def test_a_value_is_used_up_to_its_age_limit(value: str, limit_s: float, why: str) -> None:
     def aged(age_s: float) -> Estimate:
-        now = getattr(HEALTHY, value)
-        old = NOW_S - age_s if value == "heard_s" else Sample(now.value, NOW_S - age_s)
-        changed: dict[str, Any] = {value: old}
-        return estimate(HEALTHY._replace(**changed), FRESHNESS)
+        old = NOW_S - age_s if value == "heard_s" else Sample(value_of(HEALTHY, value).value, NOW_S - age_s)
+        return estimate(changed(HEALTHY, **{value: old}), FRESHNESS)
 
     assert aged(limit_s).state is State.FLYING_AUTO
     too_old = aged(limit_s + 0.2)
@@ -221,34 +223,33 @@ def test_a_value_is_used_up_to_its_age_limit(value: str, limit_s: float, why: st
     ],
 )
 def test_a_value_that_never_came_makes_the_state_uninitialized(value: str, why: str) -> None:
-    unsaid: dict[str, Any] = {value: None}
-    found = estimate(HEALTHY._replace(**unsaid), FRESHNESS)
+    found = estimate(changed(HEALTHY, **{value: None}), FRESHNESS)
     assert found == Estimate(State.UNINITIALIZED, why, is_link_up=value != "heard_s")
 
 
 def test_what_is_wrong_with_the_link_ends_the_reason_while_nothing_is_heard() -> None:
     trouble = "/dev/ttyACM0 is gone (unplugged?); opening it anew"
-    silent = HEALTHY._replace(link_trouble=trouble, heard_s=None)
+    silent = changed(HEALTHY, trouble=trouble, heard_s=None)
     assert estimate(silent, FRESHNESS).why == f"nothing heard from the autopilot yet; {trouble}"
-    lost = HEALTHY._replace(link_trouble=trouble, heard_s=NOW_S - 60.0)
+    lost = changed(HEALTHY, trouble=trouble, heard_s=NOW_S - 60.0)
     assert estimate(lost, FRESHNESS).why == f"nothing heard from the autopilot for 60.0 s; {trouble}"
-    assert trouble not in estimate(HEALTHY._replace(link_trouble=trouble), FRESHNESS).why
+    assert trouble not in estimate(changed(HEALTHY, trouble=trouble), FRESHNESS).why
 
 
 def test_what_the_autopilot_refused_to_send_ends_the_reason_while_it_is_missing() -> None:
     refused = "EXTENDED_SYS_STATE (UNSUPPORTED)"
-    found = estimate(HEALTHY._replace(refused=refused, landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
+    found = estimate(changed(HEALTHY, refused=refused, landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
     assert found.why == f"the autopilot has not said whether it is landed; it refused to send {refused}"
-    assert refused not in estimate(HEALTHY._replace(refused=refused), FRESHNESS).why
+    assert refused not in estimate(changed(HEALTHY, refused=refused), FRESHNESS).why
 
 
 def test_a_value_that_has_not_come_yet_makes_the_state_uninitialized() -> None:
-    found = estimate(HEALTHY._replace(landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
+    found = estimate(changed(HEALTHY, landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
     assert found == Estimate(State.UNINITIALIZED, "the autopilot has not said whether it is landed")
 
 
 def test_a_position_that_the_autopilot_does_not_trust_makes_the_state_uninitialized_and_says_why() -> None:
-    found = estimate(HEALTHY._replace(estimator=Sample(Estimator(False, "no GPS"), NOW_S)), FRESHNESS)
+    found = estimate(changed(HEALTHY, estimator=Sample(Estimator(False, "no GPS"), NOW_S)), FRESHNESS)
     assert found == Estimate(State.UNINITIALIZED, "the autopilot has no good position: no GPS")
 
 
@@ -262,13 +263,15 @@ def test_a_position_that_the_autopilot_does_not_trust_makes_the_state_uninitiali
         (snapshot(), OUR_LANDING, "our landing is under way"),
         (snapshot(control=Control.LAND), None, "the autopilot lands (mode a mode)"),
         (
-            snapshot(landed=LandedState.LANDING)._replace(held_by=Cause.FENCE),
+            changed(snapshot(landed=LandedState.LANDING), held_by=Cause.FENCE),
             None,
             "the autopilot lands; its mode was still a mode when it was told last",
         ),
         (
-            snapshot(landed=LandedState.LANDING)._replace(
-                mode=Sample(Mode("RTL", PILOT, is_autonomous=True), NOW_S), held_by=Cause.FENCE
+            changed(
+                snapshot(landed=LandedState.LANDING),
+                mode=Sample(Mode("RTL", PILOT, is_autonomous=True), NOW_S),
+                held_by=Cause.FENCE,
             ),
             None,
             "the autopilot lands (mode RTL): fence",
@@ -289,7 +292,7 @@ def samples(values: st.SearchStrategy[object]) -> st.SearchStrategy[object]:
 
 
 SNAPSHOTS = st.builds(
-    lambda **values: Snapshot(**values),  # noqa: PLW0108  hypothesis would make up the other fields of a tuple
+    lambda time_s, heard_s, **values: changed(Snapshot(time_s, heard_s), **values),
     time_s=TIMES | st.just(NOW_S),
     heard_s=st.none() | TIMES | st.just(NOW_S),
     armed=samples(st.booleans()),
@@ -314,25 +317,26 @@ def test_any_snapshot_has_a_state_a_reason_and_always_the_same(
 
 @given(SNAPSHOTS, FRESHNESSES, MANOEUVRES)
 def test_old_data_never_decides(given_snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None) -> None:
-    limits = {
-        "armed": freshness.mode_s,
-        "mode": freshness.mode_s,
-        "estimator": freshness.estimator_s,
-        "pose": freshness.pose_s,
-    }
+    control, motion = given_snapshot.control, given_snapshot.motion
+    limits = (
+        (control, "armed", freshness.mode_s),
+        (control, "mode", freshness.mode_s),
+        (motion, "estimator", freshness.estimator_s),
+        (motion, "pose", freshness.pose_s),
+    )
     is_usable = all(
-        (sample := getattr(given_snapshot, name)) is not None and given_snapshot.time_s - sample.time_s <= limit_s
-        for name, limit_s in limits.items()
+        (sample := getattr(group, name)) is not None and given_snapshot.time_s - sample.time_s <= limit_s
+        for group, name, limit_s in limits
     )
     is_heard = given_snapshot.heard_s is not None and given_snapshot.time_s - given_snapshot.heard_s <= freshness.link_s
     found = estimate(given_snapshot, freshness, manoeuvre).state
     if not (is_usable and is_heard):
         assert found is State.UNINITIALIZED
     elif found is not State.UNINITIALIZED:
-        assert given_snapshot.armed is not None
-        assert given_snapshot.mode is not None
-        landed = None if given_snapshot.landed is None else given_snapshot.landed.value
-        assert found is table(given_snapshot.armed.value, landed, given_snapshot.mode.value.control, manoeuvre)
+        assert control.armed is not None
+        assert control.mode is not None
+        landed = None if control.landed is None else control.landed.value
+        assert found is table(control.armed.value, landed, control.mode.value.control, manoeuvre)
 
 
 def test_a_snapshot_at_another_time_is_otherwise_the_same() -> None:

@@ -14,7 +14,7 @@ from ual_daemon.flight.watched_commands import WatchedCommands
 
 
 def is_disarmed(snapshot: Snapshot) -> bool:
-    return snapshot.armed is not None and not snapshot.armed.value
+    return snapshot.control.armed is not None and not snapshot.control.armed.value
 
 
 def step(watched: WatchedCommands, autopilot: Autopilot) -> None:

@@ -7,7 +7,7 @@ import pytest
 from ual.errors import WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import GpsFix, GpsInfo
-from ual_daemon.backends.values import Estimator, Sample, Snapshot
+from ual_daemon.backends.values import Condition, EarthReference, Estimator, LinkState, MotionState, Sample, Snapshot
 from ual_daemon.frames.local_frame import LocalFrame
 from ual_daemon.geodesy import FlatProjection
 
@@ -32,11 +32,10 @@ def at(
 ) -> Snapshot:
     return Snapshot(
         time_s,
-        estimator=Sample(Estimator(is_good), time_s),
-        pose=Sample(Pose.at(0.0, 0.0, 0.0), time_s),
-        projection=projection,
-        gps=gps,
-        boots_count=boots_count,
+        motion=MotionState(estimator=Sample(Estimator(is_good), time_s), pose=Sample(Pose.at(0.0, 0.0, 0.0), time_s)),
+        earth=EarthReference(projection=projection),
+        condition=Condition(gps=gps),
+        link=LinkState(boots_count=boots_count),
     )
 
 

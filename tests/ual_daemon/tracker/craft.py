@@ -12,7 +12,7 @@ from ual.types import Limits
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.feed_forward import GRAVITY_M_S2, FeedForward
 from ual_daemon.backends.firmwares.px4 import Px4
-from ual_daemon.backends.values import PositionSetpoint, Sample, Setpoint, Snapshot, VelocityResponses
+from ual_daemon.backends.values import MotionState, PositionSetpoint, Sample, Setpoint, Snapshot, VelocityResponses
 from ual_daemon.flight.stopping import motion_if_near
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.place import at_most
@@ -78,7 +78,7 @@ class Craft:
 
     def snapshot(self) -> Snapshot:
         pose, velocity = self._newest
-        return Snapshot(self.now_s, pose=pose, velocity=velocity, updated_s=self.now_s)
+        return Snapshot(self.now_s, updated_s=self.now_s, motion=MotionState(pose=pose, velocity=velocity))
 
     def step(self, setpoint: Setpoint) -> None:
         """Lets a fiftieth of a second pass."""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
-from ual_daemon.backends.values import Sample, Snapshot, VelocityResponse, VelocityResponses
+from ual_daemon.backends.values import MotionState, Sample, Snapshot, VelocityResponse, VelocityResponses
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.place import MOST_CHANGE_M_S2, MOST_CORRECTION_M_S, MOST_LAG_M
 from ual_daemon.tracker.velocity_error import VelocityError
@@ -40,7 +40,9 @@ class Mass:
 
     def snapshot(self) -> Snapshot:
         pose, twist = Pose(self.position, Quaternion.from_yaw(self.yaw_rad)), Twist(self.velocity + self.error)
-        return Snapshot(self.now_s, pose=Sample(pose, self.now_s), velocity=Sample(twist, self.now_s))
+        return Snapshot(
+            self.now_s, motion=MotionState(pose=Sample(pose, self.now_s), velocity=Sample(twist, self.now_s))
+        )
 
     def fly(self, commanded: Vector3, duration_s: float) -> list[Vector3]:
         """Returns where it has been."""

@@ -4,9 +4,10 @@ import math
 
 import pytest
 
+from tests.snapshots import changed
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
-from ual_daemon.backends.values import PositionSetpoint, Sample, Snapshot, VelocitySetpoint
+from ual_daemon.backends.values import MotionState, PositionSetpoint, Sample, Snapshot, VelocitySetpoint
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.references import Hold, TrajectoryReference, Velocity, brake, measured_motion
 from ual_daemon.trajectory import Line, Motion
@@ -23,7 +24,10 @@ def at(
     yaw_rate_rad_s: float = 0.0,
 ) -> Snapshot:
     twist = None if velocity is None else Sample(Twist(velocity, Vector3(0.0, 0.0, yaw_rate_rad_s)), time_s)
-    return Snapshot(time_s=time_s, pose=Sample(Pose(position, Quaternion.from_yaw(yaw_rad)), time_s), velocity=twist)
+    return Snapshot(
+        time_s=time_s,
+        motion=MotionState(pose=Sample(Pose(position, Quaternion.from_yaw(yaw_rad)), time_s), velocity=twist),
+    )
 
 
 def test_a_hold_is_sent_as_it_is_wherever_the_uav_is() -> None:
@@ -40,7 +44,7 @@ def test_a_hold_is_sent_as_it_is_wherever_the_uav_is() -> None:
 def test_a_velocity_in_the_body_turns_with_the_heading_and_stays_level() -> None:
     velocity = Velocity(Twist(Vector3(1, 0, 0.5), Vector3(0, 0, 0.3)), DriftCorrection(), in_body=True, expires_s=1.0)
     tilted = Pose(Vector3(), Quaternion.from_euler(0.3, -0.2, math.pi / 2))
-    setpoint = velocity.setpoint(Snapshot(time_s=0.0, pose=Sample(tilted, 0.0)))
+    setpoint = velocity.setpoint(Snapshot(time_s=0.0, motion=MotionState(pose=Sample(tilted, 0.0))))
     assert isinstance(setpoint, VelocitySetpoint)
     assert tuple(setpoint.velocity) == pytest.approx((0.0, 1.0, 0.5))
     assert setpoint.yaw_rate_rad_s == 0.3
@@ -106,7 +110,7 @@ def test_a_pause_between_updates_does_not_make_the_reference_jump() -> None:
 
 def test_without_a_pose_the_reference_waits() -> None:
     follow = TrajectoryReference(line(), now_s=0.0)
-    follow.setpoint(at(Vector3(), 0.1)._replace(pose=None))
+    follow.setpoint(changed(at(Vector3(), 0.1), pose=None))
     assert follow.time_s == 0.0
 
 

@@ -12,6 +12,7 @@ from tests.ual_daemon.stepped import at, stepped
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import (
+    MotionState,
     PositionSetpoint,
     Sample,
     Snapshot,
@@ -23,7 +24,7 @@ from ual_daemon.backends.values import (
 from ual_daemon.settings import LimitSettings, VehicleSettings
 from ual_daemon.tracker.setpoint_adaptation import adapted
 
-HERE = Snapshot(0.0, pose=Sample(Pose(Vector3(1.0, 2.0, 3.0), Quaternion.from_yaw(3.0)), 0.0))
+HERE = Snapshot(0.0, motion=MotionState(pose=Sample(Pose(Vector3(1.0, 2.0, 3.0), Quaternion.from_yaw(3.0)), 0.0)))
 MOVING = PositionSetpoint(Vector3(2.0, 2.0, 3.0), -3.0, Vector3(0.5), Vector3(0.1), 0.2)
 STANDING = PositionSetpoint(Vector3(2.0, 2.0, 3.0), -3.0)
 NO_LIMITS = Limits(*(1e6,) * 6)

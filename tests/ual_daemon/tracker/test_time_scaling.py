@@ -14,7 +14,7 @@ from tests.strategies import vectors
 from tests.ual_daemon.trajectory.trajectories import LIMIT_SETS, STEP_S, assert_kept, waypoints
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import Limits, PathHeading
-from ual_daemon.backends.values import Sample, Setpoint, Snapshot
+from ual_daemon.backends.values import MotionState, Sample, Setpoint, Snapshot
 from ual_daemon.tracker.references import TrajectoryReference
 from ual_daemon.tracker.time_scaling import TimeScaling, scaled
 from ual_daemon.trajectory import Line, Motion, Trajectory, Waypoint, path
@@ -36,7 +36,7 @@ def sent_motions(trajectory: Trajectory, lag: Random, duration_s: float) -> list
         noise = Vector3(*(lag.gauss(0.0, 0.1) for _ in range(3)))
         position = follow.motion(snapshot).position + Vector3(-behind_m, 0.0, 0.0) + noise
         pose = Sample(Pose(position, Quaternion.from_yaw(0.0)), index * STEP_S)
-        snapshot = Snapshot(time_s=index * STEP_S, pose=pose)
+        snapshot = Snapshot(time_s=index * STEP_S, motion=MotionState(pose=pose))
         follow.setpoint(snapshot)
         sent.append(follow.motion(snapshot))
     return sent
@@ -110,7 +110,7 @@ def paused_motions(follow: TrajectoryReference, spans: list[tuple[float, float]]
         for _ in range(round(duration_s / STEP_S)):
             now_s += STEP_S
             pose = Sample(Pose(follow.motion(snapshot).position, Quaternion.from_yaw(0.0)), now_s)
-            snapshot = Snapshot(time_s=now_s, pose=pose)
+            snapshot = Snapshot(time_s=now_s, motion=MotionState(pose=pose))
             follow.setpoint(snapshot)
             sent.append(follow.motion(snapshot))
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from tests.snapshots import changed
 from tests.ual_daemon.stepped import Stepped, at, stepped
 from ual.errors import PermissionDeniedError, TaskAbortedError
 from ual.geometry import TwistStamped, Vector3
@@ -225,7 +226,7 @@ def test_a_command_from_just_before_the_mode_changed_is_withdrawn_while_nobody_k
     monkeypatch.setattr(backend, "land", lambda *_: answer)
     uav.prepare.land().begin()
     now = backend.snapshot()
-    uav.vehicle._flight.step(now._replace(mode=Sample(Mode(mode, Control.OTHER), now.time_s), held_by=Cause.OPEN))
+    uav.vehicle._flight.step(changed(now, mode=Sample(Mode(mode, Control.OTHER), now.time_s), held_by=Cause.OPEN))
     assert answer.cancelled() is is_withdrawn
 
 
@@ -237,7 +238,7 @@ def test_a_task_that_a_ground_stations_landing_ended_does_not_advise_to_recover_
     task = uav.prepare.go_to_waypoint(at(40.0, 0.0, 3.0)).begin()
     now = uav.vehicle.backend.snapshot()
     theirs = Sample(Mode("THEIRS", control), now.time_s)
-    uav.vehicle._flight.step(now._replace(mode=theirs, held_by=Cause.GROUND_STATION))
+    uav.vehicle._flight.step(changed(now, mode=theirs, held_by=Cause.GROUND_STATION))
     with pytest.raises(TaskAbortedError, match="the ground station took over") as caught:
         task.future.result(0.0)
     assert f"the state is {state.name}, which only the safety pilot or a ground station can end" in str(caught.value)

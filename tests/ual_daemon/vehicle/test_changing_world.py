@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from tests.snapshots import changed
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from tests.waiting import until
 from ual.errors import GeofenceError, TaskAbortedError, UnknownFrameError
@@ -40,7 +41,7 @@ class World:
         monkeypatch.setattr(self._backend, "info", lambda: self._info)
 
     def _changed(self, snapshot: Snapshot) -> Snapshot:
-        return snapshot._replace(**self._changes)
+        return changed(snapshot, **self._changes)
 
     def limit(self, **limits: float) -> None:
         """The autopilot has other limits from now on."""
@@ -56,7 +57,7 @@ class World:
 
     def home(self, place: Vector3) -> None:
         """Its home is there from now on, in the local frame."""
-        projection = self._backend.snapshot().projection
+        projection = self._backend.snapshot().earth.projection
         assert projection is not None
         geo = projection.to_geo(place)
         self._changes["home_geo"] = GeoPoint(geo.latitude_deg, geo.longitude_deg)
@@ -386,7 +387,7 @@ def test_a_way_home_leads_to_where_home_is_now(world: World) -> None:
 def test_a_height_above_home_is_that_above_the_home_of_now(world: World, moved_m: float) -> None:
     """PX4 ended "9 m above home" at 2.8 m: home had been set lower just before."""
     world.home(Vector3())
-    projection = world.uav.vehicle.backend.snapshot().projection
+    projection = world.uav.vehicle.backend.snapshot().earth.projection
     assert projection is not None
     geo = projection.to_geo(Vector3(40.0, 0.0, 0.0))
     task = world.uav.prepare.go_to_waypoint_geo(geo.latitude_deg, geo.longitude_deg, 9.0).begin()

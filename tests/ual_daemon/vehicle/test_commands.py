@@ -62,7 +62,7 @@ MOTIONS = {
 
 def near(uav: Stepped) -> tuple[float, float, float]:
     """3 m to the east, 4 m to the north and 3 m above the origin of the local frame."""
-    projection = uav.vehicle.backend.snapshot().projection
+    projection = uav.vehicle.backend.snapshot().earth.projection
     assert projection is not None
     point = projection.to_geo(Vector3(3, 4, 3))
     assert point.altitude_amsl_m is not None

@@ -14,7 +14,7 @@ from ual.geometry import Pose, Quaternion, Transform, Twist, TwistStamped, Vecto
 from ual.types import AltitudeReference, Limits, State
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
-from ual_daemon.backends.values import LandedState, Sample, Snapshot
+from ual_daemon.backends.values import ControlState, LandedState, MotionState, Sample, Snapshot
 from ual_daemon.flight.policy.geofence import geofence_of
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
@@ -196,7 +196,10 @@ def test_a_height_that_drifts_below_the_ground_while_it_hovers_refuses_only_a_de
     configured = VehicleSettings()
     geofence = geofence_of(configured, FrameResolver("uav_1", configured), 0.5)
     geofence.observe(standing(0.4), Estimate(State.LANDED_ARMED, ""))
-    here = Snapshot(0.0, pose=Sample(Pose.at(0.0, 0.0, 0.0), 0.0), velocity=Sample(Twist(Vector3(0, 0, -0.3)), 0.0))
+    here = Snapshot(
+        0.0,
+        motion=MotionState(pose=Sample(Pose.at(0.0, 0.0, 0.0), 0.0), velocity=Sample(Twist(Vector3(0, 0, -0.3)), 0.0)),
+    )
     for z in (0.0, 0.15):
         wanted = Velocity(Twist(Vector3(1.0, 0.0, z)), DriftCorrection(), in_body=False, expires_s=1.0)
         geofence.admit("velocity", wanted, Limits(), here)
@@ -208,7 +211,11 @@ def test_a_height_that_drifts_below_the_ground_while_it_hovers_refuses_only_a_de
 
 
 def standing(z: float) -> Snapshot:
-    return Snapshot(0.0, pose=Sample(Pose.at(0.0, 0.0, z), 0.0), landed=Sample(LandedState.ON_GROUND, 0.0))
+    return Snapshot(
+        0.0,
+        control=ControlState(landed=Sample(LandedState.ON_GROUND, 0.0)),
+        motion=MotionState(pose=Sample(Pose.at(0.0, 0.0, z), 0.0)),
+    )
 
 
 def test_a_uav_above_the_ceiling_comes_back_but_does_not_climb() -> None:

@@ -24,7 +24,7 @@ def go_to(uav: Stepped) -> VehicleTask:
 
 
 def go_to_geo(uav: Stepped) -> VehicleTask:
-    projection = uav.vehicle.backend.snapshot().projection
+    projection = uav.vehicle.backend.snapshot().earth.projection
     assert projection is not None
     place = projection.to_geo(Vector3(12, 0, 3))
     assert place.altitude_amsl_m is not None

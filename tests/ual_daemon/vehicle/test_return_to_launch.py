@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.snapshots import changed
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import GeofenceError, InvalidArgumentError, TaskAbortedError, WrongStateError
 from ual.geometry import Vector3
@@ -180,12 +181,12 @@ def test_the_autopilots_home_goes_before_the_place_of_the_take_off(
     flying: Stepped, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     backend = flying.vehicle.backend
-    projection = backend.snapshot().projection
+    projection = backend.snapshot().earth.projection
     assert projection is not None
     at_boat = projection.to_geo(Vector3(9.0, 9.0, 0.0))
     home = GeoPoint(at_boat.latitude_deg, at_boat.longitude_deg)
     original = backend.snapshot
-    monkeypatch.setattr(backend, "snapshot", lambda: original()._replace(home_geo=home))
+    monkeypatch.setattr(backend, "snapshot", lambda: changed(original(), home_geo=home))
     flight = flying.vehicle._flight
     step = flight.step
     monkeypatch.setattr(flight, "step", lambda snapshot: step(snapshot._replace(home_geo=home)))

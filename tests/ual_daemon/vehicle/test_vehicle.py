@@ -200,7 +200,7 @@ def test_goals_in_other_frames(flying: Stepped) -> None:
 
 
 def test_the_autopilot_is_at_a_geographic_goal_in_the_end(flying: Stepped) -> None:
-    origin = flying.vehicle.backend.snapshot().projection
+    origin = flying.vehicle.backend.snapshot().earth.projection
     assert origin is not None
     goal = origin.to_geo(Vector3(5, 4, 6))
     for reference, altitude in (
@@ -674,7 +674,7 @@ def test_set_home_moves_odom() -> None:
         assert tuple(uav.pose.position) == (0, 0, 0)
         uav.fly(3.0)
         uav.end(uav.prepare.go_to_waypoint(at(1, 0, 3)).begin().future)
-        local = uav.vehicle.backend.snapshot().pose
+        local = uav.vehicle.backend.snapshot().motion.pose
         assert local is not None
         assert tuple(local.value.position) == pytest.approx((6, 2, 3), abs=0.03)
 

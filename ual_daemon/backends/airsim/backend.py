@@ -186,7 +186,7 @@ class AirsimBackend(Backend):
     @property
     def _is_off(self) -> bool:
         """Whether callers see that API control is off."""
-        mode = self._session.loop.newest.mode
+        mode = self._session.loop.newest.control.mode
         return mode is not None and mode.value is REMOTE_CONTROL
 
     @property

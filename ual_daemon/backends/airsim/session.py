@@ -177,20 +177,22 @@ class Session:
 
     def snapshot(self, now_s: float, updated_s: float, scheduling_gap: str) -> Snapshot:
         """Returns the newest data."""
-        link = self._link
-        snapshot = self._data(now_s)._replace(
-            updated_s=updated_s, scheduling_gap=scheduling_gap, link_trouble=link.trouble
+        link, known = self._link, self._snapshot.link
+        if known.trouble != link.trouble or known.conflict != link.why_not:  # seldom
+            known = known._replace(trouble=link.trouble, conflict=link.why_not)
+        heard_s = now_s if link.why_not else self._snapshot.heard_s  # the simulator answers, but not for our vehicle
+        return self._data(now_s)._replace(
+            heard_s=heard_s, updated_s=updated_s, scheduling_gap=scheduling_gap, link=known
         )
-        if link.why_not:  # the simulator answers, but not for our vehicle
-            return snapshot._replace(heard_s=now_s, conflict=link.why_not)
-        return snapshot
 
     def _data(self, now_s: float) -> Snapshot:
         return self._snapshot._replace(time_s=now_s)
 
     def _discard(self) -> None:
-        self._snapshot = self._snapshot._replace(
-            armed=None, landed=None, mode=None, estimator=None, pose=None, velocity=None
+        known = self._snapshot
+        self._snapshot = known._replace(
+            control=known.control._replace(armed=None, landed=None, mode=None),
+            motion=known.motion._replace(estimator=None, pose=None, velocity=None),
         )
 
     def _receive(self, timeout_s: float) -> None:
@@ -232,7 +234,10 @@ class Session:
             projection_of(self._link.simulator),
             is_plausible=self._plausibility.accepts_motion(report.pose, report.velocity),
         )
-        self._snapshot = snapshot._replace(status_text=self._status_text, boots_count=self._boots_count)
+        self._snapshot = snapshot._replace(
+            condition=snapshot.condition._replace(status_text=self._status_text),
+            link=snapshot.link._replace(boots_count=self._boots_count),
+        )
         self.runner.tick(now_s)  # the loop's own ticks stand still with simulated time
         return now_s
 

@@ -5,7 +5,19 @@ from __future__ import annotations
 from ual.types import GpsFix, GpsInfo
 from ual_daemon.backends.airsim.link import Simulator
 from ual_daemon.backends.airsim.state import Report
-from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import (
+    Cause,
+    Condition,
+    Control,
+    ControlState,
+    EarthReference,
+    Estimator,
+    LandedState,
+    Mode,
+    MotionState,
+    Sample,
+    Snapshot,
+)
 from ual_daemon.geodesy import EllipsoidProjection
 
 API = Mode("API", Control.REFERENCES)
@@ -41,16 +53,19 @@ def make_snapshot(
     return Snapshot(
         time_s=heard_s,
         heard_s=heard_s,
-        stamp_s=report.time_s,
-        measured_s=report.time_s,
-        armed=Sample(report.is_armed, heard_s),
-        landed=Sample(landed, heard_s),
-        mode=Sample(mode, heard_s),
-        estimator=Sample(_GOOD if is_plausible else _NO_POSE, heard_s),
-        pose=Sample(report.pose, heard_s) if is_plausible else None,
-        velocity=Sample(report.velocity, heard_s) if is_plausible else None,
-        projection=projection,
-        gps=_GPS,
-        home_altitude_amsl_m=projection.altitude_amsl_m,
-        held_by=_HELD_BY.get(mode.name),
+        control=ControlState(
+            armed=Sample(report.is_armed, heard_s),
+            landed=Sample(landed, heard_s),
+            mode=Sample(mode, heard_s),
+            held_by=_HELD_BY.get(mode.name),
+        ),
+        motion=MotionState(
+            stamp_s=report.time_s,
+            measured_s=report.time_s,
+            estimator=Sample(_GOOD if is_plausible else _NO_POSE, heard_s),
+            pose=Sample(report.pose, heard_s) if is_plausible else None,
+            velocity=Sample(report.velocity, heard_s) if is_plausible else None,
+        ),
+        earth=EarthReference(projection=projection, home_altitude_amsl_m=projection.altitude_amsl_m),
+        condition=Condition(gps=_GPS),
     )

@@ -164,7 +164,7 @@ class CrazyflieBackend(Backend):
         return SimulatedPilot(self._may_arm, self._pilot_arms) if self._is_simulation else None
 
     def _may_arm(self) -> bool:
-        health = self.snapshot().health
+        health = self.snapshot().condition.health
         return health is not None and bool(health.is_ready_to_arm)
 
     def _pilot_arms(self) -> None:

@@ -206,7 +206,9 @@ class Session:
         """Returns the newest data, and what is wrong with the link."""
         trouble = "" if self.is_connected else self._supervision.text
         snapshot = self.telemetry.snapshot(now_s, self.commander.mode, trouble)
-        return snapshot._replace(updated_s=updated_s, scheduling_gap=scheduling_gap, link_trouble=trouble)
+        return snapshot._replace(
+            updated_s=updated_s, scheduling_gap=scheduling_gap, link=snapshot.link._replace(trouble=trouble)
+        )
 
     def _known(self, now_s: float) -> Snapshot:
         return self.telemetry.snapshot(now_s, self.commander.mode, "")

@@ -12,7 +12,18 @@ from ual_daemon.backends.crazyflie.ground import Ground
 from ual_daemon.backends.crazyflie.packets import decompress
 from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles
 from ual_daemon.backends.engine.plausibility import Plausibility
-from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import (
+    NEVER_S,
+    Condition,
+    ControlState,
+    Estimator,
+    LandedState,
+    LinkState,
+    Mode,
+    MotionState,
+    Sample,
+    Snapshot,
+)
 
 REST_S = 0.3
 """With its motors off and at rest for this long it stands on the ground: the supervisor says "flying" for 2 s more."""
@@ -210,20 +221,28 @@ class Telemetry:
         return Snapshot(
             time_s=now_s,
             heard_s=self.heard_s,
-            stamp_s=self._stamp_s,
-            measured_s=self._measured_s,
-            armed=None if info is None else Sample(bool(info.value & Supervisor.ARMED), info.time_s),
-            landed=self._landed,
-            mode=None if info is None else Sample(mode, info.time_s),
-            estimator=self._estimator,
-            pose=self.pose,
-            velocity=self.velocity,
-            battery=self._battery,
-            status_text=connecting or self.text,
-            boots_count=self.boots_count,
-            boots_in_frame_count=self.boots_in_frame_count,
-            conflict=connecting if is_heard else "",
-            health=None if info is None else self._health(info.value, found),
+            control=ControlState(
+                armed=None if info is None else Sample(bool(info.value & Supervisor.ARMED), info.time_s),
+                landed=self._landed,
+                mode=None if info is None else Sample(mode, info.time_s),
+            ),
+            motion=MotionState(
+                stamp_s=self._stamp_s,
+                measured_s=self._measured_s,
+                estimator=self._estimator,
+                pose=self.pose,
+                velocity=self.velocity,
+            ),
+            condition=Condition(
+                battery=self._battery,
+                status_text=connecting or self.text,
+                health=None if info is None else self._health(info.value, found),
+            ),
+            link=LinkState(
+                boots_count=self.boots_count,
+                boots_in_frame_count=self.boots_in_frame_count,
+                conflict=connecting if is_heard else "",
+            ),
         )
 
     def _health(self, info: Supervisor, found: tuple[str, ...]) -> Health:

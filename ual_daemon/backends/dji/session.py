@@ -125,7 +125,7 @@ class Session:
         missing = "" if telemetry is None else self._missing(telemetry, now_s)
         snapshot = self._data(now_s, missing)._replace(updated_s=updated_s, scheduling_gap=scheduling_gap)
         why = "" if telemetry is not None and self._link.is_up else self.why_no_vehicle
-        return snapshot._replace(status_text=why, link_trouble=why) if why else snapshot
+        return snapshot.with_trouble(why) if why else snapshot
 
     def _data(self, now_s: float, missing: str = "") -> Snapshot:
         telemetry = self.telemetry

@@ -20,7 +20,19 @@ from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, quaternion, stamp_s, vector
 from ual_daemon.backends.rosbridge.ordering import Ordering
-from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import (
+    Cause,
+    Condition,
+    Control,
+    ControlState,
+    EarthReference,
+    Estimator,
+    LandedState,
+    Mode,
+    MotionState,
+    Sample,
+    Snapshot,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -366,25 +378,33 @@ class Telemetry:
         mode = _mode(self._display.sample, device)
         return Snapshot(
             time_s=now_s,
-            stamp_s=self._stamp_s,
-            measured_s=self._stamp_s,
-            armed=None if status is None else Sample(status.value != modes.STOPPED, status.time_s),
-            landed=None if status is None else Sample(self._landed(status.value), status.time_s),
-            mode=mode,
-            estimator=self._estimator(missing, now_s),
-            pose=self._pose.sample,
-            velocity=None if velocity is None else Sample(Twist(velocity.value, self._rates), velocity.time_s),
-            position_geo=self._geo,
-            projection=self.frame.projection,
-            home_altitude_amsl_m=None if self.frame.projection is None else self.frame.projection.altitude_amsl_m,
-            geoid_separation_m=self._geoid_m,
-            home_geo=self._home if self._is_home_set else None,
-            battery=self._battery,
-            gps=self._gps(),
-            status_text=self._status_text(missing, now_s),
-            failsafe=self._failsafe(),
-            held_by=None if mode is None or device is None else self._held_by(device.value),
-            health=self._health(),
+            control=ControlState(
+                armed=None if status is None else Sample(status.value != modes.STOPPED, status.time_s),
+                landed=None if status is None else Sample(self._landed(status.value), status.time_s),
+                mode=mode,
+                failsafe=self._failsafe(),
+                held_by=None if mode is None or device is None else self._held_by(device.value),
+            ),
+            motion=MotionState(
+                stamp_s=self._stamp_s,
+                measured_s=self._stamp_s,
+                estimator=self._estimator(missing, now_s),
+                pose=self._pose.sample,
+                velocity=None if velocity is None else Sample(Twist(velocity.value, self._rates), velocity.time_s),
+                position_geo=self._geo,
+            ),
+            earth=EarthReference(
+                projection=self.frame.projection,
+                home_altitude_amsl_m=None if self.frame.projection is None else self.frame.projection.altitude_amsl_m,
+                geoid_separation_m=self._geoid_m,
+                home_geo=self._home if self._is_home_set else None,
+            ),
+            condition=Condition(
+                battery=self._battery,
+                gps=self._gps(),
+                status_text=self._status_text(missing, now_s),
+                health=self._health(),
+            ),
         )
 
     def _is_good(self, now_s: float) -> bool:

@@ -114,7 +114,7 @@ def shows_armed(*, is_armed: bool) -> Shows:
     """For `Command.shows`: it is armed, or disarmed."""
 
     def shows(snapshot: Snapshot, since_s: float) -> bool:
-        armed = snapshot.armed
+        armed = snapshot.control.armed
         return armed is not None and armed.time_s > since_s and armed.value is is_armed
 
     return shows
@@ -124,7 +124,7 @@ def shows_mode(name: str) -> Shows:
     """For `Command.shows`: the autopilot is in the mode of this name."""
 
     def shows(snapshot: Snapshot, since_s: float) -> bool:
-        mode = snapshot.mode
+        mode = snapshot.control.mode
         return mode is not None and mode.time_s > since_s and mode.value.name == name
 
     return shows
@@ -134,7 +134,7 @@ def shows_landed(*states: LandedState) -> Shows:
     """For `Command.shows`: the autopilot is in one of these landed states."""
 
     def shows(snapshot: Snapshot, since_s: float) -> bool:
-        landed = snapshot.landed
+        landed = snapshot.control.landed
         return landed is not None and landed.time_s > since_s and landed.value in states
 
     return shows

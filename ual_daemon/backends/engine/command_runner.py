@@ -68,7 +68,7 @@ class Asked(NamedTuple):
     @classmethod
     def at(cls, time_s: float, snapshot: Snapshot) -> Asked:
         """Returns what was known by a snapshot."""
-        return cls(time_s, snapshot.settled_mode, snapshot.boots_count)
+        return cls(time_s, snapshot.control.settled_mode, snapshot.link.boots_count)
 
 
 @dataclass(slots=True, eq=False)
@@ -161,7 +161,7 @@ class CommandRunner(Generic[R]):
             return result
         snapshot = self._snapshot(now_s)
         asked = Asked.at(now_s, snapshot) if asked is None else asked
-        if asked.boots_count not in (0, snapshot.boots_count):
+        if asked.boots_count not in (0, snapshot.link.boots_count):
             text = f"the command to {command.what} was not sent: the autopilot has rebooted, or is another one"
             futures.end(result, RejectedByAutopilotError(text, {"text": text}))
             return result
@@ -273,7 +273,7 @@ class CommandRunner(Generic[R]):
         if group not in (FLYING, ARMING):
             return ""
         is_mode = group == FLYING
-        what, said = ("its mode", snapshot.mode) if is_mode else ("whether it is armed", snapshot.armed)
+        what, said = ("its mode", snapshot.control.mode) if is_mode else ("whether it is armed", snapshot.control.armed)
         if said is None:
             return f"{what} is not known"
         if said.time_s < self._watch.spoken_s:
@@ -294,7 +294,7 @@ class CommandRunner(Generic[R]):
             return "nothing was heard since it was sent"
         if after_s is None:
             return ""
-        said = snapshot.mode if pending.command.group == FLYING else snapshot.armed
+        said = snapshot.control.mode if pending.command.group == FLYING else snapshot.control.armed
         is_shown = said is not None and said.time_s >= pending.passed_on_s + after_s
         return "" if is_shown else "it may still be executed"
 
@@ -306,7 +306,7 @@ class CommandRunner(Generic[R]):
         command = pending.command
         if command.is_harmless or not pending.sends_count or self._watch.spoken_s <= pending.first_s:
             return False
-        mode = self._snapshot(now_s).mode
+        mode = self._snapshot(now_s).control.mode
         is_ours = mode is not None and mode.value.control is Control.REFERENCES
         return command.group == ARMING or (command.group == FLYING and not is_ours)
 
@@ -316,7 +316,7 @@ class CommandRunner(Generic[R]):
         if not judged:
             return
         snapshot = self._snapshot(now_s)
-        mode = snapshot.mode if snapshot.settled_mode else None
+        mode = snapshot.control.mode if snapshot.control.settled_mode else None
         if mode is None:
             return
         for pending in self._those_left(judged):

@@ -331,7 +331,7 @@ class ArduCopter(Autopilot):
         standing_m = _above_home_m(snapshot)
         if standing_m is None:
             raise HomeUnknownError("take_off: ArduPilot has not sent the position of its home yet")
-        if snapshot.has_rangefinder and standing_m > _NEAR_HOME_M:
+        if snapshot.condition.has_rangefinder and standing_m > _NEAR_HOME_M:
             raise WrongStateError(
                 f"take_off: ArduPilot's home is {standing_m:.1f} m below the UAV, and with its rangefinder it counts "
                 f"the height from the ground: it would climb to {standing_m + height_m:.1f} m instead of {height_m:g} "
@@ -355,10 +355,10 @@ def _above_home_m(snapshot: Snapshot) -> float | None:
     the arming, which moved home to where it stands. So it counts only where it makes little difference, which is
     corrected at the end of the climb. Otherwise a climb from a home down in the valley would go that much too high.
     """
-    pose, origin, home_m = snapshot.pose, snapshot.projection, snapshot.home_altitude_amsl_m
+    pose, origin, home_m = snapshot.motion.pose, snapshot.earth.projection, snapshot.earth.home_altitude_amsl_m
     if pose is not None and origin is not None and home_m is not None:
         return origin.altitude_amsl_m + pose.value.position.z - home_m
-    own_m = None if snapshot.position_geo is None else snapshot.position_geo.altitude_home_m
+    own_m = None if snapshot.motion.position_geo is None else snapshot.motion.position_geo.altitude_home_m
     return None if own_m is None or abs(own_m) > _NEAR_HOME_M else own_m
 
 

@@ -25,12 +25,16 @@ from ual_daemon.backends.light.simulation import LightSimulation
 from ual_daemon.backends.light.world import Vehicles, World
 from ual_daemon.backends.values import (
     Cause,
+    Condition,
     Control,
+    ControlState,
+    EarthReference,
     Estimator,
     ExternalPose,
     Freshness,
     LandedState,
     Mode,
+    MotionState,
     Sample,
     Setpoint,
     Snapshot,
@@ -390,24 +394,34 @@ class LightBackend(Backend):
         self._snapshot = Snapshot(
             time_s=now_s,
             heard_s=now_s,
-            stamp_s=self.world.epoch_s + now_s,
-            armed=Sample(seen.is_armed, now_s),
-            landed=Sample(landed, now_s),
-            mode=Sample(_MODES[seen.mode], now_s),
-            estimator=Sample(_GOOD if seen.has_position else _LOST, now_s),
-            pose=Sample(Pose(position, Quaternion.from_yaw(seen.yaw)), now_s),
-            velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, seen.yaw_rate)), now_s),
-            projection=self._projection,  # from which the geographic position is computed when it is needed
-            home_altitude_amsl_m=self._projection.altitude_amsl_m,
-            geoid_separation_m=self._settings.geoid_separation_m,
-            battery=Battery(percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if seen.is_armed else 0.5),
-            gps=_FIX if seen.has_position else _NO_FIX,
-            status_text=self._status_text,
             sequence=self.world.steps,
             updated_s=now_s,
-            health=_health(seen),
-            failsafe=self._faults.failsafe,
-            held_by=Cause.SAFETY_PILOT if seen.mode == FlightMode.MANUAL else self._holds_by,
+            control=ControlState(
+                armed=Sample(seen.is_armed, now_s),
+                landed=Sample(landed, now_s),
+                mode=Sample(_MODES[seen.mode], now_s),
+                failsafe=self._faults.failsafe,
+                held_by=Cause.SAFETY_PILOT if seen.mode == FlightMode.MANUAL else self._holds_by,
+            ),
+            motion=MotionState(
+                stamp_s=self.world.epoch_s + now_s,
+                estimator=Sample(_GOOD if seen.has_position else _LOST, now_s),
+                pose=Sample(Pose(position, Quaternion.from_yaw(seen.yaw)), now_s),
+                velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, seen.yaw_rate)), now_s),
+            ),
+            earth=EarthReference(
+                projection=self._projection,  # from which the geographic position is computed when it is needed
+                home_altitude_amsl_m=self._projection.altitude_amsl_m,
+                geoid_separation_m=self._settings.geoid_separation_m,
+            ),
+            condition=Condition(
+                battery=Battery(
+                    percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if seen.is_armed else 0.5
+                ),
+                gps=_FIX if seen.has_position else _NO_FIX,
+                status_text=self._status_text,
+                health=_health(seen),
+            ),
         )
         return self._snapshot
 

@@ -84,7 +84,7 @@ def climb(altitude_m: float) -> Command[Call]:
 
 def arming(autopilot: Autopilot, snapshot: Snapshot) -> Command[Call]:
     """Arms, from a mode in which it can be armed."""
-    mode = "" if snapshot.mode is None else snapshot.mode.value.name
+    mode = snapshot.control.mode_name
     arm = arm_or_disarm(is_arming=True)
     if autopilot.can_be_armed_in(mode):
         return arm

@@ -92,7 +92,7 @@ class Discovery:
         snapshot = Snapshot(now_s) if self.session is None else self.session.snapshot(now_s)
         snapshot = snapshot._replace(updated_s=updated_s, scheduling_gap=scheduling_gap)
         why = self.why_not
-        return snapshot._replace(status_text=why, link_trouble=why) if why else snapshot
+        return snapshot.with_trouble(why) if why else snapshot
 
     def tick(self, now_s: float) -> None:
         """Does what is due; to be called often."""

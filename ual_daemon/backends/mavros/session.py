@@ -36,7 +36,7 @@ from ual_daemon.backends.mavros.vehicle import VehicleDescription
 from ual_daemon.backends.rosbridge import Message, Ros
 from ual_daemon.backends.rosbridge.calls import ServiceError
 from ual_daemon.backends.rosbridge.fields import number, numbers, stamp_s
-from ual_daemon.backends.values import Freshness, PositionSetpoint, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import ControlState, Freshness, PositionSetpoint, Setpoint, Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -179,17 +179,19 @@ class Session:
 
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns the newest data as of now."""
-        snapshot = self.telemetry.snapshot(now_s)
-        is_armed = None if snapshot.armed is None else snapshot.armed.value
-        mode = snapshot.mode
-        return snapshot._replace(
-            other_sender=self._senders.another(now_s, snapshot.armed, mode, snapshot.landed),
-            health=self._health.report(
-                now_s, self.telemetry.is_ready_to_arm, self._causes.failing_sensors, lambda: None
-            ),
-            failsafe=self._causes.failsafe(is_armed=is_armed),
-            held_by=None if mode is None else self._causes.held_by(mode.value, now_s, is_armed=is_armed),
+        telemetry, causes = self.telemetry, self._causes
+        armed, mode, landed = telemetry.armed.sample, telemetry.mode.sample, telemetry.landed.sample
+        is_armed = None if armed is None else armed.value
+        control = ControlState(
+            armed,
+            landed,
+            mode,
+            failsafe=causes.failsafe(is_armed=is_armed),
+            held_by=None if mode is None else causes.held_by(mode.value, now_s, is_armed=is_armed),
+            other_sender=self._senders.another(now_s, armed, mode, landed),
         )
+        health = self._health.report(now_s, telemetry.is_ready_to_arm, causes.failing_sensors, lambda: None)
+        return telemetry.snapshot(now_s, control, health)
 
     def judge_simulation(self) -> SimulationVerdict:
         """Judges whether it is a simulator, and surely not a flight controller. From any thread."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ual.geometry import Pose, Twist
-from ual.types import Battery, GeoPoint, GpsInfo
+from ual.types import Battery, GeoPoint, GpsInfo, Health
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.plausibility import Plausibility
@@ -23,7 +23,19 @@ from ual_daemon.backends.mavros.geoid import Geoid
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, stamp_s, vector
 from ual_daemon.backends.rosbridge.ordering import Ordering
-from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import (
+    NEVER_S,
+    Condition,
+    ControlState,
+    EarthReference,
+    Estimator,
+    LandedState,
+    LinkState,
+    Mode,
+    MotionState,
+    Sample,
+    Snapshot,
+)
 
 GEO_LIMIT_S = 1.5
 """A position on Earth that is older is not reported."""
@@ -161,30 +173,29 @@ class Telemetry:
         """Whether it is armed, and not known to stand on the ground."""
         return self.is_armed and self.landed.value is not LandedState.ON_GROUND
 
-    def snapshot(self, now_s: float) -> Snapshot:
-        """Returns all values as of now."""
+    def snapshot(self, now_s: float, control: ControlState | None = None, health: Health | None = None) -> Snapshot:
+        """Returns all values as of now, with those that are known elsewhere."""
         home = self._home.value
         return Snapshot(
-            time_s=now_s,
-            heard_s=self._watch.heard_s,
-            stamp_s=self._stamp_s,
-            measured_s=self._measured_s,
-            armed=self.armed.sample,
-            landed=self.landed.sample,
-            mode=self.mode.sample,
-            estimator=self._judged_estimator(now_s),
-            pose=self.pose.sample,
-            velocity=self.velocity.sample,
-            position_geo=self._position_geo(now_s),
-            projection=self.origin.projection,
-            home_altitude_amsl_m=None if home is None else self._geoid.amsl_m(number(home["geo"]["altitude"])),
-            home_geo=None if home is None else _place(home["geo"]),
-            geoid_separation_m=self._geoid.separation_m,
-            battery=self._battery,
-            gps=self._gps,
-            status_text=self.status_text,
-            boots_count=self.boots_count,
-            has_rangefinder=self._has_rangefinder,
+            now_s,
+            self._watch.heard_s,
+            control=control or ControlState(self.armed.sample, self.landed.sample, self.mode.sample),
+            motion=MotionState(
+                estimator=self._judged_estimator(now_s),
+                pose=self.pose.sample,
+                velocity=self.velocity.sample,
+                position_geo=self._position_geo(now_s),
+                stamp_s=self._stamp_s,
+                measured_s=self._measured_s,
+            ),
+            earth=EarthReference(
+                projection=self.origin.projection,
+                home_geo=None if home is None else _place(home["geo"]),
+                home_altitude_amsl_m=None if home is None else self._geoid.amsl_m(number(home["geo"]["altitude"])),
+                geoid_separation_m=self._geoid.separation_m,
+            ),
+            condition=Condition(self._battery, self._gps, self.status_text, health, self._has_rangefinder),
+            link=LinkState(boots_count=self.boots_count),
             autopilot_fence=self.fence.limits,
         )
 

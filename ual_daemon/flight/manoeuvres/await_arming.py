@@ -67,4 +67,4 @@ class AwaitArming(Manoeuvre):
 
 def is_after_landing(snapshot: Snapshot) -> bool:
     """Whether the autopilot is in its landing mode: on the ground, it then disarms by itself."""
-    return snapshot.mode is not None and snapshot.mode.value.control is Control.LAND
+    return snapshot.control.mode is not None and snapshot.control.mode.value.control is Control.LAND

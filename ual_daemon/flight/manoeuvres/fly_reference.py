@@ -45,7 +45,8 @@ class ReferenceRules:
         """
         may_send = raw.state is State.FLYING_AUTO
         if not may_send and is_begun and raw.state is State.LANDED_ARMED:
-            may_send = snapshot.mode is not None and snapshot.mode.value.control is Control.REFERENCES
+            mode = snapshot.control.mode
+            may_send = mode is not None and mode.value.control is Control.REFERENCES
         self.authority.observe(raw.state, snapshot, is_sending=may_send and is_begun)
         if may_send and self.is_flown_by_us():
             return True

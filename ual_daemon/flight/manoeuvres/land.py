@@ -114,7 +114,7 @@ class Land(Landing):
         super().__init__(task, reference, start, name, on_height, has_safety_pilot=has_safety_pilot)
         self._command = self.command = command
         self._is_landing = False
-        self._began_in = None if reference is not None or start.mode is None else start.mode.value.name
+        self._began_in = None if reference is not None or start.control.mode is None else start.control.mode.value.name
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -123,13 +123,13 @@ class Land(Landing):
             return failed(lost if self._is_landing else self._command.left_behind(lost))
         if estimate.state in (State.LANDED_ARMED, State.LANDED_DISARMED):
             return Step(has_ended=True)
-        assert snapshot.mode is not None
-        control = snapshot.mode.value.control
-        landed = LandedState.UNKNOWN if snapshot.landed is None else snapshot.landed.value
+        assert snapshot.control.mode is not None
+        control = snapshot.control.mode.value.control
+        landed = LandedState.UNKNOWN if snapshot.control.landed is None else snapshot.control.landed.value
         if not self._is_landing:
             if control is Control.LAND or landed is LandedState.LANDING:
                 self._is_landing, self._reference = True, None
-            elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
+            elif control is not Control.REFERENCES and snapshot.control.mode.value.name != self._began_in:
                 return taken(snapshot, self.name)  # first: the command may have failed because of that
             elif (failure := self._command.failure(snapshot)) is not None:
                 return failed(with_advice(failure, self._refused))

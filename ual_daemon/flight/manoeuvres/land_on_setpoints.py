@@ -14,7 +14,7 @@ from typing_extensions import override
 from ual.errors import TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import State
-from ual_daemon.backends.values import Control, LandedState, Sample, Snapshot, T_co, VelocitySetpoint
+from ual_daemon.backends.values import Control, Sample, Snapshot, T_co, VelocitySetpoint
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.land import Landing, OnHeight, ignore_height
 from ual_daemon.flight.manoeuvres.manoeuvre import Step, failed, taken, why_blind, with_advice
@@ -85,21 +85,23 @@ class LandOnSetpoints(Landing):
         self._stepped_s = snapshot.time_s
         if error is not None:
             return failed(error)
-        assert snapshot.mode is not None
+        assert snapshot.control.mode is not None
         if estimate.state is State.LANDED_DISARMED or _is_disarmed(snapshot):
             return Step(has_ended=True)
         if _is_on_ground(snapshot):
             return self._step_on_ground(snapshot)
-        if snapshot.mode.value.control is not Control.REFERENCES:
+        if snapshot.control.mode.value.control is not Control.REFERENCES:
             return taken(snapshot, self.name)
-        has_position = estimate.state is not State.UNINITIALIZED and _is_new(snapshot.pose, snapshot)
+        has_position = estimate.state is not State.UNINITIALIZED and _is_new(snapshot.motion.pose, snapshot)
         return self._step_in_air(snapshot, has_position=has_position)
 
     def _why_unseen(self, snapshot: Snapshot, estimate: Estimate) -> UalError | None:
         """Returns why the flight may have become another's unseen; None if it cannot."""
-        if not estimate.is_link_up or snapshot.conflict:
+        if not estimate.is_link_up or snapshot.link.conflict:
             return why_blind(estimate, self.name)
-        unseen_s = snapshot.time_s - min(self._stepped_s, -math.inf if snapshot.mode is None else snapshot.mode.time_s)
+        unseen_s = snapshot.time_s - min(
+            self._stepped_s, -math.inf if snapshot.control.mode is None else snapshot.control.mode.time_s
+        )
         if unseen_s <= UNSEEN_S:
             return None
         why = _UNSEEN.format(unseen_s) if unseen_s < math.inf else f"the mode is not known: {estimate.why}"
@@ -121,7 +123,7 @@ class LandOnSetpoints(Landing):
         return self._down(snapshot, self._speed_m_s(snapshot, has_position), self._back(snapshot, has_position))
 
     def _is_at_rest(self, snapshot: Snapshot) -> bool:
-        velocity = snapshot.velocity
+        velocity = snapshot.motion.velocity
         if velocity is None or not _is_new(velocity, snapshot):
             return True  # it does not show whether it is
         is_slow = velocity.value.linear.horizontal_norm() < STILL_M_S
@@ -140,7 +142,7 @@ class LandOnSetpoints(Landing):
 
     def _note_lacking(self, snapshot: Snapshot, *, has_position: bool) -> None:
         """Tells what it descends without."""
-        has_velocity = _is_new(snapshot.velocity, snapshot)
+        has_velocity = _is_new(snapshot.motion.velocity, snapshot)
         measured = {"a position": has_position, "a velocity": has_velocity}
         lacking = " and ".join(name for name, is_there in measured.items() if not is_there)
         if lacking:
@@ -156,8 +158,8 @@ class LandOnSetpoints(Landing):
 
     def _step_on_ground(self, snapshot: Snapshot) -> Step:
         """Stops the motors, again where that failed, but not those of others. Until then it presses on the ground."""
-        assert snapshot.mode is not None
-        now_s, is_ours = snapshot.time_s, snapshot.mode.value.control is Control.REFERENCES
+        assert snapshot.control.mode is not None
+        now_s, is_ours = snapshot.time_s, snapshot.control.mode.value.control is Control.REFERENCES
         self._landing_task.note = ""
         if is_ours or not self._stops_count:
             self._ours_s = now_s
@@ -193,12 +195,12 @@ def _is_new(sample: Sample[T_co] | None, snapshot: Snapshot) -> bool:
 
 
 def _is_new_mode(snapshot: Snapshot) -> bool:
-    return snapshot.mode is not None and snapshot.time_s - snapshot.mode.time_s <= MODE_S
+    return snapshot.control.mode is not None and snapshot.time_s - snapshot.control.mode.time_s <= MODE_S
 
 
 def _is_on_ground(snapshot: Snapshot) -> bool:
-    return snapshot.landed is not None and snapshot.landed.value is LandedState.ON_GROUND
+    return snapshot.control.is_on_ground
 
 
 def _is_disarmed(snapshot: Snapshot) -> bool:
-    return snapshot.armed is not None and not snapshot.armed.value
+    return snapshot.control.armed is not None and not snapshot.control.armed.value

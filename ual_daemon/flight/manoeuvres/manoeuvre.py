@@ -171,7 +171,7 @@ def guarded(manoeuvre: Manoeuvre, act: Callable[P, T], *args: P.args, **kwargs: 
 
 def no_way(during: str, stuck_s: float, left: str, snapshot: Snapshot) -> Step:
     """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left."""
-    said = f"the autopilot says: {snapshot.status_text}" if snapshot.status_text else ""
+    said = f"the autopilot says: {snapshot.condition.status_text}" if snapshot.condition.status_text else ""
     why = "".join(f"; {each}" for each in (breach_text(snapshot), said) if each)
     return failed(
         UalTimeoutError(
@@ -198,8 +198,8 @@ def why_not_ours(snapshot: Snapshot, estimate: Estimate, during: str) -> UalErro
         return blind
     if estimate.state is State.LANDED_DISARMED:
         return TaskAbortedError(f"{during}: the motors were disarmed", {"by": "autopilot", "state": "LANDED_DISARMED"})
-    assert snapshot.mode is not None
-    if snapshot.mode.value.control is not Control.REFERENCES:
+    assert snapshot.control.mode is not None
+    if snapshot.control.mode.value.control is not Control.REFERENCES:
         return taken_over(snapshot, during)
     return None
 
@@ -220,9 +220,9 @@ def taken(snapshot: Snapshot, during: str) -> Step:
 
 def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
     """Returns the error of a manoeuvre that ended because others, or a failsafe, took control."""
-    mode = snapshot.mode.value.name if snapshot.mode is not None else "unknown"
+    mode = snapshot.control.mode.value.name if snapshot.control.mode is not None else "unknown"
     breach = breach_text(snapshot)
-    cause = snapshot.held_by or (Cause.FENCE if breach else Cause.SAFETY_PILOT)
+    cause = snapshot.control.held_by or (Cause.FENCE if breach else Cause.SAFETY_PILOT)
     state = _state_of(snapshot)
     metadata = {"by": cause.value, "state": state.name, "mode": mode}
     in_mode = f"(the autopilot is in mode {mode}{f'; {breach}' if breach else ''})"
@@ -232,7 +232,7 @@ def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
 
 def _state_of(snapshot: Snapshot) -> State:
     """Returns the state that the mode of others leads to."""
-    control = snapshot.mode.value.control if snapshot.mode is not None else Control.OTHER
+    control = snapshot.control.mode.value.control if snapshot.control.mode is not None else Control.OTHER
     return {Control.LAND: State.LANDING, Control.TAKE_OFF: State.TAKING_OFF}.get(control, State.FLYING_MANUAL)
 
 

@@ -74,9 +74,9 @@ class Recover(Manoeuvre):
                     {"by": "autopilot", "state": estimate.state.name},
                 )
             )
-        assert snapshot.mode is not None
-        self._began_in = self._began_in or snapshot.mode.value.name
-        if snapshot.mode.value.name != self._began_in:  # a repeated command would take control from the pilot
+        assert snapshot.control.mode is not None
+        self._began_in = self._began_in or snapshot.control.mode.value.name
+        if snapshot.control.mode.value.name != self._began_in:  # a repeated command would take control from the pilot
             return taken(snapshot, self.name)
         if not self._is_sent:  # `Flight` steps it once it is known who took the UAV
             refusal = self._refusal(snapshot)

@@ -92,7 +92,7 @@ class TakeOff(Manoeuvre):
         self._is_mode_left_over = on_setpoints and _is_ours(start)
         self._was_ours = False
         # A mode from before the arming says nothing: to arm, the autopilot may have been made to leave it.
-        self._modes_since_s = -math.inf if start.armed is None else start.armed.time_s
+        self._modes_since_s = -math.inf if start.control.armed is None else start.control.armed.time_s
         self._began_in = self._other_mode(start)
         self._climbing_since_s: float | None = None
         self._longest_s = _longest_s(height_m, limits)
@@ -140,7 +140,7 @@ class TakeOff(Manoeuvre):
 
     def _other_mode(self, snapshot: Snapshot) -> str:
         """Returns the mode, as far as it was heard since the arming and is not ours; empty otherwise."""
-        mode = snapshot.mode
+        mode = snapshot.control.mode
         if mode is None or mode.time_s < self._modes_since_s or _is_ours(snapshot):
             return ""
         return mode.value.name
@@ -154,9 +154,9 @@ class TakeOff(Manoeuvre):
 
     def _step_climb(self, snapshot: Snapshot, estimate: Estimate, since_s: float) -> Step:
         """Makes one update after the autopilot has begun the take-off."""
-        assert snapshot.mode is not None
+        assert snapshot.control.mode is not None
         ours = (Control.REFERENCES,) if self._on_setpoints else (Control.REFERENCES, Control.TAKE_OFF)
-        if snapshot.mode.value.control not in ours:
+        if snapshot.control.mode.value.control not in ours:
             return taken(snapshot, self.name)
         refusal = self._command.refusal()  # a refusal may come late over a bad link
         if refusal is not None and estimate.state is State.LANDED_ARMED:
@@ -247,7 +247,7 @@ class TakeOff(Manoeuvre):
         One that climbs by itself takes none before it says that it is up. It then gets references to the commanded
         height, because it may count heights from elsewhere (home, the ground below its rangefinder).
         """
-        is_in_air = snapshot.landed is not None and snapshot.landed.value is LandedState.IN_AIR
+        is_in_air = snapshot.control.landed is not None and snapshot.control.landed.value is LandedState.IN_AIR
         return self._on_setpoints or (is_in_air and estimate.state is State.FLYING_AUTO)
 
     def _climb_setpoint(self, snapshot: Snapshot, measured: Motion) -> Setpoint:
@@ -285,4 +285,7 @@ def _longest_s(height_m: float, limits: Limits) -> float:
 
 def _is_ours(snapshot: Snapshot) -> bool:
     """Whether the autopilot is in a mode in which it climbs by a take-off of ours."""
-    return snapshot.mode is not None and snapshot.mode.value.control in (Control.REFERENCES, Control.TAKE_OFF)
+    return snapshot.control.mode is not None and snapshot.control.mode.value.control in (
+        Control.REFERENCES,
+        Control.TAKE_OFF,
+    )

@@ -51,7 +51,7 @@ class Authority:
 
     def follow(self, state: State, snapshot: Snapshot) -> None:
         """Notes what an update shows, also while a manoeuvre is under way; before `observe`."""
-        boots = snapshot.boots_count, snapshot.boots_in_frame_count
+        boots = snapshot.link.boots_count, snapshot.link.boots_in_frame_count
         if boots != self._boots:  # it has not landed: it boots on the ground
             self._boots, self._is_in_air = boots, False
         self._was_blind, self._is_blind = self._is_blind, state is State.UNINITIALIZED
@@ -86,7 +86,7 @@ class Authority:
 
     def _note_taken(self, snapshot: Snapshot) -> None:
         """Notes who holds a UAV that UAL has flown in this flight; the first who took it, until that is known."""
-        by, mode = snapshot.held_by, snapshot.mode
+        by, mode = snapshot.control.held_by, snapshot.control.mode
         if not self._has_flown or mode is None or by is Cause.OPEN:
             return
         who = "others" if by is None else f"the autopilot's {by.value}" if by.is_failsafe else f"the {by.value}"
@@ -105,8 +105,8 @@ class Authority:
 
     def _observe_blind(self, snapshot: Snapshot) -> None:
         """Notes who flies while the state is not known: the mode may be heard all the time."""
-        if snapshot.landed is not None and snapshot.landed.value is LandedState.IN_AIR:
+        if snapshot.control.landed is not None and snapshot.control.landed.value is LandedState.IN_AIR:
             self._is_in_air = True
-        mode = snapshot.mode
+        mode = snapshot.control.mode
         if self._is_in_air and mode is not None and mode.value.control is not Control.REFERENCES:
             self.is_ours, self.is_ground_theirs = False, True

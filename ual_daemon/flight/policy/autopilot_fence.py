@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ual.errors import WrongStateError
 from ual.geometry import Vector3
-from ual_daemon.backends.values import AutopilotFence, FenceLimit, LandedState, Snapshot
+from ual_daemon.backends.values import AutopilotFence, FenceLimit, Snapshot
 from ual_daemon.flight.policy.autopilot_zones import local_zones
 from ual_daemon.frames.fence import Disc, Fence
 
@@ -26,10 +26,10 @@ class Beyond(NamedTuple):
 
 def home_of(snapshot: Snapshot) -> Vector3 | None:
     """Returns where home is; None if that is not known. Right after arming, on the ground, it is where it stands."""
-    is_on_ground = snapshot.landed is not None and snapshot.landed.value is LandedState.ON_GROUND
-    if snapshot.home is None and is_on_ground and snapshot.pose is not None:
-        return snapshot.pose.value.position
-    return snapshot.home
+    home, pose = snapshot.earth.home, snapshot.motion.pose
+    if home is None and pose is not None and snapshot.control.is_on_ground:
+        return pose.value.position
+    return home
 
 
 def disc(own: AutopilotFence, home: Vector3, reserve_m: float = RESERVE_M) -> Disc | None:
@@ -67,12 +67,12 @@ def within_zones(fence: Fence, own: AutopilotFence, snapshot: Snapshot, reserve_
     """
     if not own.zones:
         return fence
-    if snapshot.projection is None:
+    if snapshot.earth.projection is None:
         names = ", ".join(zone.name for zone in own.zones)
         raise WrongStateError(
             f"the autopilot's own fence ({names}) cannot be checked: the autopilot has not said where on Earth it is"
         )
-    zones = local_zones(own.zones, snapshot.projection)
+    zones = local_zones(own.zones, snapshot.earth.projection)
     return fence.cut(zones, reserve_m, unites_inclusions=own.unites_inclusions)
 
 
@@ -106,16 +106,16 @@ def text(beyond: Beyond, reserve_m: float = 0.0) -> str:
 
 def breach_text(snapshot: Snapshot) -> str:
     """Returns that the UAV is beyond the fence, human-readable; empty if it is not, or if that is not known."""
-    if snapshot.pose is None:
+    if snapshot.motion.pose is None:
         return ""
-    point = snapshot.pose.value.position
+    point = snapshot.motion.pose.value.position
     found = beyond_limit(point, snapshot, 0.0) or _beyond_any_zone(point, snapshot)
     return "" if found is None else f"it is {text(found)}"
 
 
 def _beyond_any_zone(point: Vector3, snapshot: Snapshot) -> Beyond | None:
     own = snapshot.autopilot_fence
-    if own is None or snapshot.projection is None:
+    if own is None or snapshot.earth.projection is None:
         return None
     return beyond_zone(within_zones(Fence(()), own, snapshot, 0.0).zone_left(None, point))
 

@@ -43,7 +43,7 @@ class DroppedPositions:
         return clear_m == 0.0 and not fence.is_inside(position)
 
     def _fence(self, own: AutopilotFence, snapshot: Snapshot) -> Fence:
-        key = (own, snapshot.projection, snapshot.home_geo, snapshot.home_altitude_amsl_m)
+        key = (own, snapshot.earth.projection, snapshot.earth.home_geo, snapshot.earth.home_altitude_amsl_m)
         made = self._made
         if made is None or made[0] != key:
             fence = autopilot_fence.within_zones(Fence(()), own, snapshot, _MARGIN_M)

@@ -172,7 +172,8 @@ class Geofence:
         """Returns what holds now, which each setpoint asks for: the same as before, unless something has changed."""
         own = snapshot.autopilot_fence
         place = self._resolver.frames_version() if self._is_configured else self._resolver.odom_z_m
-        home = (snapshot.home_geo, snapshot.home_altitude_amsl_m, snapshot.projection)
+        earth = snapshot.earth
+        home = (earth.home_geo, earth.home_altitude_amsl_m, earth.projection)
         stands_at = autopilot_fence.home_of(snapshot) if own is not None and None in home else None
         key = (place, own, home, stands_at, self.ground.place)
         now = self._last
@@ -185,10 +186,14 @@ class Geofence:
 
     def _find(self, snapshot: Snapshot, datum: Datum) -> tuple[Fence, Fence]:
         """Returns the fence of goals and ways, and that of velocities."""
-        if self._settings.polygon_geo and snapshot.projection is None:
+        if self._settings.polygon_geo and snapshot.earth.projection is None:
             raise WrongStateError("the geofence cannot be checked: the autopilot has not said where on Earth it is")
         to_local = self._to_local()
-        key = (to_local.translation, to_local.rotation, snapshot.projection if self._settings.polygon_geo else None)
+        key = (
+            to_local.translation,
+            to_local.rotation,
+            snapshot.earth.projection if self._settings.polygon_geo else None,
+        )
         cached = self._cached
         if cached is None or cached[0] != key:
             cached = self._cached = (key, self._make(to_local, snapshot))
@@ -213,7 +218,7 @@ class Geofence:
 
     def _within_autopilot_zones(self, fence: Fence, own: AutopilotFence, snapshot: Snapshot) -> Fence:
         """Returns the part of a fence that the zones of the autopilot's own leave, with a reserve."""
-        key = (fence, own.zones, own.unites_inclusions, snapshot.projection)
+        key = (fence, own.zones, own.unites_inclusions, snapshot.earth.projection)
         cached = self._zoned
         if cached is None or cached[0] != key:
             cached = self._zoned = (key, autopilot_fence.within_zones(fence, own, snapshot))
@@ -242,8 +247,8 @@ class Geofence:
         if math.hypot(up.x, up.y) > _LEVEL:
             raise WrongStateError(f"the geofence cannot be checked: its frame {self._frame_id} is not level")
         if self._settings.polygon_geo:
-            assert snapshot.projection is not None
-            corners = (snapshot.projection.to_local(lat, lon, 0.0) for lat, lon in self._settings.polygon_geo)
+            assert snapshot.earth.projection is not None
+            corners = (snapshot.earth.projection.to_local(lat, lon, 0.0) for lat, lon in self._settings.polygon_geo)
         else:
             corners = (to_local.apply(Vector3(x, y, 0.0)) for x, y in self._settings.polygon)
         base_m = to_local.translation.z
@@ -294,9 +299,9 @@ class Geofence:
         """
         return (
             snapshot.autopilot_fence,
-            snapshot.projection,
-            snapshot.home_geo,
-            snapshot.home_altitude_amsl_m,
+            snapshot.earth.projection,
+            snapshot.earth.home_geo,
+            snapshot.earth.home_altitude_amsl_m,
             self.ground.place,
             *self._resolver.frames_version(),
         )
@@ -390,9 +395,9 @@ class Geofence:
         """
         if velocity.x == velocity.y == velocity.z == 0.0:
             return
-        assert snapshot.pose is not None
-        now, here = self._now(snapshot), snapshot.pose.value.position
-        own = _AT_REST if snapshot.velocity is None else snapshot.velocity.value.linear
+        assert snapshot.motion.pose is not None
+        now, here = self._now(snapshot), snapshot.motion.pose.value.position
+        own = _AT_REST if snapshot.motion.velocity is None else snapshot.motion.velocity.value.linear
         points = reach(here, own, velocity, limits)
         if now.has(points):
             if not now.floor_z_m <= points.commanded_stop[2] <= now.ceiling_z_m:

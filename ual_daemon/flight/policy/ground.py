@@ -51,8 +51,8 @@ class Ground:
         if is_taking_off and self.place is not None and raw.is_link_up:
             return
         if raw.state is State.LANDED_ARMED or raw.state is State.LANDED_DISARMED:
-            assert snapshot.pose is not None
-            self.place, self._origin_m = snapshot.pose.value.position, _origin_m(snapshot)
+            assert snapshot.motion.pose is not None
+            self.place, self._origin_m = snapshot.motion.pose.value.position, _origin_m(snapshot)
         elif self.place is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
             self.place = None
 
@@ -69,11 +69,13 @@ class Ground:
         """Returns what heights are measured from. `odom_z_m` returns the z of the origin of ``<ns>/odom``."""
         if (z_m := self.z_m) is not None:
             return Datum(z_m, "the ground of the take-off", SEEN_NOISE_M)
-        if snapshot.home_altitude_amsl_m is not None and snapshot.projection is not None:
-            home_z_m = snapshot.home_altitude_amsl_m - snapshot.projection.altitude_amsl_m
+        home_m, projection = snapshot.earth.home_altitude_amsl_m, snapshot.earth.projection
+        if home_m is not None and projection is not None:
+            home_z_m = home_m - projection.altitude_amsl_m
             return Datum(home_z_m, "the autopilot's home (UAL has not seen the take-off)", ASSUMED_NOISE_M)
         return Datum(odom_z_m(), "the origin of odom (UAL has not seen the take-off, nor a home)", ASSUMED_NOISE_M)
 
 
 def _origin_m(snapshot: Snapshot) -> float | None:
-    return None if snapshot.projection is None else snapshot.projection.altitude_amsl_m
+    projection = snapshot.earth.projection
+    return None if projection is None else projection.altitude_amsl_m

@@ -40,10 +40,10 @@ class HeadingJumpDetector:
 
     def observe(self, snapshot: Snapshot) -> Jump | None:
         """Returns by how much the heading has jumped, with the second heading there; None if it has not."""
-        poses, pose, velocity = self._poses, snapshot.pose, snapshot.velocity
+        poses, pose, velocity = self._poses, snapshot.motion.pose, snapshot.motion.velocity
         if pose is None or velocity is None or not poses.is_new(pose):
             return None
-        new = _Seen(pose.value.orientation.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.boots_count)
+        new = _Seen(pose.value.orientation.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.link.boots_count)
         jump_rad = _jump_rad(poses.last, new)
         return Jump(yaw_rad=jump_rad) if poses.confirms(new, has_jumped=bool(jump_rad)) else None
 

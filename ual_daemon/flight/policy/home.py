@@ -21,7 +21,7 @@ def home_place(snapshot: Snapshot, ground: Ground) -> HomePlace | None:
 
     The ground from which UAL saw it take off gives the height: autopilots correct the altitude of home in flight.
     """
-    autopilots, seen = snapshot.home, ground.place
+    autopilots, seen = snapshot.earth.home, ground.place
     if autopilots is None:
         return None if seen is None else HomePlace(seen, "the place of the take-off")
     z = autopilots.z if seen is None else seen.z

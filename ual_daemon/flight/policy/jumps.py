@@ -116,12 +116,12 @@ class JumpDetector:
 
     def observe(self, snapshot: Snapshot) -> Jump | None:
         """Returns by how much the estimate has jumped, with the second position there; None if it has not."""
-        poses, pose, sample = self._poses, snapshot.pose, snapshot.velocity
+        poses, pose, sample = self._poses, snapshot.motion.pose, snapshot.motion.velocity
         if pose is None or sample is None or not poses.is_new(pose):
             return None
         last = poses.last
-        measured_s = snapshot.measured_s or snapshot.stamp_s
-        new = _Seen(pose.value.position, sample.value.linear, pose.time_s, measured_s, snapshot.boots_count)
+        measured_s = snapshot.motion.measured_s or snapshot.motion.stamp_s
+        new = _Seen(pose.value.position, sample.value.linear, pose.time_s, measured_s, snapshot.link.boots_count)
         if last is not None and not poses.is_waiting and self._is_continued(last, new):
             poses.last = new
             return None
@@ -160,7 +160,7 @@ class JumpDetector:
 
 
 def _is_good(snapshot: Snapshot) -> bool:
-    return snapshot.estimator is not None and snapshot.estimator.value.is_good
+    return snapshot.motion.estimator is not None and snapshot.motion.estimator.value.is_good
 
 
 def _longest_s(last: _Seen, new: _Seen) -> float:

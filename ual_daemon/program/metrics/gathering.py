@@ -64,7 +64,7 @@ class UavMetrics:
         """Yields the values, as they are now."""
         now, served = self._vehicle.figures(), self._server.figures()
         yield from self._of_uav(now)
-        yield from self._of_battery(now.snapshot.battery)
+        yield from self._of_battery(now.snapshot.condition.battery)
         yield from self._of_link(now)
         yield from self._of_setpoints()
         yield from self._of_tasks(now)
@@ -90,8 +90,8 @@ class UavMetrics:
         yield self._of("ual_armed", now.is_armed)
         yield self._of("ual_airborne", now.is_airborne)
         yield self._of("ual_flown_by_ual", now.is_ours)
-        if now.snapshot.failsafe is not None:
-            yield self._of("ual_failsafe", 1, cause=now.snapshot.failsafe.value)
+        if now.snapshot.control.failsafe is not None:
+            yield self._of("ual_failsafe", 1, cause=now.snapshot.control.failsafe.value)
 
     def _of_battery(self, battery: Battery | None) -> Iterator[Sample]:
         found = battery or Battery()

@@ -46,9 +46,9 @@ def backend() -> AirsimBackend:
 def test_an_orientation_of_all_zeros_is_no_pose(backend: AirsimBackend) -> None:
     session = backend._session
     session._on_report(report())
-    assert session._snapshot.pose is not None
+    assert session._snapshot.motion.pose is not None
     session._on_report(report(Rotation(0.0, 0.0, 0.0, 0.0)))
-    assert session._snapshot.pose is None
+    assert session._snapshot.motion.pose is None
 
 
 def test_the_link_survives_what_nobody_expects(
@@ -66,8 +66,8 @@ def test_the_link_survives_what_nobody_expects(
         for _ in range(3):
             backend._session.thread.turn()
     assert not link.is_up
-    assert not updates[0].conflict  # it may be well again
-    assert "a defect of UAL: landing" in updates[-1].conflict
+    assert not updates[0].link.conflict  # it may be well again
+    assert "a defect of UAL: landing" in updates[-1].link.conflict
     assert len(updates) == 3
     (record,) = caplog.records  # told once
     assert record.exc_info is not None

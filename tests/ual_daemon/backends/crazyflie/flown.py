@@ -114,7 +114,7 @@ class Flown:
 
     def ready(self) -> None:
         """Runs until it is connected and has a state."""
-        self.until(lambda: self.session.is_connected and self.backend.snapshot().pose is not None)
+        self.until(lambda: self.session.is_connected and self.backend.snapshot().motion.pose is not None)
         self.run(0.5)
 
     def arm(self) -> None:
@@ -139,7 +139,7 @@ class Flown:
 
     @property
     def landed(self) -> LandedState:
-        landed = self.backend.snapshot().landed
+        landed = self.backend.snapshot().control.landed
         assert landed is not None
         return landed.value
 

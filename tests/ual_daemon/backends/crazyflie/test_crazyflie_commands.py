@@ -63,10 +63,10 @@ def test_refuses_to_arm_in_plain_words(tmp_path: Path, trouble: str, text: str) 
     flown.run(0.3)
     with pytest.raises(RejectedByAutopilotError, match=text):
         flown.arm()
-    health = flown.backend.snapshot().health
+    health = flown.backend.snapshot().condition.health
     assert health is not None
     assert text in "; ".join(health.failing_checks)
-    assert text in flown.backend.snapshot().status_text
+    assert text in flown.backend.snapshot().condition.status_text
 
 
 def test_arms_again_soon_after_it_was_disarmed_on_landing(tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_a_place_where_it_stays_is_held_without_the_daemon(tmp_path: Path) -> No
     flown = Flown(tmp_path)
     flown.take_off()
     flown.fly(lambda _: place(0.0, 0.0, 1.0), 1.5)
-    mode = flown.backend.snapshot().mode
+    mode = flown.backend.snapshot().control.mode
     assert mode is not None
     assert (mode.value.name, mode.value.control) == ("hover (high-level commander)", Control.REFERENCES)
     since_s = flown.now_s
@@ -192,7 +192,7 @@ def test_a_daemon_killed_in_motion_is_followed_by_the_firmwares_time_outs(tmp_pa
     assert flown.crazyflie.supervisor.value == "locked"
     flown.crazyflie.is_silent = False
     flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
-    assert "it is locked" in flown.backend.snapshot().status_text
+    assert "it is locked" in flown.backend.snapshot().condition.status_text
 
 
 def test_a_daemon_that_is_back_in_time_catches_it(tmp_path: Path) -> None:
@@ -401,7 +401,7 @@ def test_velocities_fly_and_turn_to_the_left(tmp_path: Path, protocol: int) -> N
     x, y, _ = flown.crazyflie.place
     assert (x, y) == pytest.approx((0.6, 0.4), abs=0.15)
     assert flown.crazyflie.yaw_rad == pytest.approx(0.6, abs=0.15)
-    pose = flown.backend.snapshot().pose
+    pose = flown.backend.snapshot().motion.pose
     assert pose is not None
     assert pose.value.yaw_rad == pytest.approx(flown.crazyflie.yaw_rad, abs=0.05)
 

@@ -21,7 +21,7 @@ def test_it_hovers_on_when_ual_ends_on_the_way(tmp_path: Path) -> None:
         uav.take_off(1.0)
         uav.go_to_waypoint(Pose.at(8.0, 0.0, 1.0), blocking=False)
         until(lambda: crazyflie.place[0] >= 0.5, seen=uav.telemetry)
-    assert backend.snapshot().mode is not None
+    assert backend.snapshot().control.mode is not None
     crazyflie.run(30.0)
     assert crazyflie.supervisor is Supervisor.FLYING
     x, _, z = crazyflie.place

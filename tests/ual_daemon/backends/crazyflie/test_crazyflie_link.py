@@ -34,7 +34,7 @@ def test_connects_and_knows_its_state(tmp_path: Path) -> None:
     info = flown.backend.info()
     assert (info.autopilot, info.autopilot_version, info.has_safety_pilot) == ("Crazyflie", "2024.2", False)
     assert info.limits.horizontal_speed_m_s == 0.8
-    battery = flown.backend.snapshot().battery
+    battery = flown.backend.snapshot().condition.battery
     assert battery is not None
     assert battery.voltage_v == pytest.approx(3.9, abs=0.01)
 
@@ -85,10 +85,10 @@ def test_what_comes_late_or_twice_is_not_taken(tmp_path: Path) -> None:
     flown.crazyflie.run(0.02)
     old = flown.memory.sent.copy()
     flown.run(0.2)
-    before = flown.backend.snapshot().measured_s
+    before = flown.backend.snapshot().motion.measured_s
     flown.memory.sent.extend(old)
     flown.run(0.01)
-    assert flown.backend.snapshot().measured_s >= before
+    assert flown.backend.snapshot().motion.measured_s >= before
 
 
 def test_out_of_reach_and_back_is_no_reboot(tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ def test_out_of_reach_and_back_is_no_reboot(tmp_path: Path) -> None:
     flown.crazyflie.is_silent = False
     assert flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED) < 1.0
     assert table_items(flown, since) == 0
-    assert flown.backend.snapshot().boots_count == 0
+    assert flown.backend.snapshot().link.boots_count == 0
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_a_reboot_is_noticed_and_healed(tmp_path: Path, decks: tuple[str, ...], 
     flown.crazyflie.is_silent = False
     assert flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED) < 2.0
     snapshot = flown.backend.snapshot()
-    assert (snapshot.boots_count, snapshot.boots_in_frame_count) == (frames, 1 - frames)
+    assert (snapshot.link.boots_count, snapshot.link.boots_in_frame_count) == (frames, 1 - frames)
     assert flown.crazyflie.parameters["commander.enHighLevel"][1] == 1
 
 
@@ -131,14 +131,14 @@ def test_another_client_that_took_the_log_is_no_reboot(tmp_path: Path) -> None:
     flown.memory.arriving.append(Packet(LOG, 1, b"\x05").encode())
     flown.until(lambda: not flown.session.is_connected)
     flown.until(lambda: flown.session.is_connected and flown.estimate().state is State.FLYING_AUTO)
-    assert flown.backend.snapshot().boots_count == 0
+    assert flown.backend.snapshot().link.boots_count == 0
 
 
 def test_does_without_a_variable_that_is_missing(tmp_path: Path) -> None:
     flown = Flown(tmp_path, Crazyflie(MemoryPort(), has_battery=False))
     flown.ready()
     assert flown.estimate().state is State.LANDED_DISARMED
-    assert flown.backend.snapshot().battery is None
+    assert flown.backend.snapshot().condition.battery is None
 
 
 def test_says_which_variable_it_cannot_do_without(tmp_path: Path) -> None:
@@ -161,7 +161,10 @@ def test_says_what_its_console_says(tmp_path: Path) -> None:
     flown.ready()
     flown.crazyflie.say("KALMAN: a line that is longer than the thirty bytes of one packet")
     flown.run(0.2)
-    assert flown.backend.snapshot().status_text == "KALMAN: a line that is longer than the thirty bytes of one packet"
+    assert (
+        flown.backend.snapshot().condition.status_text
+        == "KALMAN: a line that is longer than the thirty bytes of one packet"
+    )
 
 
 def test_says_which_vehicle_it_is_once_it_is_connected(tmp_path: Path) -> None:
@@ -185,7 +188,7 @@ def test_a_home_of_before_a_restart_is_lost_and_not_silently_another_one(tmp_pat
         return flown, resolver
 
     flown, before = resolved(HomeFile(tmp_path / "uav_1.home"))
-    pose = flown.backend.snapshot().pose
+    pose = flown.backend.snapshot().motion.pose
     assert pose is not None
     before.set_home(pose.value.position, flown.backend.snapshot(), set_z=True)
     _, after = resolved(HomeFile(tmp_path / "uav_1.home"))
@@ -220,7 +223,7 @@ def test_a_reboot_after_a_while_is_noticed(tmp_path: Path, *, is_watch_only: boo
     flown.crazyflie.boot()
     flown.crazyflie.is_silent = False
     flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
-    assert flown.backend.snapshot().boots_count == 1
+    assert flown.backend.snapshot().link.boots_count == 1
 
 
 def failing_once(error: Exception, call: Callable[..., Any]) -> Callable[..., Any]:
@@ -242,7 +245,7 @@ def test_an_error_of_the_link_that_nobody_knows_is_said_and_it_connects_anew(
     flown = Flown(tmp_path)
     link = flown.backend._link
     monkeypatch.setattr(link, method, failing_once(RuntimeError("its cable glows"), getattr(link, method)))
-    flown.until(lambda: "its cable glows" in flown.backend.snapshot().status_text)
+    flown.until(lambda: "its cable glows" in flown.backend.snapshot().condition.status_text)
     flown.ready()
     assert flown.estimate().state is State.LANDED_DISARMED
 

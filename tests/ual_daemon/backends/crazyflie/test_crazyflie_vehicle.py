@@ -165,6 +165,6 @@ def test_an_abort_and_a_landing_do_not_wait_for_the_notifications(tmp_path: Path
 
 
 def _control(flown: FlownVehicle) -> Control:
-    mode = flown.backend.snapshot().mode
+    mode = flown.backend.snapshot().control.mode
     assert mode is not None
     return mode.value.control

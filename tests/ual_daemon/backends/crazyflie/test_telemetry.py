@@ -44,7 +44,7 @@ def test_a_variance_that_is_not_finite_is_no_position(variance: float, axis: str
 
 
 def estimator_of(telemetry: Telemetry) -> Estimator:
-    estimator = telemetry.snapshot(1.2, MODES[Phase.SETPOINTS], "").estimator
+    estimator = telemetry.snapshot(1.2, MODES[Phase.SETPOINTS], "").motion.estimator
     assert estimator is not None
     return estimator.value
 
@@ -57,7 +57,7 @@ def moved(
 
 
 def landed_of(telemetry: Telemetry) -> LandedState:
-    landed = telemetry.snapshot(9.0, MODES[Phase.SETPOINTS], "").landed
+    landed = telemetry.snapshot(9.0, MODES[Phase.SETPOINTS], "").control.landed
     assert landed is not None
     assert (landed.time_s == NEVER_S) is (landed.value is LandedState.UNKNOWN)
     return landed.value

@@ -168,7 +168,7 @@ def test_a_landing_with_a_long_silence_in_it_may_be_that_of_others() -> None:
         wait(backend, 12.0)
         backend.bridge.faults.silent_topics.clear()
         until(lambda: uav.state() is State.LANDING)
-        until(lambda: "the landing was given up" in backend.snapshot().status_text)
+        until(lambda: "the landing was given up" in backend.snapshot().condition.status_text)
         wait(backend, 5.0)
         assert backend.aircraft.confirmations_count == 0
         assert 0.2 < backend.aircraft.height_m < 0.8
@@ -262,7 +262,7 @@ def test_a_refusal_is_told_in_the_words_of_the_firmware(kind: type[LockstepDji],
 def test_the_aircraft_itself_is_asked_whether_its_motors_start() -> None:
     with ready() as (uav, backend):
         backend.aircraft.motor_error = 1
-        until(lambda: "compass" in str(backend.snapshot().health))
+        until(lambda: "compass" in str(backend.snapshot().condition.health))
         backend.aircraft.refusal = "Could not turn on motors"
         text = "motor start error 1: the compass.*it said: Could not turn on motors"
         with pytest.raises(RejectedByAutopilotError, match=text):
@@ -277,9 +277,9 @@ def test_what_was_logged_is_told_for_a_while() -> None:
         backend.aircraft.refusal = "In a no-fly zone"
         with pytest.raises(RejectedByAutopilotError):
             uav.arm()
-        assert "no-fly zone" in backend.snapshot().status_text
+        assert "no-fly zone" in backend.snapshot().condition.status_text
         wait(backend, 11.0)
-        assert backend.snapshot().status_text == ""
+        assert backend.snapshot().condition.status_text == ""
 
 
 class _Breaking(LockstepPsdk):
@@ -355,11 +355,11 @@ def test_a_topic_of_the_state_that_is_missing_is_named(topic: str) -> None:
 def test_a_topic_that_has_stopped_is_named_until_it_comes() -> None:
     with ready() as (_, backend):
         backend.bridge.faults.silent_topics.add("/psdk_ros2/attitude")
-        until(lambda: backend.snapshot().status_text == "nothing comes on /psdk_ros2/attitude")
+        until(lambda: backend.snapshot().condition.status_text == "nothing comes on /psdk_ros2/attitude")
         wait(backend, 5.0)
-        assert backend.snapshot().status_text == "nothing comes on /psdk_ros2/attitude"
+        assert backend.snapshot().condition.status_text == "nothing comes on /psdk_ros2/attitude"
         backend.bridge.faults.silent_topics.clear()
-        until(lambda: backend.snapshot().status_text == "")
+        until(lambda: backend.snapshot().condition.status_text == "")
 
 
 def test_the_end_of_the_daemon_releases_the_authority() -> None:
@@ -473,7 +473,7 @@ def test_the_app_that_flies_is_told() -> None:
         fly(uav)
         backend.aircraft.device = 1
         until(lambda: uav.state() is State.FLYING_MANUAL)
-        held_by = backend.snapshot().held_by
+        held_by = backend.snapshot().control.held_by
         assert held_by is not None
         assert held_by.value == "ground station"
 
@@ -489,13 +489,13 @@ def test_it_returns_to_the_home_of_the_aircraft() -> None:
 
 def test_a_home_that_is_not_set_or_not_near_is_not_used() -> None:
     with ready() as (_, backend):
-        until(lambda: backend.snapshot().home_geo is not None)
+        until(lambda: backend.snapshot().earth.home_geo is not None)
         backend.aircraft.is_home_set = False
-        until(lambda: backend.snapshot().home_geo is None)
+        until(lambda: backend.snapshot().earth.home_geo is None)
         backend.aircraft.is_home_set = True
-        until(lambda: backend.snapshot().home_geo is not None)
+        until(lambda: backend.snapshot().earth.home_geo is not None)
         backend.aircraft.home_deg = (0.0, 0.0)
-        until(lambda: backend.snapshot().home_geo is None)
+        until(lambda: backend.snapshot().earth.home_geo is None)
 
 
 def test_obstacle_avoidance_that_brakes_is_told() -> None:
@@ -504,16 +504,20 @@ def test_obstacle_avoidance_that_brakes_is_told() -> None:
         backend.aircraft.obstacle_front_m = 4.0
         north = Pose.at(0.0, 30.0, 3.0)
         task = uav.go_to_waypoint(north, blocking=False)
-        until(lambda: "obstacle avoidance brakes: an obstacle 4.0 m to the front" in backend.snapshot().status_text)
+        until(
+            lambda: (
+                "obstacle avoidance brakes: an obstacle 4.0 m to the front" in backend.snapshot().condition.status_text
+            )
+        )
         backend.aircraft.obstacle_front_m = math.inf
         task.wait(LIMIT_S)
-        until(lambda: backend.snapshot().status_text == "")
+        until(lambda: backend.snapshot().condition.status_text == "")
 
 
 def test_rtk_is_used_where_there_is_one() -> None:
     with ready() as (uav, backend):
         backend.aircraft.has_rtk = True
-        until(lambda: backend.snapshot().gps is not None and backend.snapshot().gps.fix is GpsFix.RTK_FIXED)  # type: ignore[union-attr]
+        until(lambda: (gps := backend.snapshot().condition.gps) is not None and gps.fix is GpsFix.RTK_FIXED)
         assert uav.state() is State.LANDED_DISARMED
 
 

@@ -154,14 +154,14 @@ def test_a_call_into_a_beginning_silence_may_still_be_executed() -> None:
         answer.cancel()
         wait(backend, 0.1)
         text = "obtain_ctrl_authority was not answered: it may still be executed"
-        assert text in backend.snapshot().status_text
+        assert text in backend.snapshot().condition.status_text
 
 
 def test_a_call_that_is_never_answered_may_still_be_executed() -> None:
     with ready() as (_, backend):
         backend.bridge.faults.dead_services.add("/psdk_ros2/turn_on_motors")
         backend.arm()
-        until(lambda: "turn_on_motors was not answered: it may still" in backend.snapshot().status_text)
+        until(lambda: "turn_on_motors was not answered: it may still" in backend.snapshot().condition.status_text)
 
 
 def test_a_call_whose_effect_showed_first_is_no_open_one() -> None:
@@ -169,7 +169,7 @@ def test_a_call_whose_effect_showed_first_is_no_open_one() -> None:
         backend.bridge.faults.slow_services["/psdk_ros2/turn_on_motors"] = 0.5
         uav.arm()
         wait(backend, 1.0)
-        assert backend.snapshot().status_text == ""
+        assert backend.snapshot().condition.status_text == ""
 
 
 def test_a_confirmation_that_waits_is_withdrawn_when_the_pilot_takes_over() -> None:

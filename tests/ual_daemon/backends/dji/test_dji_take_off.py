@@ -98,7 +98,7 @@ def given() -> Telemetry:
 
 
 def control(telemetry: Telemetry, now_s: float) -> Control:
-    mode = telemetry.snapshot(now_s).mode
+    mode = telemetry.snapshot(now_s).control.mode
     assert mode is not None
     return mode.value.control
 

@@ -38,11 +38,11 @@ def told(**messages: Message) -> Snapshot:
 
 def test_what_can_be_true_is_taken() -> None:
     snapshot = told()
-    assert snapshot.pose is not None
-    assert snapshot.position_geo is not None
-    assert snapshot.velocity is not None
-    assert snapshot.velocity.value.linear.x == 1.0
-    assert snapshot.velocity.value.angular.z == pytest.approx(0.1)
+    assert snapshot.motion.pose is not None
+    assert snapshot.motion.position_geo is not None
+    assert snapshot.motion.velocity is not None
+    assert snapshot.motion.velocity.value.linear.x == 1.0
+    assert snapshot.motion.velocity.value.angular.z == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(
@@ -56,24 +56,24 @@ def test_what_can_be_true_is_taken() -> None:
 )
 def test_an_impossible_place_is_no_pose(place: Message) -> None:
     snapshot = told(on_position=place)
-    assert snapshot.pose is None
-    assert snapshot.position_geo is None
+    assert snapshot.motion.pose is None
+    assert snapshot.motion.position_geo is None
 
 
 @pytest.mark.parametrize("quaternion", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0), (2.0, 0.0, 0.0, 1.0)])
 def test_an_impossible_attitude_is_no_pose(quaternion: tuple[float, ...]) -> None:
-    assert told(on_attitude={"quaternion": dict(zip("xyzw", quaternion, strict=True))}).pose is None
+    assert told(on_attitude={"quaternion": dict(zip("xyzw", quaternion, strict=True))}).motion.pose is None
 
 
 @pytest.mark.parametrize("speed_m_s", [math.nan, math.inf, 3e38])
 def test_an_impossible_velocity_is_none(speed_m_s: float) -> None:
-    assert told(on_velocity={"vector": {"x": speed_m_s, "y": 0.0, "z": 0.0}}).velocity is None
+    assert told(on_velocity={"vector": {"x": speed_m_s, "y": 0.0, "z": 0.0}}).motion.velocity is None
 
 
 def test_impossible_rates_are_not_taken() -> None:
     snapshot = told(on_body_rates={"vector": {"x": 0.0, "y": 0.0, "z": math.nan}})
-    assert snapshot.velocity is not None
-    assert snapshot.velocity.value.angular.z == 0.0
+    assert snapshot.motion.velocity is not None
+    assert snapshot.motion.velocity.value.angular.z == 0.0
 
 
 @pytest.mark.parametrize(

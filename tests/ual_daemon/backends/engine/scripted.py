@@ -28,7 +28,7 @@ from ual_daemon.backends.engine.limits import CATCH_UP_S, OWN_MODE_S, SETPOINTS_
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
-from ual_daemon.backends.values import Control, Mode, Snapshot
+from ual_daemon.backends.values import Control, ControlState, LinkState, Mode, Snapshot
 
 ROUND_S = 0.05
 LOST_S = 1.0
@@ -296,11 +296,10 @@ class Scripted:
         return Snapshot(
             now_s,
             heard_s=self.watch.heard_s,
-            mode=self.read_mode.sample,
-            armed=self.read_armed.sample,
-            boots_count=self.boots_count,
             updated_s=updated_s,
             scheduling_gap=scheduling_gap,
+            control=ControlState(mode=self.read_mode.sample, armed=self.read_armed.sample),
+            link=LinkState(boots_count=self.boots_count),
         )
 
     # --- The script ---
@@ -324,7 +323,7 @@ class Scripted:
 
     def ask(self, name: str) -> Order:
         """A caller asks for a command."""
-        mode = self.loop.newest.mode
+        mode = self.loop.newest.control.mode
         command = _numbered(COMMANDS[name], len(self.judge.orders))
         order: Order | None = None
 

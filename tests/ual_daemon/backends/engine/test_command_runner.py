@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from tests.snapshots import changed
 from tests.ual_daemon.backends.engine.scripted import (
     AGAIN,
     BRIDGED,
@@ -46,7 +47,8 @@ class Plain:
 
     def hear(self, mode: str, *, is_armed: bool = False, control: Control = Control.OTHER) -> None:
         self.watch.on_heard(self.now_s)
-        self.known = self.known._replace(
+        self.known = changed(
+            self.known,
             heard_s=self.now_s,
             mode=Sample(Mode(mode, control), self.now_s),
             armed=Sample(is_armed, self.now_s),
@@ -329,10 +331,10 @@ def test_on_the_ground_a_mode_that_shows_late_is_that_of_the_arming_and_any_othe
     plain: Plain, *, is_armed_anew: bool
 ) -> None:
     """Armed shows at once, the mode in which the pilot has armed it up to a second later."""
-    plain.known = plain.known._replace(landed=Sample(LandedState.ON_GROUND, plain.now_s))
+    plain.known = changed(plain.known, landed=Sample(LandedState.ON_GROUND, plain.now_s))
     if is_armed_anew:
         plain.now_s += 0.05
-        plain.known = plain.known._replace(armed=Sample(True, plain.now_s))
+        plain.known = changed(plain.known, armed=Sample(True, plain.now_s))
     plain.why_late = "no setpoints yet"
     future = plain.runner.submit(mode_command("setpoints"), plain.now_s)
     plain.run(0.05, mode="hold")

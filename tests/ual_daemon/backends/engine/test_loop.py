@@ -53,7 +53,7 @@ def setup() -> Setup:
 
 
 def test_a_snapshot_is_there_before_anything_was_heard(setup: Setup) -> None:
-    assert setup.loop.newest.pose is None
+    assert setup.loop.newest.motion.pose is None
 
 
 def test_what_is_new_is_published_at_once_and_otherwise_each_twentieth_of_a_second(setup: Setup) -> None:

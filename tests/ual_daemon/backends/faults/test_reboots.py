@@ -10,7 +10,7 @@ from ual.types import State
 
 def boots(craft: Craft) -> int:
     snapshot = craft.backend.snapshot()
-    return snapshot.boots_count + snapshot.boots_in_frame_count
+    return snapshot.link.boots_count + snapshot.link.boots_in_frame_count
 
 
 @over(Can.REBOOT, Can.BE_UNHEARD)

@@ -60,25 +60,25 @@ class Drone:
         return FlightMode(int(self.true("mode")))
 
     def landed(self) -> LandedState:
-        landed = self.backend.snapshot().landed
+        landed = self.backend.snapshot().control.landed
         assert landed is not None
         return landed.value
 
     @property
     def armed(self) -> bool:
-        armed = self.backend.snapshot().armed
+        armed = self.backend.snapshot().control.armed
         assert armed is not None
         return armed.value
 
     @property
     def pose(self) -> Pose:
-        pose = self.backend.snapshot().pose
+        pose = self.backend.snapshot().motion.pose
         assert pose is not None
         return pose.value
 
     @property
     def twist(self) -> Twist:
-        velocity = self.backend.snapshot().velocity
+        velocity = self.backend.snapshot().motion.velocity
         assert velocity is not None
         return velocity.value
 

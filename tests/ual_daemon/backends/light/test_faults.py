@@ -96,8 +96,8 @@ def test_with_the_link_lost_the_snapshot_ages_and_nothing_arrives(drone: Drone) 
     late = drone.backend.snapshot()
     assert late.time_s == pytest.approx(before.time_s + 0.8)
     assert late.heard_s == pytest.approx(before.time_s)
-    assert late.pose == before.pose
-    assert late.mode == before.mode
+    assert late.motion.pose == before.motion.pose
+    assert late.control.mode == before.control.mode
     assert drone.true("velocity")[0] == pytest.approx(0.0, abs=0.01)
     assert not drone.backend.land(Limits()).done()
     assert not drone.backend.hold().done()
@@ -134,12 +134,12 @@ def test_with_the_position_lost_it_says_so_and_holds_its_height(drone: Drone) ->
     drone.sim.begin_fault(PositionLost())
     drone.run(2.0, velocity(1.0))
     snapshot = drone.backend.snapshot()
-    assert snapshot.estimator is not None
-    assert not snapshot.estimator.value.is_good
-    assert "position" in snapshot.estimator.value.why
-    assert snapshot.position_geo is None
-    assert snapshot.gps is not None
-    assert snapshot.gps.fix is GpsFix.NONE
+    assert snapshot.motion.estimator is not None
+    assert not snapshot.motion.estimator.value.is_good
+    assert "position" in snapshot.motion.estimator.value.why
+    assert snapshot.motion.position_geo is None
+    assert snapshot.condition.gps is not None
+    assert snapshot.condition.gps.fix is GpsFix.NONE
     assert drone.mode() is FlightMode.ALTITUDE
     assert drone.true("position")[2] == pytest.approx(5.0, abs=0.05)
     assert isinstance(drone.backend.take_control().exception(timeout=0), RejectedByAutopilotError)
@@ -149,7 +149,7 @@ def test_with_the_position_lost_it_says_so_and_holds_its_height(drone: Drone) ->
 def test_the_position_comes_back_but_not_the_mode(drone: Drone) -> None:
     drone.sim.begin_fault(PositionLost(), duration_s=1.0)
     drone.run(2.0)
-    estimator = drone.backend.snapshot().estimator
+    estimator = drone.backend.snapshot().motion.estimator
     assert estimator is not None
     assert estimator.value.is_good
     assert drone.mode() is FlightMode.ALTITUDE
@@ -237,7 +237,7 @@ def test_a_refused_command_has_no_effect_and_carries_the_words(drone: Drone, com
     assert error.metadata["text"] == "Accels inconsistent"
     assert drone.mode() is FlightMode.GUIDED
     drone.run(STEP_S)
-    assert drone.backend.snapshot().status_text == "Accels inconsistent"
+    assert drone.backend.snapshot().condition.status_text == "Accels inconsistent"
 
 
 def test_other_commands_than_the_refused_one_are_obeyed(drone: Drone) -> None:

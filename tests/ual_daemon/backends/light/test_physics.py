@@ -245,7 +245,7 @@ def test_on_the_ground_it_waits_for_setpoints() -> None:
 def refusal(drone: Drone, command: str) -> str:
     error = getattr(drone.backend, command)().exception(timeout=0)
     assert isinstance(error, RejectedByAutopilotError)
-    assert drone.backend.snapshot().status_text in error.message
+    assert drone.backend.snapshot().condition.status_text in error.message
     return error.message
 
 
@@ -279,7 +279,7 @@ def test_the_battery_empties_in_flight_within_its_endurance() -> None:
     begin = drone.true("battery_percent")
     drone.run(30.0, hold(0.0, 0.0, 5.0))
     assert drone.true("battery_percent") == pytest.approx(begin - 30.0)
-    battery = drone.backend.snapshot().battery
+    battery = drone.backend.snapshot().condition.battery
     assert battery is not None
     assert battery.remaining_percent == pytest.approx(begin - 30.0)
     assert battery.voltage_v is not None
@@ -300,7 +300,7 @@ def test_gps_and_local_frame_agree() -> None:
     with stepped(light=light) as uav:
         uav.fly(5.0)
         uav.run(5.0)
-        geo, projection = uav.vehicle.telemetry().position_geo, uav.vehicle.backend.snapshot().projection
+        geo, projection = uav.vehicle.telemetry().position_geo, uav.vehicle.backend.snapshot().earth.projection
         assert geo is not None
         assert projection is not None
         assert geo.altitude_amsl_m == pytest.approx(35.0, abs=0.01)
@@ -384,8 +384,8 @@ def noisy_positions(seed: int, reads: int = 1) -> list[Vector3]:
 def test_noise_is_as_large_as_asked_and_only_in_what_is_said() -> None:
     drone = Drone(position_noise_m=0.1, velocity_noise_m_s=0.05)
     drone.run(40.0)
-    positions = np.array([tuple(s.pose.value.position) for s in drone.snapshots if s.pose])
-    speeds = np.array([tuple(s.velocity.value.linear) for s in drone.snapshots if s.velocity])
+    positions = np.array([tuple(s.motion.pose.value.position) for s in drone.snapshots if s.motion.pose])
+    speeds = np.array([tuple(s.motion.velocity.value.linear) for s in drone.snapshots if s.motion.velocity])
     assert positions.std(axis=0) == pytest.approx([0.1] * 3, rel=0.1)
     assert speeds.std(axis=0) == pytest.approx([0.05] * 3, rel=0.1)
     assert positions.mean(axis=0) == pytest.approx([0.0] * 3, abs=0.02)

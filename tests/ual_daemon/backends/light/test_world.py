@@ -109,7 +109,7 @@ def test_what_the_pilot_did_shows_once_his_call_returns(factor: float) -> None:
     with running(World(factor), 1) as [backend]:
         for is_armed, act in 20 * ((True, backend.pilot_arm), (False, backend.pilot_disarm)):
             act()
-            armed = backend.snapshot().armed
+            armed = backend.snapshot().control.armed
             assert armed is not None
             assert armed.value is is_armed
 
@@ -198,7 +198,7 @@ def test_two_flights_in_stepped_time_are_the_same_to_the_last_bit() -> None:
 
 
 def positions(drone: Drone) -> list[Vector3]:
-    return [s.pose.value.position for s in drone.snapshots if s.pose is not None]
+    return [s.motion.pose.value.position for s in drone.snapshots if s.motion.pose is not None]
 
 
 def test_vehicles_of_one_world_do_not_disturb_each_other() -> None:
@@ -341,7 +341,9 @@ def fleet_of(part: range) -> list[LightBackend]:
 
 def test_what_a_uav_of_a_fleet_measures_does_not_depend_on_who_flies_it() -> None:
     whole, parts = fleet_of(range(6)), [*fleet_of(range(2)), *fleet_of(range(2, 6))]
-    snapshots = [(one.snapshot().pose, other.snapshot().pose) for one, other in zip(whole, parts, strict=True)]
+    snapshots = [
+        (one.snapshot().motion.pose, other.snapshot().motion.pose) for one, other in zip(whole, parts, strict=True)
+    ]
     assert all(one is not None and other is not None and one.value == other.value for one, other in snapshots)
     assert len({one.value.position for one, _ in snapshots if one is not None}) == 6
 

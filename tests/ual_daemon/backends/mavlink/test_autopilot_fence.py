@@ -51,7 +51,7 @@ def test_goals_paths_and_take_offs_beyond_it_are_refused_with_the_parameters_nam
     flight.wait_for_state(State.LANDED_DISARMED)
     assert flight.autopilot.pilot_arm()
     flight.wait_for_state(State.LANDED_ARMED)
-    flight.wait_for(lambda: flight.backend.snapshot().home is not None, "its home")
+    flight.wait_for(lambda: flight.backend.snapshot().earth.home is not None, "its home")
     with pytest.raises(GeofenceError, match=f"own fence \\({highest}: 20 m"):
         uav.take_off(25.0)
     uav.take_off(HEIGHT_M)

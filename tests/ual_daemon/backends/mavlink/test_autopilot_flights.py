@@ -111,7 +111,7 @@ class Flight:
 
     def _is_take_off_planned(self) -> bool:
         snapshot = self.backend.snapshot()
-        is_placed = snapshot.home_altitude_amsl_m is not None and snapshot.projection is not None
+        is_placed = snapshot.earth.home_altitude_amsl_m is not None and snapshot.earth.projection is not None
         return is_placed or not isinstance(self.autopilot, ArduPilot)
 
     def goal(self, dx: float, dy: float) -> Pose:

@@ -58,7 +58,7 @@ def test_a_daemon_that_is_new_in_flight_measures_from_the_autopilots_home(flight
     flight.kill()
     flight.start()
     flight.wait_for_state(State.FLYING_AUTO)
-    flight.wait_for(lambda: flight.backend.snapshot().home is not None, "its home and origin")
+    flight.wait_for(lambda: flight.backend.snapshot().earth.home is not None, "its home and origin")
     with pytest.raises(GeofenceError, match=r"the autopilot's home \(UAL has not seen the take-off\).*z is up"):
         flight.uav.go_to_waypoint(Pose.at(1.0, 1.0, -5.0))
     flight.uav.go_to_waypoint(Pose.at(1.0, 1.0, 2.0))

@@ -105,13 +105,13 @@ def test_home_is_asked_for_when_a_command_relies_on_it_and_not_by_a_dry_run(flig
 def test_a_height_that_contradicts_home_asks_for_it_and_counts_at_once(flight: Flight) -> None:
     flight.take_off()
     flight.let_pass(1.0)
-    before_m = flight.backend.snapshot().home_altitude_amsl_m
+    before_m = flight.backend.snapshot().earth.home_altitude_amsl_m
     assert before_m is not None
     set_home(flight, 0.0, 20.0, 2.0)
     set_s = flight.now_s
-    flight.wait_for(lambda: flight.backend.snapshot().home_altitude_amsl_m != before_m, "its new height")
-    flight.wait_for(lambda: (flight.backend.snapshot().home or Vector3()).x > 19.0, "its new place")
+    flight.wait_for(lambda: flight.backend.snapshot().earth.home_altitude_amsl_m != before_m, "its new height")
+    flight.wait_for(lambda: (flight.backend.snapshot().earth.home or Vector3()).x > 19.0, "its new place")
     assert flight.now_s - set_s < 0.5
-    assert flight.backend.snapshot().home_altitude_amsl_m == pytest.approx(before_m - 2.0, abs=0.05)
+    assert flight.backend.snapshot().earth.home_altitude_amsl_m == pytest.approx(before_m - 2.0, abs=0.05)
     assert flight.uav.state() is State.FLYING_AUTO
     flight.land()

@@ -109,7 +109,7 @@ def test_an_arducopter_3_6_is_asked_for_groups_and_what_it_lacks_is_told() -> No
         flight.start()
         refused = "EXTENDED_SYS_STATE (UNSUPPORTED)"
         flight.wait_for(lambda: refused in reason(flight), "what was refused")
-        flight.wait_for(lambda: flight.backend.snapshot().pose is not None, "a pose, from angles")
+        flight.wait_for(lambda: flight.backend.snapshot().motion.pose is not None, "a pose, from angles")
         flight.wait_for(lambda: "ATTITUDE_QUATERNION" not in reason(flight), "that angles will do")
         assert "the autopilot has not said whether it is landed; it refused to send " in reason(flight)
         telemetry = flight.uav.telemetry()

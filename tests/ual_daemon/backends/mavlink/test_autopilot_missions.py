@@ -53,8 +53,8 @@ def test_a_new_daemon_that_has_not_seen_the_take_off_returns_home(flight: Flight
     flight.kill()
     flight.start()
     flight.wait_for_state(State.FLYING_AUTO)
-    flight.wait_for(lambda: flight.backend.snapshot().home_geo is not None, "its home")
-    flight.wait_for(lambda: flight.backend.snapshot().projection is not None, "its origin")
+    flight.wait_for(lambda: flight.backend.snapshot().earth.home_geo is not None, "its home")
+    flight.wait_for(lambda: flight.backend.snapshot().earth.projection is not None, "its origin")
     flight.uav.return_to_launch(HEIGHT_M + 1.0)
     assert away_m(flight, home) < 0.5
 

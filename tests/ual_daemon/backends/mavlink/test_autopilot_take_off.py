@@ -55,10 +55,12 @@ def test_a_home_position_lost_at_arming_does_not_make_ardupilot_climb_by_the_old
     flight.wait_for_state(State.LANDED_DISARMED)
     with autopilot.lock:  # home was set 8.8 m below; the arming moves it to where the copter stands
         autopilot.home = (0.0, 0.0, 8.8)
-    flight.wait_for(lambda: abs((flight.backend.snapshot().home_altitude_amsl_m or 0.0) - 479.3) < 0.1, "the old home")
+    flight.wait_for(
+        lambda: abs((flight.backend.snapshot().earth.home_altitude_amsl_m or 0.0) - 479.3) < 0.1, "the old home"
+    )
     autopilot.builders[HOME] = lambda: None
     be_armed(flight)
-    assert flight.backend.snapshot().home_altitude_amsl_m is None
+    assert flight.backend.snapshot().earth.home_altitude_amsl_m is None
     flight.uav.take_off(HEIGHT_M)  # by ArduPilot's own height above home
     assert highest_m(flight) == pytest.approx(HEIGHT_M, abs=0.4)
     flight.land()

@@ -123,7 +123,7 @@ def test_a_recorded_take_off_replayed_over_udp_shows_its_states() -> None:
         replay(load("px4_auto_takeoff_loiter_rtl"), port, speed_factor=6.0, until_s=14.0)
         until(lambda: states[-1] is expected[-1], "the last state")
         assert states == expected
-        pose = backend.snapshot().pose
+        pose = backend.snapshot().motion.pose
         assert pose is not None
         assert pose.value.position.z > 2.0
 
@@ -142,7 +142,7 @@ def test_updates_come_at_each_pose_and_without_any() -> None:
 
 
 def norths(seen: list[Snapshot]) -> list[float]:
-    return [snapshot.pose.value.position.y for snapshot in seen if snapshot.pose is not None]
+    return [snapshot.motion.pose.value.position.y for snapshot in seen if snapshot.motion.pose is not None]
 
 
 def test_an_update_that_fails_does_not_end_the_updates(caplog: pytest.LogCaptureFixture) -> None:
@@ -248,7 +248,7 @@ def test_flying_an_unknown_autopilot_is_not_supported() -> None:
 
         def meets() -> bool:
             autopilot.say(heartbeat(autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
-            return backend.snapshot().armed is not None
+            return backend.snapshot().control.armed is not None
 
         until(meets, "the autopilot")
         assert isinstance(backend.arm().exception(PATIENCE_S), NotSupportedError)
@@ -260,7 +260,7 @@ def test_udpout_calls_the_autopilot() -> None:
     with contextlib.closing(Autopilot()) as autopilot, opened(f"udpout://127.0.0.1:{autopilot.port}") as backend:
         autopilot.hear("HEARTBEAT", type=mavlink.MAV_TYPE_ONBOARD_CONTROLLER)
         autopilot.say(heartbeat())
-        until(lambda: backend.snapshot().armed, "the autopilot's answer")
+        until(lambda: backend.snapshot().control.armed, "the autopilot's answer")
 
 
 def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,18 +270,18 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -
         other = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         other.bind(("127.0.0.1", port))
         backend = stack.enter_context(opened(f"udpin://127.0.0.1:{port}"))
-        text = until(lambda: backend.snapshot().link_trouble, "the trouble")
+        text = until(lambda: backend.snapshot().link.trouble, "the trouble")
         assert text == (
             f"cannot listen at UDP 127.0.0.1:{port}: Address already in use; "
             "trying again (does another program use this port?)"
         )
         other.close()
         waiting = f"nothing comes to udpin://127.0.0.1:{port}"
-        until(lambda: backend.snapshot().link_trouble == waiting, "the port")
+        until(lambda: backend.snapshot().link.trouble == waiting, "the port")
         autopilot = stack.enter_context(contextlib.closing(Autopilot(port)))
         autopilot.say(heartbeat())
-        until(lambda: backend.snapshot().armed is not None, "the autopilot")
-        until(lambda: not backend.snapshot().link_trouble, "the end of the trouble")
+        until(lambda: backend.snapshot().control.armed is not None, "the autopilot")
+        until(lambda: not backend.snapshot().link.trouble, "the end of the trouble")
 
 
 def test_a_serial_line_that_is_pulled_out_is_in_the_reason_of_the_state(tmp_path: Path) -> None:
@@ -297,7 +297,7 @@ def test_a_serial_line_that_is_pulled_out_is_in_the_reason_of_the_state(tmp_path
 
         def meets() -> bool:
             os.write(device, pack(heartbeat()))
-            return backend.snapshot().armed is not None
+            return backend.snapshot().control.armed is not None
 
         until(meets, "the autopilot")
         os.close(device)
@@ -313,7 +313,7 @@ def test_where_nothing_can_be_sent_to_is_told(caplog: pytest.LogCaptureFixture) 
     """The broadcast address of a net, which no URL shows to be one."""
     with opened("udpout://127.255.255.255:14999") as backend:
         text = "cannot send to 127.255.255.255: it is a broadcast address"
-        until(lambda: backend.snapshot().link_trouble == text, "the trouble")
+        until(lambda: backend.snapshot().link.trouble == text, "the trouble")
     assert caplog.messages.count(text) == 1
 
 
@@ -326,7 +326,7 @@ def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_pre
 
     def on_update(snapshot: Snapshot) -> None:
         seen.append(snapshot)
-        if snapshot.armed is not None and not paused.is_set():
+        if snapshot.control.armed is not None and not paused.is_set():
             paused.set()
             assert resume.wait(PATIENCE_S)
 
@@ -341,9 +341,9 @@ def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_pre
         time.sleep(0.4)  # the pause itself
         resume.set()
         until(lambda: len(seen) > old + 3, "updates after the pause")
-        assert [snapshot.armed for snapshot in seen[old:]] == [None] * len(seen[old:])
+        assert [snapshot.control.armed for snapshot in seen[old:]] == [None] * len(seen[old:])
         autopilot.say(heartbeat())
-        until(lambda: seen[-1].armed is not None and not seen[-1].armed.value, "the present")
+        until(lambda: seen[-1].control.armed is not None and not seen[-1].control.armed.value, "the present")
 
 
 def test_a_defect_in_the_receiving_thread_is_logged_and_the_link_opened_anew(
@@ -373,7 +373,7 @@ def test_a_defect_in_the_receiving_thread_is_logged_and_the_link_opened_anew(
 
         def is_heard() -> bool:
             autopilot.say(heartbeat(armed=True))
-            return len(seen) > old and seen[-1].armed is not None
+            return len(seen) > old and seen[-1].control.armed is not None
 
         until(is_heard, "what is said afterwards")
 
@@ -405,7 +405,7 @@ def test_closing_from_an_update_does_not_wait_for_itself() -> None:
 
 def test_a_backend_never_opened_can_be_asked_and_closed() -> None:
     backend = MavlinkBackend(BackendOptions("uav_1"))
-    assert backend.snapshot().pose is None
+    assert backend.snapshot().motion.pose is None
     assert backend.info().autopilot == ""
     assert isinstance(backend.land(Limits()).exception(PATIENCE_S), LinkLostError)
     backend.send(SETPOINT)
@@ -418,7 +418,7 @@ def test_an_update_with_a_pose_finds_known_what_the_autopilot_can_do() -> None:
     backends: list[MavlinkBackend] = []
 
     def on_update(snapshot: Snapshot) -> None:
-        if snapshot.pose is not None:
+        if snapshot.motion.pose is not None:
             found.append((bool(backends[0].info().capabilities), backends[0].info().autopilot))
 
     with contextlib.closing(Autopilot(port)) as autopilot:

@@ -41,11 +41,22 @@ def held(trace: Trace) -> tuple[list[Held], Harness]:
         if harness.discovery.session is None:
             continue
         snapshot = harness.snapshot()
-        if snapshot.mode is None or not snapshot.armed.value or snapshot.mode.value.control is Control.REFERENCES:
+        if (
+            snapshot.control.mode is None
+            or not snapshot.control.armed.value
+            or snapshot.control.mode.value.control is Control.REFERENCES
+        ):
             continue
         why = estimate(snapshot, harness.session.dialect.freshness).why
         error = str(taken_over(snapshot, "go_to_waypoint"))
-        new = Held(harness.now_s, snapshot.mode.value.name, snapshot.held_by, snapshot.failsafe, why, error)
+        new = Held(
+            harness.now_s,
+            snapshot.control.mode.value.name,
+            snapshot.control.held_by,
+            snapshot.control.failsafe,
+            why,
+            error,
+        )
         if not found or found[-1][1:3] != new[1:3]:
             found.append(new)
     return found, harness
@@ -87,7 +98,7 @@ def test_a_mode_that_is_flown_by_sticks_is_the_safety_pilots_at_once(
     found, harness = held(load(name))
     flown = [(each.mode, each.by) for each in found if each.by is not None and "LAND" not in each.mode]
     assert flown == expected
-    assert harness.snapshot().failsafe is None
+    assert harness.snapshot().control.failsafe is None
 
 
 def test_another_mode_without_a_failsafe_or_a_switch_is_the_ground_stations() -> None:
@@ -101,15 +112,15 @@ def test_the_failsafe_is_active_while_it_flies_and_its_sensor_fails() -> None:
     _, harness = held(load("ardupilot_battery_failsafe_in_guided"))
     snapshot = harness.snapshot()
     assert estimate(snapshot, harness.session.dialect.freshness).state is State.LANDED_DISARMED
-    assert snapshot.failsafe is Cause.BATTERY  # it stands with an empty battery
-    assert snapshot.health.is_ready_to_arm is False
-    assert snapshot.health.failing_checks == ("battery", "Battery 1 low voltage failsafe", "Battery failsafe")
+    assert snapshot.control.failsafe is Cause.BATTERY  # it stands with an empty battery
+    assert snapshot.condition.health.is_ready_to_arm is False
+    assert snapshot.condition.health.failing_checks == ("battery", "Battery 1 low voltage failsafe", "Battery failsafe")
 
 
 def test_a_breached_fence_is_no_failsafe_any_more_once_the_uav_is_inside_but_its_return_is_still_its_own() -> None:
     trace = load("ardupilot_fence_breach_in_guided")
     found, harness = held(trace)
-    assert harness.snapshot().failsafe is None
+    assert harness.snapshot().control.failsafe is None
     assert found[-1].by is Cause.FENCE
 
 
@@ -121,7 +132,7 @@ def test_a_ground_stations_target_in_guided_is_another_senders() -> None:
         harness.now_s = time_s
         harness.discovery.receiver.receive(frame, ADDRESS, time_s, UTC_S + time_s)
         if harness.discovery.session is not None:
-            text = harness.snapshot().other_sender
+            text = harness.snapshot().control.other_sender
             if not seen or text != seen[-1][1]:
                 seen.append((time_s, text))
     # What flew it was not UAL: from the first target in the air on.

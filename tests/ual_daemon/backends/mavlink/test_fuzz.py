@@ -25,13 +25,13 @@ def test_no_bytes_break_the_session(kind: str, is_stream: bool, caplog: pytest.L
     while fuzz.bytes_count < BYTES_COUNT:
         fuzz.step()
         snapshot = fuzz.harness.snapshot()
-        if snapshot.pose is not None:
-            assert snapshot.pose.value.position.norm() <= MAX_DISTANCE_M
-            assert abs(snapshot.pose.value.orientation.norm() - 1.0) < 1e-6
-            assert snapshot.velocity.value.linear.norm() <= MAX_SPEED_M_S
-        if snapshot.position_geo is not None:
-            assert abs(snapshot.position_geo.latitude_deg) <= 90.0
-            assert abs(snapshot.position_geo.altitude_amsl_m) <= MAX_ALTITUDE_M
+        if snapshot.motion.pose is not None:
+            assert snapshot.motion.pose.value.position.norm() <= MAX_DISTANCE_M
+            assert abs(snapshot.motion.pose.value.orientation.norm() - 1.0) < 1e-6
+            assert snapshot.motion.velocity.value.linear.norm() <= MAX_SPEED_M_S
+        if snapshot.motion.position_geo is not None:
+            assert abs(snapshot.motion.position_geo.latitude_deg) <= 90.0
+            assert abs(snapshot.motion.position_geo.altitude_amsl_m) <= MAX_ALTITUDE_M
         telemetry = fuzz.harness.session.telemetry
         assert all(math.isfinite(value) for value in telemetry.parameters.values())
         # A vehicle that turns out to be another one begins a new session, which counts anew.
@@ -43,7 +43,11 @@ def test_no_bytes_break_the_session(kind: str, is_stream: bool, caplog: pytest.L
     assert (impossible_count > 0) is (kind in ("mutated", "invented"))
     if kind in ("random", "magics"):
         snapshot = fuzz.harness.snapshot()
-        assert (snapshot.armed.value, snapshot.mode.value.name, snapshot.pose) == (False, "AUTO.LOITER", None)
+        assert (snapshot.control.armed.value, snapshot.control.mode.value.name, snapshot.motion.pose) == (
+            False,
+            "AUTO.LOITER",
+            None,
+        )
         assert fuzz.harness.supervision.watch.reboots_count == 0
     elif kind != "damaged":
         assert fuzz.harness.discovery.link_statistics(fuzz.harness.now_s).rate_hz > 50.0

@@ -170,12 +170,16 @@ def test_over_tcp_a_simulator_is_met_killed_and_met_again(simulator: Simulator) 
             simulator.accept(armed=is_armed)
             garbage = b"\xfdInit V4.6\xfe\xff\n"
             simulator.say(heartbeat(armed=is_armed), attitude(), position(0.0), garbage=garbage)
-            simulator.repeat_until(lambda now=is_armed: (found := backend.snapshot().armed) and found.value is now)  # type: ignore[misc]
+            simulator.repeat_until(
+                lambda now=is_armed: (  # type: ignore[misc]
+                    (found := backend.snapshot().control.armed) and found.value is now
+                )
+            )
             simulator.hear("COMMAND_LONG", command=INTERVAL)  # asked anew each time
             simulator.hear("TIMESYNC", tc1=0)
-            simulator.repeat_until(lambda: not backend.snapshot().link_trouble)
+            simulator.repeat_until(lambda: not backend.snapshot().link.trouble)
             simulator.kill()
-            until(lambda: backend.snapshot().link_trouble)
+            until(lambda: backend.snapshot().link.trouble)
             simulator.start()
         simulator.accept()
     finally:

@@ -84,7 +84,7 @@ def test_an_automatic_flight_that_ends_in_a_return() -> None:
     info = harness.session.info()
     assert (info.autopilot, info.autopilot_version, info.is_simulation) == ("PX4", "1.17.0", True)
     assert info.limits == Px4().limits({})  # nobody asked the recorded PX4 for its parameters
-    assert isinstance(harness.snapshot().projection, SphereProjection)
+    assert isinstance(harness.snapshot().earth.projection, SphereProjection)
 
 
 def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered() -> None:
@@ -113,7 +113,7 @@ def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered() -> None:
     )
     assert "POSCTL" in changes[4].why
     assert "ALTCTL" in changes[6].why
-    assert harness.snapshot().battery is not None
+    assert harness.snapshot().condition.battery is not None
 
 
 def test_a_lost_position_is_told_though_positions_keep_coming() -> None:
@@ -134,8 +134,8 @@ def test_a_lost_position_is_told_though_positions_keep_coming() -> None:
     )
     assert changes[-1].why == "the autopilot has no good position: no horizontal velocity, horizontal position"
     snapshot = harness.snapshot()
-    assert snapshot.time_s - snapshot.pose.time_s < 0.1
-    assert snapshot.armed.value is False
+    assert snapshot.time_s - snapshot.motion.pose.time_s < 0.1
+    assert snapshot.control.armed.value is False
 
 
 def test_an_ardupilot_flight_taken_by_the_pilot_and_recovered() -> None:
@@ -165,15 +165,15 @@ def test_an_ardupilot_flight_taken_by_the_pilot_and_recovered() -> None:
     info = harness.session.info()
     assert (info.autopilot, info.flies_takeoff_on_setpoints) == ("ArduPilot", False)
     snapshot = harness.snapshot()
-    assert isinstance(snapshot.projection, FlatProjection)
-    assert snapshot.home_altitude_amsl_m == pytest.approx(488.08)  # 2 cm below the origin, since it was armed
-    assert snapshot.battery is not None
-    here = snapshot.projection.to_local(
-        snapshot.position_geo.latitude_deg,
-        snapshot.position_geo.longitude_deg,
-        snapshot.position_geo.altitude_amsl_m,
+    assert isinstance(snapshot.earth.projection, FlatProjection)
+    assert snapshot.earth.home_altitude_amsl_m == pytest.approx(488.08)  # 2 cm below the origin, since it was armed
+    assert snapshot.condition.battery is not None
+    here = snapshot.earth.projection.to_local(
+        snapshot.motion.position_geo.latitude_deg,
+        snapshot.motion.position_geo.longitude_deg,
+        snapshot.motion.position_geo.altitude_amsl_m,
     )
-    assert (here - snapshot.pose.value.position).norm() < 0.05
+    assert (here - snapshot.motion.pose.value.position).norm() < 0.05
 
 
 @pytest.mark.parametrize(
@@ -188,8 +188,8 @@ def test_stamps_of_a_recorded_flight_never_go_back_and_stay_close_to_when_it_was
         if harness.discovery.session is None:
             continue
         snapshot = harness.session.snapshot(time_s)
-        if snapshot.pose is not None and snapshot.pose.time_s == time_s:
-            stamps.append((time_s, snapshot.stamp_s - UTC_S))
+        if snapshot.motion.pose is not None and snapshot.motion.pose.time_s == time_s:
+            stamps.append((time_s, snapshot.motion.stamp_s - UTC_S))
     assert len(stamps) > 1000
     assert all(0.0 <= received_s - stamp_s < 0.1 for received_s, stamp_s in stamps)
     assert all(later > earlier for (_, earlier), (_, later) in itertools.pairwise(stamps))

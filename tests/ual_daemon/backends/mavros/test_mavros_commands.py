@@ -15,7 +15,7 @@ from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.mavros import commands, messages
 from ual_daemon.backends.mavros.commands import TEXT_S, Answer, Call, read_answer
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
-from ual_daemon.backends.values import Sample, Snapshot
+from ual_daemon.backends.values import ControlState, Sample, Snapshot
 
 
 class Exchange:
@@ -52,7 +52,7 @@ class Exchange:
     def snapshot(self) -> Snapshot:
         mode = Sample(messages.mode(self.mode, Px4()), self.heartbeat_s)
         armed = Sample(False, self.heartbeat_s)
-        return Snapshot(self.now_s, heard_s=self.watch.heard_s, mode=mode, armed=armed)
+        return Snapshot(self.now_s, heard_s=self.watch.heard_s, control=ControlState(mode=mode, armed=armed))
 
     def step(self, duration_s: float, *, heartbeat: str = "") -> None:
         """Lets time pass. A heartbeat comes at its end, if at all; before the first call ten a second come."""

@@ -388,11 +388,11 @@ def go(uav: UAL) -> None:
 
 def test_a_reboot_is_seen_though_mavros_does_not_notice_it(px4: Flight) -> None:
     px4.until_state(State.LANDED_DISARMED)
-    before = px4.backend.snapshot().boots_count
+    before = px4.backend.snapshot().link.boots_count
     booted = px4.mark()
     px4.backend.autopilot.reboot()
     px4.until_state(State.UNINITIALIZED, since=booted)
-    px4.until(lambda: px4.backend.snapshot().boots_count != before)
+    px4.until(lambda: px4.backend.snapshot().link.boots_count != before)
 
 
 def test_a_wrong_target_system_is_named() -> None:
@@ -425,7 +425,7 @@ def test_the_other_ros_flies_as_well(kind: str, ros: int) -> None:
 
 def test_altitudes_are_above_mean_sea_level_again(flight: Flight) -> None:
     flight.until(flight.uav.is_ready)
-    flight.until(lambda: flight.backend.snapshot().projection is not None)
-    origin = flight.backend.snapshot().projection
+    flight.until(lambda: flight.backend.snapshot().earth.projection is not None)
+    origin = flight.backend.snapshot().earth.projection
     assert origin is not None
     assert origin.altitude_amsl_m == pytest.approx(flight.backend.autopilot.projection.altitude_amsl_m, abs=0.05)

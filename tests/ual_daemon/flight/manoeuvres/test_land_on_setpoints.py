@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.snapshots import changed
 from tests.ual_daemon.flight.hand_made import STEP_S, Autopilot
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Vector3
@@ -53,7 +54,7 @@ def land(autopilot: Autopilot, motors: Motors, *, ground_z_m: float = 0.0, desce
 def step(landing: LandOnSetpoints, autopilot: Autopilot, after_s: float = STEP_S, **changes: Any) -> Step:
     """Steps with some values of the snapshot changed."""
     autopilot.time_s += after_s
-    snapshot = autopilot.snapshot()._replace(**changes)
+    snapshot = changed(autopilot.snapshot(), **changes)
     return landing.step(snapshot, estimate(snapshot, Freshness()))
 
 
@@ -64,7 +65,7 @@ def velocity(step: Step) -> Vector3:
 
 
 def at(autopilot: Autopilot, position: Vector3) -> Sample[Any]:
-    pose = autopilot.snapshot().pose
+    pose = autopilot.snapshot().motion.pose
     assert pose is not None
     return Sample(replace(pose.value, position=position), autopilot.time_s + STEP_S)
 
@@ -90,7 +91,7 @@ def test_where_the_ground_is_not_known_it_descends_slowly(flying: Autopilot, mot
 
 def test_it_first_comes_to_rest_and_then_descends_where_it_is(flying: Autopilot, motors: Motors) -> None:
     landing = land(flying, motors)
-    fast = flying.snapshot().velocity
+    fast = flying.snapshot().motion.velocity
     assert fast is not None
     moving = replace(fast.value, linear=Vector3(4.0, 0.0, 0.0))
     first = step(landing, flying, velocity=Sample(moving, flying.time_s + STEP_S))
@@ -103,7 +104,7 @@ def test_it_first_comes_to_rest_and_then_descends_where_it_is(flying: Autopilot,
 
 def test_it_does_not_wait_for_ever_until_it_is_at_rest(flying: Autopilot, motors: Motors) -> None:
     landing = land(flying, motors)
-    sample = flying.snapshot().velocity
+    sample = flying.snapshot().motion.velocity
     assert sample is not None
     moving = replace(sample.value, linear=Vector3(4.0, 0.0, 0.0))
     for _ in range(round(landing_module.LONGEST_STOP_S / STEP_S)):
@@ -143,8 +144,8 @@ def test_it_is_not_led_aside_by_a_position_that_has_stopped_and_says_so(flying: 
     step(landing, flying)
     old = flying.snapshot()
     flying.time_s += 0.9
-    assert old.pose is not None
-    old_pose = Sample(replace(old.pose.value, position=HERE + Vector3(3.0, 0.0, 80.0)), old.time_s)
+    assert old.motion.pose is not None
+    old_pose = Sample(replace(old.motion.pose.value, position=HERE + Vector3(3.0, 0.0, 80.0)), old.time_s)
     assert velocity(step(landing, flying, 0.05, pose=old_pose)).horizontal_norm() > 0.5
     blind = step(landing, flying, 0.1, pose=old_pose)
     assert velocity(blind) == Vector3(0.0, 0.0, -0.5)
@@ -163,7 +164,7 @@ def test_a_velocity_that_has_stopped_is_told(flying: Autopilot, motors: Motors) 
 
 def test_without_a_mode_of_this_moment_nothing_is_sent(flying: Autopilot, motors: Motors) -> None:
     landing = land(flying, motors)
-    mode = flying.snapshot().mode
+    mode = flying.snapshot().control.mode
     assert step(landing, flying, 0.45, mode=mode).setpoint is not None
     assert step(landing, flying, 0.1, mode=mode) == Step()
 
@@ -176,7 +177,7 @@ def test_it_does_not_go_on_after_a_time_in_which_others_may_have_begun_to_fly(
     step(landing, flying)
     old = flying.snapshot()
     if is_silent:  # its mode alone
-        ends = [step(landing, flying, 0.5, mode=old.mode) for _ in range(5)]
+        ends = [step(landing, flying, 0.5, mode=old.control.mode) for _ in range(5)]
         assert not any(each.has_ended for each in ends[:4])
         error = ends[4].error
     else:  # our own thread

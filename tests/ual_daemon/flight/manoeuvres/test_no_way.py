@@ -15,10 +15,12 @@ from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits, PathHeading, TaskKind
 from ual_daemon.backends.values import (
     Control,
+    ControlState,
     Estimator,
     Freshness,
     LandedState,
     Mode,
+    MotionState,
     PositionSetpoint,
     Sample,
     Snapshot,
@@ -58,12 +60,16 @@ class Flown:
         return Snapshot(
             time_s=now_s,
             heard_s=now_s,
-            armed=Sample(True, now_s),
-            landed=Sample(LandedState.IN_AIR, now_s),
-            mode=Sample(Mode("OFFBOARD", Control.REFERENCES), now_s),
-            estimator=Sample(Estimator(True), now_s),
-            pose=Sample(Pose(self.position + wander, Quaternion.from_yaw(self.yaw_rad)), now_s),
-            velocity=Sample(Twist(self.velocity), now_s),
+            control=ControlState(
+                armed=Sample(True, now_s),
+                landed=Sample(LandedState.IN_AIR, now_s),
+                mode=Sample(Mode("OFFBOARD", Control.REFERENCES), now_s),
+            ),
+            motion=MotionState(
+                estimator=Sample(Estimator(True), now_s),
+                pose=Sample(Pose(self.position + wander, Quaternion.from_yaw(self.yaw_rad)), now_s),
+                velocity=Sample(Twist(self.velocity), now_s),
+            ),
         )
 
     def task(self, kind: TaskKind) -> VehicleTask:

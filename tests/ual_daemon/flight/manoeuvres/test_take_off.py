@@ -6,6 +6,7 @@ from concurrent.futures import Future
 
 import pytest
 
+from tests.snapshots import changed
 from tests.ual_daemon.flight.hand_made import HEIGHT_M, Autopilot, sent
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Quaternion, Vector3
@@ -157,7 +158,7 @@ def test_the_mode_that_was_left_to_arm_may_be_heard_of_after_the_take_off_has_be
     autopilot: Autopilot, ack: Future[None]
 ) -> None:
     """PX4 says at once that it is armed, by an event, and its mode in a heartbeat that comes later."""
-    before = autopilot.snapshot()._replace(mode=Sample(Mode("AUTO.LAND", Control.LAND), autopilot.time_s - 0.5))
+    before = changed(autopilot.snapshot(), mode=Sample(Mode("AUTO.LAND", Control.LAND), autopilot.time_s - 0.5))
     climb = TakeOff(
         autopilot.task(TaskKind.TAKE_OFF),
         sent(ack, autopilot),

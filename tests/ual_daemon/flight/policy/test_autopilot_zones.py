@@ -8,10 +8,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.snapshots import changed
 from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import IDENTITY, Pose, Twist, Vector3
 from ual.types import GeoPoint, Limits
-from ual_daemon.backends.values import AutopilotFence, FenceLimit, Sample, Snapshot, Zone
+from ual_daemon.backends.values import AutopilotFence, EarthReference, FenceLimit, MotionState, Sample, Snapshot, Zone
 from ual_daemon.flight.policy.autopilot_fence import breach_text
 from ual_daemon.flight.policy.autopilot_zones import local_zones
 from ual_daemon.flight.policy.geofence import Geofence
@@ -43,7 +44,10 @@ OWN = AutopilotFence(zones=(FIELD, BUILDING, POND))
 
 def snapshot(x: float, y: float, own: AutopilotFence = OWN, projection: Projection | None = FLAT) -> Snapshot:
     return Snapshot(
-        0.0, pose=Sample(Pose(Vector3(x, y, 5.0), IDENTITY), 0.0), autopilot_fence=own, projection=projection
+        0.0,
+        autopilot_fence=own,
+        motion=MotionState(pose=Sample(Pose(Vector3(x, y, 5.0), IDENTITY), 0.0)),
+        earth=EarthReference(projection=projection),
     )
 
 
@@ -121,7 +125,7 @@ def test_exclusions_alone_refuse_no_far_goal() -> None:
 def test_zones_hold_with_the_limits_around_home_and_the_configured_fence() -> None:
     own = AutopilotFence(FenceLimit(30.0, "FENCE_RADIUS"), zones=(BUILDING,))
     fence = geofence(GeofenceSettings(polygon=((-20.0, -20.0), (40.0, -20.0), (40.0, 20.0), (-20.0, 20.0))))
-    now = snapshot(0.0, 0.0, own)._replace(home_geo=GeoPoint(*geo(0.0, 0.0)), home_altitude_amsl_m=488.0)
+    now = changed(snapshot(0.0, 0.0, own), home_geo=GeoPoint(*geo(0.0, 0.0)), home_altitude_amsl_m=488.0)
     fence.require_goal_inside(at(25.0, 0.0), "go", now)
     for goal, text in ((at(35.0, 0.0), "FENCE_RADIUS"), (at(15.0, 0.0), "exclusion"), (at(0.0, 25.0), "geofence")):
         with pytest.raises(GeofenceError, match=text):
@@ -165,7 +169,7 @@ def test_a_velocity_may_not_lead_faster_through_a_zone(x: float) -> None:
     """`x` is before the building, or still beside it, within the reserve."""
     wall = Zone("exclusion polygon 2 of 2", False, box(x + 4.0, -5.0, x + 6.0, 5.0))
     now = snapshot(x, 0.0, AutopilotFence(zones=(BUILDING, wall) if x else (wall,)))
-    now = now._replace(velocity=Sample(Twist(Vector3(4.0, 0.0, 0.0)), 0.0))
+    now = changed(now, velocity=Sample(Twist(Vector3(4.0, 0.0, 0.0)), 0.0))
     for allowed in (Vector3(0.1, 0.0, 0.0), Vector3(-1.0, 0.0, 0.0)):
         geofence().require_velocity(allowed, LIMITS, now)
     for refused in (Vector3(4.0, 0.0, 0.0), Vector3(8.0, 0.0, 0.0)):  # the latter could stop behind it
@@ -198,5 +202,5 @@ def test_a_breach_names_the_zone_and_has_no_reserve() -> None:
     assert breach_text(snapshot(15.0, 0.0)) == "it is beyond the autopilot's own fence (exclusion polygon 1 of 1)"
     assert breach_text(snapshot(9.5, 0.0)) == ""
     assert breach_text(snapshot(15.0, 0.0, projection=None)) == ""
-    moving = snapshot(15.0, 0.0)._replace(velocity=Sample(Twist(Vector3()), 0.0))
+    moving = changed(snapshot(15.0, 0.0), velocity=Sample(Twist(Vector3()), 0.0))
     assert "exclusion" in breach_text(moving)

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.snapshots import changed
 from ual.geometry import Vector3
 from ual.types import GeoPoint
-from ual_daemon.backends.values import AutopilotFence, FenceLimit, Snapshot, Zone
+from ual_daemon.backends.values import AutopilotFence, EarthReference, FenceLimit, Snapshot, Zone
 from ual_daemon.flight.policy.dropped_positions import DroppedPositions
 from ual_daemon.frames.fence import Fence
 from ual_daemon.geodesy import FlatProjection
@@ -22,7 +23,11 @@ OWN = AutopilotFence(
     highest=FenceLimit(30.0, "FENCE_ALT_MAX"),
     zones=(Zone("exclusion circle 1 of 1", False, ((POND.latitude_deg, POND.longitude_deg),), 5.0),),
 )
-FENCED = Snapshot(0.0, autopilot_fence=OWN, projection=ORIGIN, home_geo=GeoPoint(47.0, 8.0), home_altitude_amsl_m=500.0)
+FENCED = Snapshot(
+    0.0,
+    autopilot_fence=OWN,
+    earth=EarthReference(projection=ORIGIN, home_geo=GeoPoint(47.0, 8.0), home_altitude_amsl_m=500.0),
+)
 coordinates = st.floats(-45.0, 45.0)
 
 
@@ -44,8 +49,8 @@ def test_those_beyond_its_fence_are_dropped_and_those_well_inside_are_not(positi
 def test_none_is_dropped_without_a_fence_or_where_it_is_not_known_where_that_lies() -> None:
     far = Vector3(500.0, 0.0, 5.0)
     assert not DroppedPositions().has(far, FENCED._replace(autopilot_fence=None))
-    assert not DroppedPositions().has(far, FENCED._replace(projection=None))
-    assert not DroppedPositions().has(far, FENCED._replace(home_geo=None))
+    assert not DroppedPositions().has(far, changed(FENCED, projection=None))
+    assert not DroppedPositions().has(far, changed(FENCED, home_geo=None))
 
 
 def test_a_fence_that_has_changed_counts_at_once() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
-from ual_daemon.backends.values import Sample, Snapshot
+from ual_daemon.backends.values import EarthReference, MotionState, Sample, Snapshot
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.frames.fence import Fence
 from ual_daemon.frames.resolver import FrameResolver
@@ -123,7 +123,9 @@ def resolver(**settings: object) -> FrameResolver:
 def standing_at(point: Vector3, velocity: Vector3 | None = None) -> tuple[Snapshot, Motion]:
     velocity = velocity or Vector3()
     pose, twist = Pose(point, Quaternion.from_yaw(0.0)), Twist(velocity)
-    return Snapshot(0.0, pose=Sample(pose, 0.0), velocity=Sample(twist, 0.0)), Motion(point, 0.0, velocity)
+    return Snapshot(0.0, motion=MotionState(pose=Sample(pose, 0.0), velocity=Sample(twist, 0.0))), Motion(
+        point, 0.0, velocity
+    )
 
 
 def leaves(geofence: Geofence, polyline: Sequence[Vector3], snapshot: Snapshot) -> bool:
@@ -160,7 +162,7 @@ def test_a_fence_in_map_stays_where_it_was(frame_id: str, map_origin_geo: tuple[
     """Otherwise any client could move it away, one `set_home` after the other."""
     frames = resolver(frames=(FrameSettings(frame_id="field"),), map_origin_geo=map_origin_geo)
     geofence = Geofence(GeofenceSettings(frame_id=frame_id, polygon=tuple(L_SHAPE), max_height_m=5.0), frames)
-    snapshot = Snapshot(0.0, projection=EllipsoidProjection(37.0, -6.0, 10.0))
+    snapshot = Snapshot(0.0, earth=EarthReference(projection=EllipsoidProjection(37.0, -6.0, 10.0)))
     frames.update(snapshot)
     for hop in range(1, 4):
         frames.set_home(at(9.0 * hop, 4.0, 1.0), snapshot, set_z=True)
@@ -186,7 +188,7 @@ def test_a_geographic_polygon_lies_where_the_autopilot_projects_it() -> None:
     geofence = Geofence(GeofenceSettings(polygon_geo=polygon_geo), resolver())
     with pytest.raises(WrongStateError, match="where on Earth"):
         geofence.require_inside([at(1, 1)], "goal", Snapshot(0.0))
-    known = Snapshot(0.0, projection=projection)
+    known = Snapshot(0.0, earth=EarthReference(projection=projection))
     assert not leaves(geofence, [at(4.9, 9.9), at(0.1, 0.1)], known)
     assert leaves(geofence, [at(5.1, 5.1)], known)
 

@@ -6,7 +6,7 @@ import pytest
 
 from ual.geometry import Pose
 from ual.types import State
-from ual_daemon.backends.values import Sample, Snapshot
+from ual_daemon.backends.values import EarthReference, MotionState, Sample, Snapshot
 from ual_daemon.flight.policy.ground import ASSUMED_NOISE_M, SEEN_NOISE_M, Ground
 from ual_daemon.flight.state import Estimate
 from ual_daemon.geodesy import FlatProjection
@@ -19,7 +19,9 @@ BLIND = Estimate(State.UNINITIALIZED, "no good position")
 def at(z: float, home_m: float | None = 103.0, origin_m: float = 100.0) -> Snapshot:
     projection = FlatProjection(50.0, 10.0, origin_m)
     pose = Sample(Pose.at(0.0, 0.0, z), 0.0)
-    return Snapshot(0.0, pose=pose, projection=projection, home_altitude_amsl_m=home_m)
+    return Snapshot(
+        0.0, motion=MotionState(pose=pose), earth=EarthReference(projection=projection, home_altitude_amsl_m=home_m)
+    )
 
 
 @pytest.mark.parametrize("landed", [State.LANDED_ARMED, State.LANDED_DISARMED])

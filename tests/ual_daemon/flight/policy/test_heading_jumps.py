@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import pytest
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
-from ual_daemon.backends.values import Sample, Snapshot
+from ual_daemon.backends.values import LinkState, MotionState, Sample, Snapshot
 from ual_daemon.flight.policy.heading_jumps import HeadingJumpDetector
 
 STEP_S = 0.02
@@ -19,9 +19,11 @@ JUMP_RAD = math.radians(30.0)
 def seen(yaw_rad: float, rate_rad_s: float, received_s: float, boots_count: int = 0) -> Snapshot:
     return Snapshot(
         received_s,
-        pose=Sample(Pose(Vector3(), Quaternion.from_yaw(yaw_rad)), received_s),
-        velocity=Sample(Twist(Vector3(), Vector3(0.0, 0.0, rate_rad_s)), received_s),
-        boots_count=boots_count,
+        motion=MotionState(
+            pose=Sample(Pose(Vector3(), Quaternion.from_yaw(yaw_rad)), received_s),
+            velocity=Sample(Twist(Vector3(), Vector3(0.0, 0.0, rate_rad_s)), received_s),
+        ),
+        link=LinkState(boots_count=boots_count),
     )
 
 

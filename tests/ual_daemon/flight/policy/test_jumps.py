@@ -7,8 +7,9 @@ from collections.abc import Iterable
 
 import pytest
 
+from tests.snapshots import changed
 from ual.geometry import Pose, Twist, Vector3
-from ual_daemon.backends.values import Estimator, Sample, Snapshot
+from ual_daemon.backends.values import Estimator, LinkState, MotionState, Sample, Snapshot
 from ual_daemon.flight.policy.jumps import JumpDetector
 
 STEP_S = 0.02
@@ -25,11 +26,13 @@ def seen(
 ) -> Snapshot:
     return Snapshot(
         received_s,
-        stamp_s=stamp_s,
-        estimator=Sample(Estimator(is_good), received_s),
-        pose=Sample(Pose.at(x, 0.0, 3.0), received_s),
-        velocity=Sample(Twist(Vector3(speed_m_s, 0.0, 0.0)), received_s),
-        boots_count=boots_count,
+        motion=MotionState(
+            stamp_s=stamp_s,
+            estimator=Sample(Estimator(is_good), received_s),
+            pose=Sample(Pose.at(x, 0.0, 3.0), received_s),
+            velocity=Sample(Twist(Vector3(speed_m_s, 0.0, 0.0)), received_s),
+        ),
+        link=LinkState(boots_count=boots_count),
     )
 
 
@@ -136,6 +139,6 @@ def test_a_delay_of_the_link_that_ends_makes_no_jump() -> None:
             continue  # overtaken
         received_s = i * STEP_S + (delay_s if is_late else 0.0)
         position = seen(speed_m_s * i * STEP_S, speed_m_s, received_s, 100.0 + received_s)
-        way.append(position._replace(measured_s=7.0 + i * STEP_S))
+        way.append(changed(position, measured_s=7.0 + i * STEP_S))
     assert jumps(way) == []
-    assert jumps(position._replace(measured_s=0.0) for position in way) != []  # what the estimate alone would say
+    assert jumps(changed(position, measured_s=0.0) for position in way) != []  # what the estimate alone would say

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.snapshots import changed
 from tests.strategies import vectors
 from tests.ual_daemon.flight.policy import exact_rule
 from tests.ual_daemon.trajectory.trajectories import LIMIT_SETS
@@ -17,7 +18,16 @@ from tests.work.counting import counted
 from ual.errors import GeofenceError
 from ual.geometry import IDENTITY, Pose, Twist, Vector3
 from ual.types import GeoPoint, Limits, State
-from ual_daemon.backends.values import AutopilotFence, FenceLimit, LandedState, Sample, Snapshot, Zone
+from ual_daemon.backends.values import (
+    AutopilotFence,
+    EarthReference,
+    FenceLimit,
+    LandedState,
+    MotionState,
+    Sample,
+    Snapshot,
+    Zone,
+)
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.reach import reach
 from ual_daemon.flight.state import Estimate
@@ -67,12 +77,11 @@ class Moment(NamedTuple):
     def snapshot(self, autopilot_fence: AutopilotFence | None) -> Snapshot:
         return Snapshot(
             0.0,
-            pose=Sample(Pose(self.here, IDENTITY), 0.0),
-            velocity=Sample(Twist(self.own), 0.0),
-            projection=ORIGIN,
-            home_geo=GeoPoint(*geo(0.0, 0.0), 488.0),
-            home_altitude_amsl_m=488.0,
             autopilot_fence=autopilot_fence,
+            motion=MotionState(pose=Sample(Pose(self.here, IDENTITY), 0.0), velocity=Sample(Twist(self.own), 0.0)),
+            earth=EarthReference(
+                projection=ORIGIN, home_geo=GeoPoint(*geo(0.0, 0.0), 488.0), home_altitude_amsl_m=488.0
+            ),
         )
 
 
@@ -99,7 +108,7 @@ def flights(draw: st.DrawFn) -> list[Moment]:
 def geofence(settings: GeofenceSettings | None, clearance_m: float = 0.0) -> Geofence:
     resolver = FrameResolver("uav_1", VehicleSettings(geofence=settings))
     found = Geofence(settings, resolver, FLOOR_M, CEILING_M, clearance_m)
-    ground = Moment(Vector3(), Vector3(), Vector3()).snapshot(None)._replace(landed=Sample(LandedState.ON_GROUND, 0.0))
+    ground = changed(Moment(Vector3(), Vector3(), Vector3()).snapshot(None), landed=Sample(LandedState.ON_GROUND, 0.0))
     found.observe(ground, Estimate(State.LANDED_ARMED, ""))
     return found
 
@@ -167,7 +176,7 @@ def test_a_goal_is_admitted_where_the_straight_way_to_it_is_inside(
 
 def test_a_hover_below_the_clearance_is_flown_without_asking_for_polygons_each_time() -> None:
     tested, limits = geofence(CONFIGURED[1], 3.0), Limits()
-    low = HIGH._replace(pose=Sample(Pose(Vector3(0.0, 0.0, 1.5), IDENTITY), 0.0))
+    low = changed(HIGH, pose=Sample(Pose(Vector3(0.0, 0.0, 1.5), IDENTITY), 0.0))
     tested.require_velocity(Vector3(1.0, 0.0, 0.0), limits, low)
     asked = counted(lambda: tested.require_velocity(Vector3(0.0, 1.0, 0.0), limits, low))
     assert asked.calls < 40
@@ -188,7 +197,7 @@ def test_the_reach_is_where_the_planned_trajectories_lead(moment: Moment, limits
 # --- What is kept is forgotten when anything changes ------------------------------------------------------------------
 
 HIGH = Moment(Vector3(0.0, 6.0, 10.0), Vector3(), Vector3(0.0, 0.5, 0.0)).snapshot(None)
-ON_GROUND = HIGH._replace(landed=Sample(LandedState.ON_GROUND, 0.0), home_geo=None)
+ON_GROUND = changed(HIGH, landed=Sample(LandedState.ON_GROUND, 0.0), home_geo=None)
 BESIDE = Pose(Vector3(0.0, -20.0, 10.0), IDENTITY)
 FAR_HOME = GeoPoint(*geo(0.0, -20.0), 488.0)
 DISC = AutopilotFence(FenceLimit(22.0, "RADIUS"), FenceLimit(15.0, "HIGHEST"))
@@ -196,18 +205,18 @@ CAGE = AutopilotFence(zones=(Zone("cage", True, box(-9.0, -9.0, 9.0, 7.0)),))
 CHANGES = {
     "a fence appears": (HIGH, HIGH._replace(autopilot_fence=CAGE)),
     "another fence": (HIGH._replace(autopilot_fence=OWN_FENCES[2]), HIGH._replace(autopilot_fence=CAGE)),
-    "home moves": (HIGH._replace(autopilot_fence=DISC), HIGH._replace(autopilot_fence=DISC, home_geo=FAR_HOME)),
+    "home moves": (HIGH._replace(autopilot_fence=DISC), changed(HIGH, autopilot_fence=DISC, home_geo=FAR_HOME)),
     "home sinks": (
         HIGH._replace(autopilot_fence=DISC),
-        HIGH._replace(autopilot_fence=DISC, home_altitude_amsl_m=483.0),
+        changed(HIGH, autopilot_fence=DISC, home_altitude_amsl_m=483.0),
     ),
     "it stands elsewhere": (
-        ON_GROUND._replace(autopilot_fence=DISC, pose=Sample(BESIDE, 0.0)),
+        changed(ON_GROUND, autopilot_fence=DISC, pose=Sample(BESIDE, 0.0)),
         ON_GROUND._replace(autopilot_fence=DISC),
     ),
     "the origin moves": (
         HIGH._replace(autopilot_fence=CAGE),
-        HIGH._replace(autopilot_fence=CAGE, projection=FlatProjection(47.4001, 8.5, 488.0)),
+        changed(HIGH, autopilot_fence=CAGE, projection=FlatProjection(47.4001, 8.5, 488.0)),
     ),
 }
 
@@ -258,8 +267,8 @@ def test_the_floor_and_the_ceiling_follow_the_ground() -> None:
     tested = geofence(None)
     down = Vector3(0.0, 0.0, -1.0)
     assert not is_refused(tested, down, HIGH)
-    high = HIGH._replace(pose=Sample(Pose(Vector3(0.0, 0.0, 9.5), IDENTITY), 0.0))
-    ground = high._replace(landed=Sample(LandedState.ON_GROUND, 0.0))
+    high = changed(HIGH, pose=Sample(Pose(Vector3(0.0, 0.0, 9.5), IDENTITY), 0.0))
+    ground = changed(high, landed=Sample(LandedState.ON_GROUND, 0.0))
     tested.observe(ground, Estimate(State.LANDED_ARMED, ""))
     assert is_refused(tested, down, HIGH)
 

@@ -103,7 +103,7 @@ class Dialect(Autopilot):
 
     def _arm_leaving(self, snapshot: Snapshot, arm: LongCommand, armable_mode: LongCommand) -> LongCommand:
         """Returns `arm`, after `armable_mode` where the present mode forbids it."""
-        mode = "" if snapshot.mode is None else snapshot.mode.value.name
+        mode = snapshot.control.mode_name
         if self.can_be_armed_in(mode):
             return arm
         return replace(armable_mode, what=f"leave {mode}, to be armed", then=arm)

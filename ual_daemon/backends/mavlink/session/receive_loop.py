@@ -92,7 +92,7 @@ class ReceiveLoop:
         else:
             snapshot = session.snapshot(now_s, updated_s, scheduling_gap)
         trouble = self._connection.trouble or self._discovery.why_silent(now_s)
-        return snapshot._replace(link_trouble=trouble) if trouble else snapshot
+        return snapshot._replace(link=snapshot.link._replace(trouble=trouble)) if trouble else snapshot
 
     # --- On the thread ------------------------------------------------------------------------------------------------
 

@@ -51,7 +51,7 @@ from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Message, mavlink
 from ual_daemon.backends.mavlink.wire.sender import Sender
-from ual_daemon.backends.values import Snapshot, VehicleInfo
+from ual_daemon.backends.values import ControlState, Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -285,19 +285,25 @@ class Session:
     def snapshot(self, now_s: float, updated_s: float = math.inf, scheduling_gap: str = "") -> Snapshot:
         """Returns the newest data as of now. `updated_s` and `scheduling_gap` are those of the snapshot."""
         telemetry, causes = self.telemetry, self._causes
-        armed, mode = telemetry.armed.sample, telemetry.mode.sample
+        armed, mode, landed = telemetry.armed.sample, telemetry.mode.sample, telemetry.landed.sample
         is_armed = None if armed is None else armed.value
-        # All at once: each value that is replaced afterwards copies all others, at each update.
+        # All at once: each value that is replaced afterwards copies its group, at each update.
+        control = ControlState(
+            armed,
+            landed,
+            mode,
+            failsafe=causes.failsafe(is_armed=is_armed),
+            held_by=None if mode is None else causes.held_by(mode.value, now_s, is_armed=is_armed),
+            other_sender=self._sender_watch.another(now_s, armed, mode, landed),
+        )
         return telemetry.snapshot(
             now_s,
-            updated_s=updated_s,
-            scheduling_gap=scheduling_gap,
-            held_by=None if mode is None else causes.held_by(mode.value, now_s, is_armed=is_armed),
-            other_sender=self._sender_watch.another(now_s, armed, mode, telemetry.landed.sample),
-            health=self._health.report(
+            control,
+            self._health.report(
                 now_s, telemetry.readiness, causes.failing_sensors, lambda: self._supervision.loss(now_s)
             ),
-            failsafe=causes.failsafe(is_armed=is_armed),
+            updated_s=updated_s,
+            scheduling_gap=scheduling_gap,
             refused=self.refused if self._setup.refused else "",
         )
 

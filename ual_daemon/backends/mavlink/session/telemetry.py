@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
-from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
+from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
@@ -20,7 +21,19 @@ from ual_daemon.backends.mavlink.session.conversions import battery, degrees, ge
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.status_text import StatusText
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import (
+    NEVER_S,
+    Condition,
+    ControlState,
+    EarthReference,
+    Estimator,
+    LandedState,
+    LinkState,
+    Mode,
+    MotionState,
+    Sample,
+    Snapshot,
+)
 
 ATTITUDE_LIMIT_S = 0.5
 """A position is a pose only with an attitude that is not older than this."""
@@ -84,7 +97,7 @@ class Telemetry:
         self.vtol_state = 0
         """Its newest MAV_VTOL_STATE."""
         self.conflict = ""
-        """See `ual_daemon.backends.values.Snapshot`."""
+        """See `ual_daemon.backends.values.LinkState`."""
         self.is_mode_doubtful = False
         """Whether a message that seemed late has another mode: the safety pilot's new one, if many messages before it
         were lost. The caller should request a heartbeat, and sets this back."""
@@ -95,6 +108,9 @@ class Telemetry:
         self.parameters: dict[str, float] = {}
         """Those of `Dialect.parameters` that it has sent."""
         self.fence = FenceReader(dialect, self.parameters, awaits_zones=dialect.has_zones)
+        self._earth = EarthReference()
+        self._condition = Condition()
+        self._link = LinkState()
         self.message_counts: Counter[int] = Counter()
         """How many messages of each id came since it booted."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
@@ -197,33 +213,47 @@ class Telemetry:
         """Its newest text."""
         return self._status_text.text
 
-    def snapshot(self, now_s: float, **others: Any) -> Snapshot:  # noqa: ANN401  of any field
-        """Returns all values as of now, with `others`, which are known elsewhere."""
+    def snapshot(
+        self,
+        now_s: float,
+        control: ControlState | None = None,
+        health: Health | None = None,
+        *,
+        updated_s: float = math.inf,
+        scheduling_gap: str = "",
+        refused: str = "",
+    ) -> Snapshot:
+        """Returns all values as of now, with those that are known elsewhere."""
         home = self._home.sample
-        return Snapshot(
-            time_s=now_s,
-            heard_s=self.heard_s,
-            stamp_s=self._stamp_s,
-            measured_s=self._measured_s,
-            armed=self.armed.sample,
-            landed=self.landed.sample,
-            mode=self.mode.sample,
+        altitude_m, place = (None, None) if home is None else home.value
+        earth = (self.origin.projection, place, altitude_m, self._geoid_separation_m)
+        if earth != self._earth:  # seldom: to compare a group costs less than to make it
+            self._earth = EarthReference(*earth)
+        condition = (self._battery, self._gps, self._status_text.text, health, self._has_rangefinder)
+        if condition != self._condition:
+            self._condition = Condition(*condition)
+        link = ("", refused, self.conflict, self._boots_count, 0)
+        if link != self._link:
+            self._link = LinkState(*link)
+        motion = MotionState(
             estimator=self._estimator.sample,
             pose=self.pose.sample,
             velocity=self.velocity.sample,
             position_geo=self._position_geo.fresh(now_s),
-            projection=self.origin.projection,
-            home_altitude_amsl_m=None if home is None else home.value.altitude_amsl_m,
-            geoid_separation_m=self._geoid_separation_m,
-            battery=self._battery,
-            gps=self._gps,
-            status_text=self._status_text.text,
-            home_geo=None if home is None else home.value.place,
-            boots_count=self._boots_count,
-            has_rangefinder=self._has_rangefinder,
-            conflict=self.conflict,
+            stamp_s=self._stamp_s,
+            measured_s=self._measured_s,
+        )
+        return Snapshot(
+            now_s,
+            self.heard_s,
+            updated_s,
+            scheduling_gap,
+            control=control or ControlState(self.armed.sample, self.landed.sample, self.mode.sample),
+            motion=motion,
+            earth=self._earth,
+            condition=self._condition,
+            link=self._link,
             autopilot_fence=self.fence.limits,
-            **others,
         )
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:

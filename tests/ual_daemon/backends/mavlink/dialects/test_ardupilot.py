@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
+from tests.snapshots import changed
 from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, heartbeat, position
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual.geometry import Pose, Vector3
@@ -17,7 +18,15 @@ from ual_daemon.backends.firmwares.ardupilot import LONGEST_LEAD_S, velocity_lea
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import mavlink
-from ual_daemon.backends.values import Control, PositionSetpoint, Sample, Snapshot, VelocitySetpoint
+from ual_daemon.backends.values import (
+    Control,
+    EarthReference,
+    MotionState,
+    PositionSetpoint,
+    Sample,
+    Snapshot,
+    VelocitySetpoint,
+)
 from ual_daemon.geodesy import FlatProjection
 
 COPTER = ArduCopter()
@@ -42,9 +51,8 @@ def standing(home_amsl_m: float) -> Snapshot:
     """On the ground 0.2 m above the origin, which is at 488 m."""
     return Snapshot(
         0.0,
-        pose=Sample(Pose.at(0.0, 0.0, 0.2), 0.0),
-        projection=FlatProjection(47.4, 8.5, 488.0),
-        home_altitude_amsl_m=home_amsl_m,
+        motion=MotionState(pose=Sample(Pose.at(0.0, 0.0, 0.2), 0.0)),
+        earth=EarthReference(projection=FlatProjection(47.4, 8.5, 488.0), home_altitude_amsl_m=home_amsl_m),
     )
 
 
@@ -166,11 +174,11 @@ def test_it_does_not_take_off_before_home_is_known() -> None:
 
 
 @pytest.mark.parametrize(
-    "snapshot", [standing(487.0)._replace(projection=None), standing(487.0)._replace(home_altitude_amsl_m=None)]
+    "snapshot", [changed(standing(487.0), projection=None), changed(standing(487.0), home_altitude_amsl_m=None)]
 )
 def test_where_home_or_origin_was_not_heard_yet_its_own_height_above_home_counts(snapshot: Snapshot) -> None:
     place = GeoPoint(47.4, 8.5, altitude_amsl_m=488.2, altitude_home_m=0.3)
-    climb = COPTER.take_off(3.0, snapshot._replace(position_geo=place)).then
+    climb = COPTER.take_off(3.0, changed(snapshot, position_geo=place)).then
     assert climb is not None
     assert climb.request.params[6] == pytest.approx(3.3)
 
@@ -179,7 +187,7 @@ def test_where_home_or_origin_was_not_heard_yet_its_own_height_above_home_counts
 def test_its_own_height_may_be_above_the_home_before_it_was_armed(altitude_home_m: float | None) -> None:
     place = GeoPoint(47.4, 8.5, altitude_home_m=altitude_home_m)
     with pytest.raises(WrongStateError, match="home"):
-        COPTER.take_off(3.0, Snapshot(0.0, position_geo=place))
+        COPTER.take_off(3.0, Snapshot(0.0, motion=MotionState(position_geo=place)))
 
 
 def test_a_take_off_begins_in_guided() -> None:
@@ -340,7 +348,7 @@ def test_on_a_board_it_is_no_simulator_even_where_it_simulates(board_type: int, 
 def test_its_estimator_is_judged_by_its_flags(flags: int, why: str) -> None:
     harness = met()
     harness.receive(mavlink.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0))
-    found = harness.snapshot().estimator.value
+    found = harness.snapshot().motion.estimator.value
     assert (found.is_good, found.why) == (not why, why)
 
 

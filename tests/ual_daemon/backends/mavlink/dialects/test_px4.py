@@ -167,8 +167,8 @@ def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
     harness = Harness()
     harness.receive(heartbeat(5, armed=True, autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
     snapshot, info = harness.snapshot(), harness.session.info()
-    assert snapshot.armed.value is True
-    assert (snapshot.mode.value.name, snapshot.mode.value.control) == (
+    assert snapshot.control.armed.value is True
+    assert (snapshot.control.mode.value.name, snapshot.control.mode.value.control) == (
         "number 5",
         Control.OTHER,
     )  # told as "mode number 5"

@@ -55,7 +55,7 @@ def test_an_event_that_px4_sends_again_for_somebody_else_is_no_news(boot_ms: int
     harness.now_s = 0.5  # in the time of a fast simulator
     harness.receive(position(10.0))
     harness.receive(data=event("commander_disarmed_by", sequence=3, boot_ms=boot_ms))
-    assert harness.snapshot().armed.value is not is_news
+    assert harness.snapshot().control.armed.value is not is_news
 
 
 @pytest.mark.parametrize(
@@ -82,11 +82,11 @@ def test_arming_and_disarming_are_known_with_the_event_before_the_heartbeat() ->
     harness = Harness()
     harness.receive(heartbeat(LOITER))
     harness.receive(data=event("commander_armed_by", levels=INFO, sequence=5))
-    assert harness.snapshot().armed.value is True
+    assert harness.snapshot().control.armed.value is True
     harness.receive(data=event("commander_disarmed_by", levels=INFO, sequence=7))
-    assert harness.snapshot().armed.value is False
+    assert harness.snapshot().control.armed.value is False
     harness.receive(data=event("commander_armed_by", levels=INFO, sequence=6))  # late, by a bad link
-    assert harness.snapshot().armed.value is False
+    assert harness.snapshot().control.armed.value is False
 
 
 def test_a_refused_arming_says_which_checks_failed_on_a_link_without_status_texts() -> None:

@@ -20,8 +20,8 @@ def test_the_first_autopilot_heard_is_the_only_one() -> None:
     harness.receive(data=packer(8)(heartbeat(armed=True)))
     harness.receive(data=packer(8)(attitude()) + packer(8)(position(0.0)))
     assert harness.session.system_id == 7
-    assert harness.snapshot().armed.value is False
-    assert harness.snapshot().pose is None
+    assert harness.snapshot().control.armed.value is False
+    assert harness.snapshot().motion.pose is None
 
 
 def test_with_a_system_id_set_any_other_is_passed_over() -> None:
@@ -42,7 +42,7 @@ def test_heartbeats_of_other_components_change_nothing() -> None:
     harness.receive(data=packer(1, 154)(heartbeat(0)))  # a gimbal of the same system
     harness.receive(data=packer(255, 190)(gcs))
     snapshot = harness.snapshot()
-    assert (snapshot.armed.value, snapshot.mode.value.name) == (True, "OFFBOARD")
+    assert (snapshot.control.armed.value, snapshot.control.mode.value.name) == (True, "OFFBOARD")
 
 
 def test_nothing_is_sent_until_somebody_is_known_and_then_to_the_address_that_it_sends_from() -> None:
@@ -94,12 +94,12 @@ def test_another_host_that_sends_as_our_autopilot_is_not_heard_while_our_peer_is
         harness.receive(heartbeat(), position(harness.now_s))
         harness.receive(heartbeat(armed=True), attitude(), address=STRANGER)
     assert harness.link.peer == ADDRESS
-    assert harness.snapshot().armed.value is False
+    assert harness.snapshot().control.armed.value is False
     assert harness.discovery.receiver.stranger_count == 40
     harness.now_s += 0.6
     harness.receive(heartbeat(armed=True), address=STRANGER)  # our autopilot, by another way
     assert harness.link.peer == STRANGER
-    assert harness.snapshot().armed.value is True
+    assert harness.snapshot().control.armed.value is True
 
 
 def test_a_signed_frame_shows_that_the_autopilot_has_a_new_address() -> None:
@@ -130,7 +130,7 @@ def test_a_strangers_garbage_is_not_searched(monkeypatch: pytest.MonkeyPatch) ->
     assert looks == [0]
     harness.now_s += 5.0
     harness.receive(data=harness.pack(heartbeat()) + harness.pack(heartbeat(armed=True)), address=STRANGER)
-    assert harness.snapshot().armed.value is True
+    assert harness.snapshot().control.armed.value is True
 
 
 def test_others_are_remembered_and_named_in_bounds(caplog: pytest.LogCaptureFixture) -> None:
@@ -169,7 +169,7 @@ def test_a_px4_or_ardupilot_at_any_component_is_taken_and_addressed_there(compon
     harness.run(1.0)
     harness.receive(heartbeat(), heartbeat(armed=True), attitude(), position(harness.now_s))
     assert harness.session.source == (3, component_id)
-    assert harness.snapshot().armed.value is True
+    assert harness.snapshot().control.armed.value is True
     harness.run(1.0)
     sent = harness.link.take("COMMAND_LONG")
     assert {(each.target_system, each.target_component) for each in sent} == {(3, component_id)}
@@ -198,7 +198,7 @@ def test_an_autopilot_of_system_0_is_watched_and_nothing_is_sent_to_all_systems(
         harness.session.info().limitation
     )
     assert not harness.session.info().capabilities
-    assert harness.snapshot().pose is not None
+    assert harness.snapshot().motion.pose is not None
     sent = [Codec(1).decode(frame) for data in harness.link.sent for frame in frames.split(data)[0]]
     assert {each.get_type() for each in sent} == {"HEARTBEAT", "TIMESYNC"}
     assert {each.get_srcSystem() for each in sent} == {245}

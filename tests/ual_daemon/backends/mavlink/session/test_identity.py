@@ -42,14 +42,14 @@ def test_a_plane_that_takes_the_place_of_a_copter_is_only_watched() -> None:
     harness.run(10.0)  # the copter is switched off
     for _ in range(3):
         harness.receive(plane())
-        assert harness.snapshot().mode is None or isinstance(harness.session.dialect, Unknown)
+        assert harness.snapshot().control.mode is None or isinstance(harness.session.dialect, Unknown)
         harness.run(1.0)
     harness.receive(plane())
     info = harness.session.info()
     assert not info.capabilities
     assert "UAL only watches" in info.limitation
     assert "fixed wing" in info.limitation
-    assert harness.snapshot().armed.value is True
+    assert harness.snapshot().control.armed.value is True
     with pytest.raises(NotSupportedError, match="fixed wing"):
         harness.session.dialect.hold()
 
@@ -75,11 +75,11 @@ def test_two_kinds_with_one_system_id_are_not_flown(other: type[Message], caplog
         harness.receive(copter(armed=True), attitude(), position(harness.now_s))
     assert "quadrotor and ardupilotmega on a" in why(harness)
     assert "send as system 1: give each vehicle an id of its own" in why(harness)
-    assert harness.snapshot().mode is None
+    assert harness.snapshot().control.mode is None
     assert sum(record.message == "vehicle_conflict" for record in caplog.records) == 1
     harness.run(6.0)
     harness.receive(copter(armed=True))
-    assert harness.snapshot().conflict == ""
+    assert harness.snapshot().link.conflict == ""
 
 
 def test_commands_under_way_are_not_sent_again_in_a_conflict() -> None:
@@ -115,7 +115,7 @@ def test_two_copters_with_one_system_id_are_seen_by_their_times_since_boot() -> 
         harness.receive(attitude(), position(harness.now_s))
         harness.receive(data=other(position(harness.now_s + 60.0)))
     assert "two vehicles, booted 60 s apart, send as system 1" in why(harness)
-    assert harness.snapshot().pose is None
+    assert harness.snapshot().motion.pose is None
 
 
 def test_two_copters_that_booted_at_once_are_seen_by_their_addresses_and_sequence_numbers() -> None:
@@ -141,11 +141,11 @@ def test_one_vehicle_by_two_ways_a_new_address_and_a_reboot_are_no_conflict() ->
         data = harness.pack(position(harness.now_s))
         harness.receive(data=data)
         harness.receive(data=data, address=OTHER)
-    assert harness.snapshot().conflict == ""
+    assert harness.snapshot().link.conflict == ""
     for number in range(40):  # it reboots
         harness.run(0.05)
         harness.receive(position(number * 0.05 - 4.0), address=OTHER)
-    assert harness.snapshot().conflict == ""
+    assert harness.snapshot().link.conflict == ""
 
 
 @pytest.mark.parametrize("state", [mavlink.MAV_VTOL_STATE_FW, mavlink.MAV_VTOL_STATE_TRANSITION_TO_FW])
@@ -159,7 +159,7 @@ def test_a_quadplane_that_calls_itself_a_quadrotor_is_only_watched(state: int) -
     harness.receive(copter())
     assert not harness.session.info().capabilities
     assert "vtol" in harness.session.info().limitation
-    assert harness.snapshot().conflict == ""
+    assert harness.snapshot().link.conflict == ""
 
 
 def test_a_quadplane_is_recognized_on_the_ground_by_a_parameter_of_planes() -> None:

@@ -86,8 +86,8 @@ def test_a_flood_that_never_ends_keeps_no_update_tick_or_command_waiting(garbage
     assert len(updates) >= BATCHES_COUNT * BATCH_S / (TICK_S + BATCH_S)
     assert len(flood.called_s) == BATCHES_COUNT // 7
     assert all(called_s - posted_s <= BATCH_S + 1e-9 for posted_s, called_s in flood.called_s)
-    assert updates[-1].armed is not None
-    assert (updates[-1].pose is not None) is moves
+    assert updates[-1].control.armed is not None
+    assert (updates[-1].motion.pose is not None) is moves
 
 
 def test_what_is_known_is_as_old_as_what_was_received_and_not_as_its_snapshot() -> None:

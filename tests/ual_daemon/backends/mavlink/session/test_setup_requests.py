@@ -207,10 +207,10 @@ def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_fo
     young_position = mavlink.MAVLink_local_position_ned_message(BOOT_MS // 10, 0, 0, 0, 0, 0, 0)
     before = harness.snapshot()
     harness.receive(young, young_position)  # not believed yet: the old boot's places do not apply to its position
-    assert harness.snapshot().pose == before.pose
+    assert harness.snapshot().motion.pose == before.motion.pose
     harness.receive(young, young_position)
-    assert harness.snapshot().projection is None
-    assert harness.snapshot().stamp_s == pytest.approx(UTC_S + harness.now_s)
+    assert harness.snapshot().earth.projection is None
+    assert harness.snapshot().motion.stamp_s == pytest.approx(UTC_S + harness.now_s)
     assert harness.supervision.watch.reboots_count == 1
     assert _asked_streams(harness, until_s=20.0) == STREAMS
 
@@ -275,17 +275,17 @@ def test_where_some_requests_are_taken_no_group_is_asked_for() -> None:
 def test_angles_are_the_attitude_where_no_quaternion_comes() -> None:
     harness = Harness()
     harness.receive(GENERIC, _angles(), position(0.0))
-    assert harness.snapshot().pose is None, "a quaternion may come yet"
+    assert harness.snapshot().motion.pose is None, "a quaternion may come yet"
     _answering(harness, mavlink.MAV_RESULT_UNSUPPORTED, 4.0)
     harness.receive(_angles(0.2, math.pi / 2), position(harness.now_s))
-    pose, rates = harness.snapshot().pose.value, harness.snapshot().velocity.value.angular
+    pose, rates = harness.snapshot().motion.pose.value, harness.snapshot().motion.velocity.value.angular
     roll_rad, pitch_rad, yaw_rad = pose.orientation.to_euler()
     assert (roll_rad, pitch_rad, yaw_rad) == pytest.approx((0.2, 0.0, 0.0), abs=1e-6)  # to the east: along x
     assert tuple(rates) == pytest.approx((0.1, -0.2, -0.3))
     for bad in (math.nan, math.inf, 1e6):
         harness.receive(_angles(bad, 0.5), position(harness.now_s))
-        assert harness.snapshot().pose.value.orientation.to_euler()[2] == pytest.approx(0.0, abs=1e-6)
+        assert harness.snapshot().motion.pose.value.orientation.to_euler()[2] == pytest.approx(0.0, abs=1e-6)
     harness.receive(attitude(), _angles(0.0, 1.0), position(harness.now_s))
-    assert harness.snapshot().pose.value.orientation.to_euler()[2] == pytest.approx(math.pi / 2), (
+    assert harness.snapshot().motion.pose.value.orientation.to_euler()[2] == pytest.approx(math.pi / 2), (
         "the quaternion counts"
     )

@@ -3,6 +3,7 @@ from typing import Any
 
 import pytest
 
+from tests.snapshots import value_of
 from tests.ual_daemon.backends.mavlink.fakes import (
     BOOT_MS,
     UTC_S,
@@ -42,28 +43,28 @@ def test_pose_and_velocity_are_in_our_axes() -> None:
     harness = Harness()
     harness.receive(heartbeat(), attitude(0.0), position(0.0, north=1.0, east=2.0, down=-3.0))
     snapshot = harness.snapshot()
-    assert snapshot.pose.value.position == Vector3(2.0, 1.0, 3.0)
-    assert snapshot.pose.value.yaw_rad == pytest.approx(math.pi / 2)
-    assert snapshot.velocity.value.linear == Vector3(0.25, 0.5, 0.125)
-    assert tuple(snapshot.velocity.value.angular) == pytest.approx((0.1, -0.2, -0.3))
+    assert snapshot.motion.pose.value.position == Vector3(2.0, 1.0, 3.0)
+    assert snapshot.motion.pose.value.yaw_rad == pytest.approx(math.pi / 2)
+    assert snapshot.motion.velocity.value.linear == Vector3(0.25, 0.5, 0.125)
+    assert tuple(snapshot.motion.velocity.value.angular) == pytest.approx((0.1, -0.2, -0.3))
 
 
 def test_a_position_without_a_fresh_attitude_is_no_pose() -> None:
     harness = Harness()
     harness.receive(heartbeat(), position(0.0))
-    assert harness.snapshot().pose is None
+    assert harness.snapshot().motion.pose is None
     harness.receive(attitude(), position(0.0))
-    assert harness.snapshot().pose.time_s == 0.0
+    assert harness.snapshot().motion.pose.time_s == 0.0
     harness.now_s = 0.6
     harness.receive(position(0.6))
-    assert harness.snapshot().pose.time_s == 0.0
+    assert harness.snapshot().motion.pose.time_s == 0.0
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_a_position_that_is_no_number_is_no_pose(bad: float) -> None:
     harness = Harness()
     harness.receive(heartbeat(), attitude(), position(0.0, north=bad))
-    assert harness.snapshot().pose is None
+    assert harness.snapshot().motion.pose is None
 
 
 def test_the_stamp_is_when_the_autopilot_measured() -> None:
@@ -71,7 +72,7 @@ def test_the_stamp_is_when_the_autopilot_measured() -> None:
     harness.receive(heartbeat(), attitude(), position(0.0))
     harness.now_s = 0.3  # comes 0.1 s late
     harness.receive(attitude(), position(0.2))
-    assert harness.snapshot().stamp_s == pytest.approx(UTC_S + 0.2)
+    assert harness.snapshot().motion.stamp_s == pytest.approx(UTC_S + 0.2)
 
 
 def test_a_pose_that_is_not_renewed_keeps_its_stamp() -> None:
@@ -79,8 +80,8 @@ def test_a_pose_that_is_not_renewed_keeps_its_stamp() -> None:
     harness.receive(heartbeat(), attitude(), position(0.0))
     harness.now_s = 1.0
     harness.receive(position(1.0))  # without an attitude it is no pose
-    assert harness.snapshot().pose.time_s == 0.0
-    assert harness.snapshot().stamp_s == pytest.approx(UTC_S)
+    assert harness.snapshot().motion.pose.time_s == 0.0
+    assert harness.snapshot().motion.stamp_s == pytest.approx(UTC_S)
 
 
 def test_an_autopilot_that_says_everything_is_ready() -> None:
@@ -133,7 +134,7 @@ def test_after_a_pause_of_ours_the_past_is_forgotten_and_asked_for_at_once() -> 
     harness.link.sent.clear()
     harness.discovery.discard_state()
     assert state(harness) is State.UNINITIALIZED
-    assert harness.snapshot().projection is not None
+    assert harness.snapshot().earth.projection is not None
     harness.run(0.05)
     assert 0.0 in {sent.param1 for sent in harness.commands(REQUEST)}
 
@@ -170,7 +171,7 @@ def test_a_message_that_makes_us_fail_costs_no_other(
     monkeypatch.setattr(harness.session, "on_message", failing)
     harness.receive(data=harness.pack(attitude()) + harness.pack(heartbeat(armed=True)))
     harness.receive(attitude())
-    assert harness.snapshot().armed.value is True
+    assert harness.snapshot().control.armed.value is True
     (told,) = [record for record in caplog.records if "could not be used" in record.message]
     assert "message 31 " in told.message
 
@@ -181,7 +182,7 @@ def test_a_message_that_makes_us_fail_costs_no_other(
 def test_a_px4_that_is_no_multirotor_is_only_watched(kind: int) -> None:
     harness = Harness()
     harness.receive(heartbeat(kind=kind), attitude(), position(0.0))
-    assert harness.snapshot().pose is not None
+    assert harness.snapshot().motion.pose is not None
     info = harness.session.info()
     assert not info.capabilities
     assert info.autopilot.startswith("unknown (px4, ")
@@ -194,15 +195,15 @@ def _place(latitude: int, longitude: int) -> Message:
 def test_a_place_on_earth_is_told_while_it_is_fresh_and_one() -> None:
     harness = Harness()
     harness.receive(heartbeat(), _place(0, 0))  # ArduPilot before its first fix
-    assert harness.snapshot().position_geo is None
+    assert harness.snapshot().motion.position_geo is None
     harness.receive(_place(473977420, 85455940))
-    assert harness.snapshot().position_geo.latitude_deg == pytest.approx(47.397742)
+    assert harness.snapshot().motion.position_geo.latitude_deg == pytest.approx(47.397742)
     harness.now_s += 1.0
     harness.receive(heartbeat())
-    assert harness.snapshot().position_geo is not None
+    assert harness.snapshot().motion.position_geo is not None
     harness.now_s += 1.0
     harness.receive(heartbeat())
-    assert harness.snapshot().position_geo is None
+    assert harness.snapshot().motion.position_geo is None
 
 
 @pytest.mark.parametrize(
@@ -219,16 +220,16 @@ def test_a_place_on_earth_is_told_while_it_is_fresh_and_one() -> None:
 def test_the_estimator_is_good_by_its_flags(flags: int, why: str) -> None:
     harness = Harness()
     harness.receive(heartbeat(), estimator_status(flags))
-    estimator = harness.snapshot().estimator.value
+    estimator = harness.snapshot().motion.estimator.value
     assert (estimator.is_good, estimator.why) == (not why, why)
 
 
 def test_a_mode_is_taken_from_whichever_message_says_it_first() -> None:
     harness = Harness()
     harness.receive(heartbeat(0x00060000))
-    assert harness.snapshot().mode.value.control is Control.REFERENCES
+    assert harness.snapshot().control.mode.value.control is Control.REFERENCES
     harness.receive(mavlink.MAVLink_current_mode_message(0, 0x00030000, 0))
-    assert harness.snapshot().mode.value.name == "POSCTL"
+    assert harness.snapshot().control.mode.value.name == "POSCTL"
 
 
 def test_battery_gps_and_places_are_told_in_our_units() -> None:
@@ -246,38 +247,38 @@ def test_battery_gps_and_places_are_told_in_our_units() -> None:
         ),
     )
     snapshot = harness.snapshot()
-    battery, gps, geo = snapshot.battery, snapshot.gps, snapshot.position_geo
+    battery, gps, geo = snapshot.condition.battery, snapshot.condition.gps, snapshot.motion.position_geo
     assert (battery.voltage_v, battery.current_a, battery.remaining_percent) == (16.2, 12.34, 87.0)
     assert (gps.fix, gps.satellites_count) == (GpsFix.RTK_FIXED, 14)
     assert (gps.horizontal_accuracy_m, gps.vertical_accuracy_m) == (0.025, 0.04)
-    assert snapshot.geoid_separation_m == pytest.approx(47.5)
+    assert snapshot.earth.geoid_separation_m == pytest.approx(47.5)
     assert (geo.latitude_deg, geo.longitude_deg) == pytest.approx((47.3977427, 8.5455967))
     assert (geo.altitude_amsl_m, geo.altitude_home_m) == (492.0, 3.0)
     assert geo.altitude_ellipsoid_m == pytest.approx(539.5)
-    assert snapshot.home_altitude_amsl_m == 489.454
-    assert snapshot.home_geo is not None
-    assert (snapshot.home_geo.latitude_deg, snapshot.home_geo.longitude_deg) == (47.3977427, 8.5455967)
-    assert isinstance(snapshot.projection, SphereProjection)
-    assert snapshot.projection.altitude_amsl_m == 489.052
+    assert snapshot.earth.home_altitude_amsl_m == 489.454
+    assert snapshot.earth.home_geo is not None
+    assert (snapshot.earth.home_geo.latitude_deg, snapshot.earth.home_geo.longitude_deg) == (47.3977427, 8.5455967)
+    assert isinstance(snapshot.earth.projection, SphereProjection)
+    assert snapshot.earth.projection.altitude_amsl_m == 489.052
 
 
 def test_what_is_not_known_is_none() -> None:
     harness = Harness()
     harness.receive(heartbeat(), mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0xFFFF, -100, -1, 0, 0, 0, 0, 0, 0))
-    assert harness.snapshot().battery is None
+    assert harness.snapshot().condition.battery is None
     harness.receive(mavlink.MAVLink_gps_raw_int_message(0, 1, 0, 0, 0, 0, 0, 0, 0, 255))
-    gps = harness.snapshot().gps
+    gps = harness.snapshot().condition.gps
     assert (gps.fix, gps.satellites_count, gps.horizontal_accuracy_m) == (GpsFix.NONE, None, None)
-    assert harness.snapshot().geoid_separation_m is None
+    assert harness.snapshot().earth.geoid_separation_m is None
 
 
 def test_a_long_status_text_is_put_together() -> None:
     harness = Harness()
     harness.receive(heartbeat(), mavlink.MAVLink_statustext_message(6, b"a" * 50, 3, 0))
     harness.receive(mavlink.MAVLink_statustext_message(6, b"bc", 3, 1))
-    assert harness.snapshot().status_text == "a" * 50 + "bc"
+    assert harness.snapshot().condition.status_text == "a" * 50 + "bc"
     harness.receive(mavlink.MAVLink_statustext_message(6, b"new", 4, 0))
-    assert harness.snapshot().status_text == "new"
+    assert harness.snapshot().condition.status_text == "new"
 
 
 def _heard_out_of_order(harness: Harness, earlier: Any, later: Any) -> None:
@@ -292,17 +293,17 @@ def test_a_message_that_comes_late_does_not_bring_the_past_back() -> None:
     offboard, landing = 6 << 16, 4 << 16 | 6 << 24
     harness.receive(heartbeat(offboard, armed=True))
     _heard_out_of_order(harness, heartbeat(offboard, armed=True), heartbeat(landing, armed=False))
-    assert harness.snapshot().mode.value.name == "AUTO.LAND"
-    assert harness.snapshot().armed.value is False
+    assert harness.snapshot().control.mode.value.name == "AUTO.LAND"
+    assert harness.snapshot().control.armed.value is False
     mode = mavlink.MAVLink_current_mode_message
     _heard_out_of_order(harness, mode(0, landing, 0), heartbeat(offboard, armed=True))  # whichever message told it
-    assert harness.snapshot().mode.value.name == "OFFBOARD"
+    assert harness.snapshot().control.mode.value.name == "OFFBOARD"
     said = mavlink.MAVLink_extended_sys_state_message
     _heard_out_of_order(harness, said(0, mavlink.MAV_LANDED_STATE_IN_AIR), said(0, mavlink.MAV_LANDED_STATE_ON_GROUND))
-    assert harness.snapshot().landed.value is LandedState.ON_GROUND
+    assert harness.snapshot().control.landed.value is LandedState.ON_GROUND
     harness.receive(attitude())
     _heard_out_of_order(harness, position(1.0, north=1.0), position(1.02, north=2.0))
-    assert harness.snapshot().pose.value.position.y == 2.0
+    assert harness.snapshot().motion.pose.value.position.y == 2.0
 
 
 def test_a_copy_of_the_mode_before_is_known_by_its_number_however_long_it_was_on_its_way() -> None:
@@ -315,7 +316,7 @@ def test_a_copy_of_the_mode_before_is_known_by_its_number_however_long_it_was_on
         harness.now_s += 0.05
         harness.receive(attitude())
     harness.receive(data=copy)
-    assert harness.snapshot().mode.value.name == "POSCTL"
+    assert harness.snapshot().control.mode.value.name == "POSCTL"
 
 
 def test_numbers_that_begin_anew_are_believed_after_a_moment() -> None:
@@ -325,13 +326,13 @@ def test_numbers_that_begin_anew_are_believed_after_a_moment() -> None:
     harness.pack = packer()  # another boot, say
     harness.run(0.35)
     harness.receive(heartbeat(armed=False))
-    assert harness.snapshot().armed.value is False
+    assert harness.snapshot().control.armed.value is False
 
 
 def test_a_landed_state_that_is_not_known_is_unknown() -> None:
     harness = Harness()
     harness.receive(heartbeat(), mavlink.MAVLink_extended_sys_state_message(0, 77))
-    assert harness.snapshot().landed.value is LandedState.UNKNOWN
+    assert harness.snapshot().control.landed.value is LandedState.UNKNOWN
 
 
 def _attitude(norm: float, rate: float = 0.0) -> Message:
@@ -365,7 +366,7 @@ def test_a_home_without_a_place_is_none() -> None:
     harness = Harness()
     nowhere = mavlink.MAVLink_home_position_message(0, 0, 400_000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
     harness.receive(heartbeat(), nowhere)
-    assert harness.snapshot().home_geo is None
+    assert harness.snapshot().earth.home_geo is None
 
 
 def _home(altitude_m: float) -> Message:
@@ -415,8 +416,8 @@ def test_data_that_cannot_be_true_change_nothing_and_are_logged_once(
         harness.receive(IMPOSSIBLE[what])
     after = harness.snapshot()
     kept = ("pose", "velocity", "position_geo", "home_altitude_amsl_m", "geoid_separation_m", "battery", "stamp_s")
-    assert {name: getattr(after, name) for name in kept} == {name: getattr(before, name) for name in kept}
-    assert after.projection.latitude_deg == 47.0
+    assert {name: value_of(after, name) for name in kept} == {name: value_of(before, name) for name in kept}
+    assert after.earth.projection.latitude_deg == 47.0
     assert harness.session.info() == info
     assert [what in record.message for record in caplog.records if "cannot be true" in record.message] == [True]
     assert harness.discovery.link_statistics(harness.now_s).impossible_count == 5

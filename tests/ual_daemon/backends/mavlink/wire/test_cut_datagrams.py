@@ -167,8 +167,8 @@ def test_an_autopilot_behind_a_bridge_is_found_and_followed_to_a_new_port() -> N
             for piece in cut(b"".join(map(harness.pack, said)), [17]):
                 harness.receive(data=piece, address=address)
             harness.run(0.1)
-            assert harness.snapshot().armed.value is (address is STRANGER and number >= 6) or number < 7
+            assert harness.snapshot().control.armed.value is (address is STRANGER and number >= 6) or number < 7
     assert harness.link.peer == STRANGER
-    assert harness.snapshot().pose is not None
+    assert harness.snapshot().motion.pose is not None
     assert harness.discovery.link_statistics(harness.now_s).corrupt_count <= 40
     assert harness.discovery.receiver.stranger_count == 0

@@ -156,7 +156,7 @@ def test_garbage_is_counted_and_harms_nothing() -> None:
         harness.receive(data=noise.choice((b"", head)) + noise.randbytes(noise.randrange(1, 80)))
     assert 1000 < harness.discovery.receiver.corrupt_count <= 2000
     harness.receive(heartbeat(armed=True))
-    assert harness.snapshot().armed.value is True
+    assert harness.snapshot().control.armed.value is True
 
 
 def test_every_message_is_read_as_pymavlink_reads_it() -> None:

@@ -196,7 +196,7 @@ def test_unsigned_messages_are_dropped_counted_and_told_once(caplog: pytest.LogC
     vehicle = Vehicle()
     harness.receive(data=vehicle.pack(heartbeat()))
     harness.receive(heartbeat(armed=True), address=("6.6.6.6", 6))
-    assert harness.snapshot().armed.value is False
+    assert harness.snapshot().control.armed.value is False
     assert harness.link.peer == ADDRESS
 
 
