@@ -14,7 +14,7 @@ from typing_extensions import override
 from ual.errors import TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import State
-from ual_daemon.backends.values import Control, Sample, Snapshot, T_co, VelocitySetpoint
+from ual_daemon.backends.values import Control, Sample, Snapshot, VelocitySetpoint
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.land import Landing, OnHeight, ignore_height
 from ual_daemon.flight.manoeuvres.manoeuvre import Step, failed, taken, why_blind, with_advice
@@ -190,7 +190,7 @@ class LandOnSetpoints(Landing):
         return super().estimate_jumped(jump, stop)
 
 
-def _is_new(sample: Sample[T_co] | None, snapshot: Snapshot) -> bool:
+def _is_new(sample: Sample[object] | None, snapshot: Snapshot) -> bool:
     return sample is not None and snapshot.time_s - sample.time_s <= MEASURED_S
 
 

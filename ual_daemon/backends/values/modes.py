@@ -1,0 +1,92 @@
+"""What the autopilot does: its mode, who flies in it, and why it was entered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class LandedState(Enum):
+    """Whether the vehicle is on the ground, as the autopilot reports it (MAV_LANDED_STATE); UNKNOWN if it does not."""
+
+    UNKNOWN = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKING_OFF = 3
+    LANDING = 4
+
+
+class Control(Enum):
+    """What controls the vehicle in the autopilot's present mode."""
+
+    REFERENCES = 1
+    """The daemon's setpoints (PX4 OFFBOARD, ArduPilot GUIDED, ...)."""
+    TAKE_OFF = 2
+    """The autopilot's take-off mode."""
+    LAND = 3
+    """The autopilot's landing mode."""
+    OTHER = 4
+    """The safety pilot, or another mode of the autopilot."""
+
+
+class Cause(Enum):
+    """Who or what took the control from UAL, or holds it; the value is the metadata `by` of errors."""
+
+    SAFETY_PILOT = "safety pilot"
+    """A mode that is flown by sticks, or a mode that the transmitter's switch selected."""
+    GROUND_STATION = "ground station"
+    """Another mode of the autopilot, without a failsafe or a switch: a ground station or another program."""
+    BATTERY = "battery failsafe"
+    RC = "rc failsafe"
+    """The transmitter is lost."""
+    FENCE = "fence"
+    """The autopilot's own geofence."""
+    GROUND_STATION_LOST = "ground station failsafe"
+    """The link to the ground station is lost."""
+    POSITION = "position failsafe"
+    """The estimator has no good position."""
+    SETPOINTS = "setpoint failsafe"
+    """No setpoints came: taking control back is the remedy, so it needs no force."""
+    COLLISION = "collision"
+    """It has hit something (a simulator tells)."""
+    FAILSAFE = "failsafe"
+    """A failsafe whose reason the autopilot does not say."""
+    OPEN = ""
+    """Not known yet: the mode has just changed, and its reason may follow within a moment."""
+
+    @property
+    def is_failsafe(self) -> bool:
+        """Whether the autopilot itself took the control, to save the vehicle or those below it."""
+        return self in _FAILSAFES
+
+    @property
+    def needs_force(self) -> bool:
+        """Whether UAL overrides it only with force."""
+        return self.is_failsafe and self is not Cause.SETPOINTS
+
+
+_FAILSAFES = frozenset(
+    {
+        Cause.BATTERY,
+        Cause.RC,
+        Cause.FENCE,
+        Cause.GROUND_STATION_LOST,
+        Cause.POSITION,
+        Cause.SETPOINTS,
+        Cause.COLLISION,
+        Cause.FAILSAFE,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """The autopilot's mode: its name, human-readable, and what controls the vehicle in it.
+
+    `is_autonomous` is whether the autopilot surely flies by itself in it, without sticks (hold, return): a landing may
+    replace such a mode, and never one that the pilot flies.
+    """
+
+    name: str
+    control: Control
+    is_autonomous: bool = False
