@@ -88,24 +88,37 @@ class VelocityResponses(NamedTuple):
 class VehicleInfo:
     """What a backend knows of its vehicle. Values may become known only once it is connected.
 
-    `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
-    the light simulation). Otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
-    `flies_landing_on_setpoints` says that UAL lands it by velocities, and then stops its motors
-    (`Backend.disarm_landed`): it has no landing of its own that UAL may use. It takes velocities, holds by itself
-    without them, and tells its mode at least four times a second. Only setpoints that `takes` allows are sent.
-    `identity` says which vehicle it is, so that what was saved for it is not used for another (`Backend.outlived`); it
-    is empty while that is not known. `cruise_speed_m_s` is the horizontal speed at which the autopilot itself flies to
-    a goal, where nobody asks for another one. `acceleration_share` is the part of the autopilot's acceleration limits
-    that `limits` have: references on the way use no more, a stop uses all. `clearance_m` is how far its body, and the
-    air under it, need the ground to be where it does not land. `limitation` says, human-readable, why it has fewer
-    capabilities than others. `note` says what is unusual about it (limits that are assumed, a link that carries
-    little). Both end the reason of the state. `drops_positions_beyond_fence` says that the autopilot ignores positions
-    beyond its own fence, silently, also those that lead back inside; it follows velocities there (ArduPilot).
-    `setpoint_rate_hz` is how often UAL sends a setpoint by itself (those of a caller's stream are passed on as they
-    come), and `setpoint_loss` what the vehicle does when they stop. `velocity_gains` are used where `takes` has no
-    feed-forward, `velocity_responses` while velocities are commanded. `has_safety_pilot` says whether a person can take
-    over from UAL at any time (a transmitter, a simulated pilot); where nobody can, UAL aborts take-offs and landings,
-    too.
+    Attributes:
+        autopilot: The name of the autopilot.
+        autopilot_version: Its version.
+        is_simulation: Whether the vehicle is simulated.
+        capabilities: What it can do.
+        limits: The autopilot's own limits.
+        flies_takeoff_on_setpoints: After `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD, the
+            light simulation). Otherwise the autopilot climbs by itself, and gets no setpoints until it is up.
+        flies_landing_on_setpoints: UAL lands it by velocities, and then stops its motors (`Backend.disarm_landed`): it
+            has no landing of its own that UAL may use. It takes velocities, holds by itself without them, and tells its
+            mode at least four times a second.
+        takes: The setpoints that are sent; no others are.
+        velocity_gains: Used where `takes` has no feed-forward.
+        velocity_responses: Used while velocities are commanded.
+        setpoint_rate_hz: How often UAL sends a setpoint by itself. Those of a caller's stream are passed on as they
+            come.
+        setpoint_loss: What the vehicle does when setpoints stop.
+        has_safety_pilot: Whether a person can take over from UAL at any time (a transmitter, a simulated pilot). Where
+            nobody can, UAL aborts take-offs and landings, too.
+        identity: Which vehicle it is, so that what was saved for it is not used for another (`Backend.outlived`); empty
+            while that is not known.
+        limitation: Why it has fewer capabilities than others, human-readable. It ends the reason of the state.
+        note: What is unusual about it (limits that are assumed, a link that carries little). It does so, too.
+        cruise_speed_m_s: The horizontal speed at which the autopilot itself flies to a goal, where nobody asks for
+            another one.
+        acceleration_share: The part of the autopilot's acceleration limits that `limits` have. References on the way
+            use no more, a stop uses all.
+        clearance_m: How far its body, and the air under it, need the ground to be where it does not land.
+        drops_positions_beyond_fence: The autopilot ignores positions beyond its own fence, silently, also those that
+            lead back inside. It follows velocities there (ArduPilot).
+
     """
 
     autopilot: str = ""
