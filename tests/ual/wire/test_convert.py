@@ -92,7 +92,6 @@ def test_geographic_waypoints_come_back_as_they_were(reference: AltitudeReferenc
 
 @given(values.velocities)
 def test_velocities_come_back_as_they_were(velocity: TwistStamped) -> None:
-    assert convert.twist_stamped_from_proto(wire(convert.twist_stamped_to_proto(velocity))) == velocity
     assert convert.setpoint_from_proto(wire(convert.setpoint_to_proto(velocity))) == velocity
 
 

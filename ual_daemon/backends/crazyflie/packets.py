@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ual.geometry import Quaternion, Vector3
 
-CONSOLE, PARAMETER, LOG, LOCALIZATION, SETPOINT, HIGH_LEVEL, SUPERVISOR, PLATFORM, LINK = 0, 2, 5, 6, 7, 8, 9, 13, 15
+CONSOLE, PARAMETER, LOG, LOCALIZATION, SETPOINT, HIGH_LEVEL, SUPERVISOR, PLATFORM = 0, 2, 5, 6, 7, 8, 9, 13
 """Ports."""
 TOC_CHANNEL = 0
 """Of the ports PARAMETER and LOG."""

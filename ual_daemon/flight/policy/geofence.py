@@ -164,10 +164,6 @@ class Geofence:
         """
         return self._now(snapshot).fence
 
-    def fence_of_velocities(self, snapshot: Snapshot) -> Fence:
-        """Returns the fence that a velocity must not lead out of: it reaches down to the ground. Raises as `fence`."""
-        return self._now(snapshot).low_fence
-
     def _now(self, snapshot: Snapshot) -> _Now:
         """Returns what holds now, which each setpoint asks for: the same as before, unless something has changed."""
         own = snapshot.autopilot_fence

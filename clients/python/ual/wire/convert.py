@@ -205,15 +205,6 @@ def pose_stamped_from_proto(message: pb.PoseStamped, field: str = "pose") -> Pos
     )
 
 
-def twist_stamped_to_proto(velocity: TwistStamped) -> pb.TwistStamped:
-    """A velocity to fly. Its stamp is left out: the daemon ignores it."""
-    message = pb.TwistStamped()
-    if velocity.frame_id:
-        message.header.frame_id = velocity.frame_id
-    _write_twist(velocity.twist, message.twist)
-    return message
-
-
 def twist_stamped_from_proto(message: pb.TwistStamped, field: str = "velocity") -> TwistStamped:
     """A velocity to fly, whose stamp is ignored; parts of the twist that are not set are zero."""
     if not message.HasField("twist"):

@@ -136,7 +136,7 @@ def test_a_velocity_is_admitted_where_the_rule_admits_it_and_nowhere_else(
     tested = geofence(settings, clearance_m)
     for moment in flight:
         snapshot = moment.snapshot(autopilot_fence)
-        fence, motion = tested.fence_of_velocities(snapshot), Motion(moment.here, 0.0, moment.own)
+        fence, motion = tested._now(snapshot).low_fence, Motion(moment.here, 0.0, moment.own)
         band = (FLOOR_M + clearance_m, CEILING_M)
         given_m = min(0.1, clearance_m / 2.0)
         expected = exact_rule.is_admitted(fence, band, motion, moment.velocity, limits, given_m)

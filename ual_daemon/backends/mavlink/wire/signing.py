@@ -121,11 +121,6 @@ class Signer:
         """The newest timestamp of all senders that were forgotten. Nothing up to it is accepted from an unknown sender:
         it could be a repetition."""
 
-    @property
-    def senders_count(self) -> int:
-        """How many senders are remembered."""
-        return len(self._newest)
-
     def next_timestamp(self) -> int:
         """Returns the timestamp of the next signature: newer than the last, not older than any valid received one."""
         self._sent = max(self._sent + 1, self._received, self._now())

@@ -137,7 +137,7 @@ def crowd(ours: Signer, timestamp: int) -> list[Verdict]:
 def test_the_number_of_senders_that_are_remembered_is_limited() -> None:
     ours = signer()
     assert crowd(ours, NOW) == [Verdict.GOOD] * MOST_SENDERS + [Verdict.CROWDED] * (255 - MOST_SENDERS)
-    assert ours.senders_count == MOST_SENDERS
+    assert len(ours._newest) == MOST_SENDERS
 
 
 def test_a_sender_that_is_heard_is_not_forgotten_for_others_whose_clock_is_ahead() -> None:
@@ -160,7 +160,7 @@ def test_what_a_forgotten_sender_signed_is_not_accepted_again() -> None:
     new = Vehicle(timestamp=NOW + 10**7 + 1000, link_id=255)
     assert ours.check(new.frame()) is Verdict.GOOD  # the first of them is forgotten for it
     assert ours.check(ahead[0]) is Verdict.REPEATED
-    assert ours.senders_count == MOST_SENDERS
+    assert len(ours._newest) == MOST_SENDERS
 
 
 def test_our_timestamps_always_grow_and_follow_the_newest_heard() -> None:
