@@ -82,7 +82,9 @@ class FrameTree:
         self.body = f"{ns}/base_link"
         self._lock = threading.Lock()
         self._fixed = {MAP, self.odom, self.body, *(frame.frame_id for frame in settings.frames)}
-        self._links = self._build(settings)
+        self.links = self._build(settings)
+        """What each frame is tied to: another object whenever a frame was added, moved or removed. It changes only
+        here; an attribute, because each setpoint looks."""
         self._odom_in_map: tuple[_Links, Transform | None] = ({}, None)
         """The transform from odom to map, and the links from which it was computed."""
 
@@ -127,11 +129,6 @@ class FrameTree:
             links[frame.frame_id] = _Link(frame.parent_frame_id, transform)
         return links
 
-    @property
-    def links(self) -> object:
-        """Another object whenever a frame was added, moved or removed."""
-        return self._links
-
     def set_home(self, position_in_map: Vector3) -> None:
         """Moves ``<ns>/odom`` to a position in ``map``."""
         with self._lock:
@@ -140,15 +137,15 @@ class FrameTree:
     def forget_home(self) -> None:
         """Makes it unknown where ``<ns>/odom`` lies in ``map``."""
         with self._lock:
-            self._links = MappingProxyType({**self._links, self.odom: replace(self._links[self.odom], transform=None)})
+            self.links = MappingProxyType({**self.links, self.odom: replace(self.links[self.odom], transform=None)})
 
     def has_home(self) -> bool:
         """Returns whether it is known where ``<ns>/odom`` lies."""
-        return self._links[self.odom].transform is not None
+        return self.links[self.odom].transform is not None
 
     def odom_in_map(self) -> Transform | None:
         """Returns the transform from ``<ns>/odom`` to ``map``; None if not known. Cached: each sample calls it."""
-        links = self._links
+        links = self.links
         cached_for, transform = self._odom_in_map
         if cached_for is not links:
             transform = self.lookup(MAP, self.odom, None) if self.has_home() else None
@@ -161,18 +158,18 @@ class FrameTree:
 
     def is_below_odom(self, name: str) -> bool:
         """Returns whether a frame is ``<ns>/odom``, or below it."""
-        return self.odom in _chain(name, self._links)
+        return self.odom in _chain(name, self.links)
 
     def is_below_body(self, name: str) -> bool:
         """Returns whether a frame is the body, or below it."""
-        return self.body in _chain(name, self._links)
+        return self.body in _chain(name, self.links)
 
     def is_moving(self, name: str) -> bool:
         """Returns whether a client moves a frame, or one above it. Frames below the body do not count.
 
         Raises `UnknownFrameError` if there is no such frame.
         """
-        links = self._links
+        links = self.links
         _require(name, links)
         chain = _chain(name, links)
         return self.body not in chain and any(each != MAP and links[each].motion is not None for each in chain)
@@ -197,14 +194,14 @@ class FrameTree:
                     f"transform.child_frame_id: the frame {child} is built in or configured and stays where it is",
                     {"field": "transform.child_frame_id"},
                 )
-            if child in _chain(parent, self._links):
+            if child in _chain(parent, self.links):
                 raise InvalidArgumentError(
                     f"transform.header.frame_id: {child} cannot hang below itself ({parent} lies below it)",
                     {"field": "transform.header.frame_id"},
                 )
-            _require_room(parent, child, self._links)
+            _require_room(parent, child, self.links)
             link = Transform(transform.translation, transform.rotation, parent, child, transform.stamp_s)
-            self._replace(link, _estimated_motion(self._links.get(child), link, now_s), now_s)
+            self._replace(link, _estimated_motion(self.links.get(child), link, now_s), now_s)
 
     def remove(self, name: str) -> None:
         """Removes a frame that was added.
@@ -220,25 +217,25 @@ class FrameTree:
                 raise InvalidArgumentError(
                     f"frame_id: the frame {name} is built in or configured and stays", {"field": "frame_id"}
                 )
-            children = ", ".join(child for child, link in self._links.items() if link.parent == name)
+            children = ", ".join(child for child, link in self.links.items() if link.parent == name)
             if children:
                 raise InvalidArgumentError(
                     f"frame_id: frames lie below {name}; remove them first: {children}", {"field": "frame_id"}
                 )
-            self._links = MappingProxyType({other: link for other, link in self._links.items() if other != name})
+            self.links = MappingProxyType({other: link for other, link in self.links.items() if other != name})
 
     def _replace(self, transform: Transform, motion: FrameMotion | None = None, updated_s: float = 0.0) -> None:
         link = _Link(transform.frame_id, transform, motion, updated_s)
-        self._links = MappingProxyType({**self._links, transform.child_frame_id: link})
+        self.links = MappingProxyType({**self.links, transform.child_frame_id: link})
 
     def names(self) -> list[str]:
         """Returns the names of all frames, the root first."""
-        return [MAP, *self._links]
+        return [MAP, *self.links]
 
     def frames(self, body: Pose | None) -> list[Frame]:
         """Returns all frames with their parents."""
         result = [Frame(MAP, "", None, True)]
-        for name, link in self._links.items():
+        for name, link in self.links.items():
             transform = self._body_transform(body) if name == self.body else link.transform
             result.append(Frame(name, link.parent, transform, name != self.body and link.motion is None))
         return result
@@ -253,7 +250,7 @@ class FrameTree:
             WrongStateError: A link between the frames is not known (yet).
 
         """
-        links = self._links
+        links = self.links
         _require(target, links)
         _require(source, links)
         if target == source:
@@ -282,7 +279,7 @@ class FrameTree:
 
     def require(self, name: str) -> None:
         """Raises `UnknownFrameError` if there is no such frame."""
-        _require(name, self._links)
+        _require(name, self.links)
 
 
 def _first_link(link: Transform, child: str) -> Transform:
