@@ -189,7 +189,7 @@ def test_the_autopilots_home_goes_before_the_place_of_the_take_off(
     monkeypatch.setattr(backend, "snapshot", lambda: changed(original(), home_geo=home))
     flight = flying.vehicle._flight
     step = flight.step
-    monkeypatch.setattr(flight, "step", lambda snapshot: step(snapshot._replace(home_geo=home)))
+    monkeypatch.setattr(flight, "step", lambda snapshot: step(changed(snapshot, home_geo=home)))
     task = flying.prepare.return_to_launch(5.0).begin()
     assert "the autopilot's home" in task.description
     flying.end(task.future)

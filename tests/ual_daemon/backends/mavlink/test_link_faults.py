@@ -79,9 +79,9 @@ def test_in_bad_weather_everything_is_asked_and_only_what_was_sent_is_believed(s
         harness.discovery.tick(harness.now_s)
         if harness.now_s > 3.0:
             snapshot = harness.snapshot()
-            assert 0.0 <= harness.now_s - snapshot.pose.value.position.y < 1.0
-            assert snapshot.armed.value is True
-            fresh_s.append(harness.now_s - snapshot.armed.time_s)
+            assert 0.0 <= harness.now_s - snapshot.motion.pose.value.position.y < 1.0
+            assert snapshot.control.armed.value is True
+            fresh_s.append(harness.now_s - snapshot.control.armed.time_s)
     # What flows by itself need not be asked for again, where an acknowledgement of another was taken for its own. It is
     # also tried whether less of what comes unasked (33, 24, 1) helps.
     assert {436.0, 245.0, 230.0} <= asked <= {436.0, 245.0, 230.0, 31.0, 32.0, 65.0, 33.0, 24.0, 1.0}
