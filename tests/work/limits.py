@@ -30,9 +30,9 @@ class Most(NamedTuple):
 
 SETPOINTS = {
     "light": Most(106, 380, 20),
-    "mavlink-px4": Most(119, 400, 24),
+    "mavlink-px4": Most(122, 400, 24),
     "mavlink-ardupilot": Most(119, 400, 24),
-    "mavros": Most(137, 430, 26),
+    "mavros": Most(138, 430, 26),
     "crazyflie": Most(117, 400, 20),
     "airsim": Most(103, 380, 20),
     "dji": Most(124, 450, 24),
@@ -45,7 +45,7 @@ SAMPLES = {
     "mavlink-ardupilot": 854,
     "mavros": 1198,
     "crazyflie": 560,
-    "airsim": 764,
+    "airsim": 795,
     "dji": 1067,
 }
 """Calls of functions from one sample to the next in the same flights. What was received is decoded, the velocity is
