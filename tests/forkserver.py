@@ -104,7 +104,12 @@ def _server() -> _Server:
     ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     command = [sys.executable, "-m", "tests.forkserver", str(its.fileno())]
     process = subprocess.Popen(
-        command, cwd=_ROOT, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        command,
+        cwd=_ROOT,
+        env=os.environ | {"GRPC_VERBOSITY": "NONE"},  # as the daemon sets it before it imports gRPC
+        pass_fds=[its.fileno()],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
     )
     its.close()
     return _Server(ours, process)
