@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any
@@ -27,6 +28,13 @@ class Multi(Enum):
 
 
 SHARED_OPTIONS = ", ".join(option.flag for option in options.SHARED)
+
+
+def _write_unbroken(formatter: click.HelpFormatter, text: str) -> None:
+    """Writes lines that end between words only: click also ends them after a hyphen, amid an option."""
+    width = formatter.width - formatter.current_indent
+    indent = " " * formatter.current_indent
+    formatter.write(textwrap.indent(textwrap.fill(text, width, break_on_hyphens=False), indent) + "\n")
 
 
 class _SharedOptions(click.Command):
@@ -56,7 +64,7 @@ class _SharedOptions(click.Command):
         write_examples(formatter, self.examples)
         if ctx.parent is not None:
             with formatter.section("Options of every command (see ual --help)"):
-                formatter.write_text(SHARED_OPTIONS)
+                _write_unbroken(formatter, SHARED_OPTIONS)
         super().format_epilog(ctx, formatter)
 
     @override
