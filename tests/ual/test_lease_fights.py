@@ -11,8 +11,9 @@ import random
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import ParamSpec, TypeVar
 
 import pytest
 
@@ -26,6 +27,9 @@ from ual_daemon.server.server import Server
 from ual_daemon.server.transport import selection
 from ual_daemon.vehicle.vehicle import Vehicle
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 FIGHTS = int(os.environ.get("UAL_TEST_FIGHTS", "40"))
 YAW_RATES = {"left": 0.25, "right": -0.25}
 AT_REST_M_S = 0.05
@@ -34,7 +38,8 @@ AT_REST_M_S = 0.05
 class Referee:
     """Sees each setpoint with the lease that is held just after it was sent.
 
-    One setpoint may be on its way while the lease changes: it was admitted before. A second one is a foul.
+    A lease that begins or ends stops the UAV right after it: until that is done, the setpoints from before go on. One
+    more may be on its way then, as it was admitted before. A second one is a foul.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -42,11 +47,28 @@ class Referee:
         self.flown = dict.fromkeys(YAW_RATES, 0)
         self._on_its_way = ""
         self.leases_count = 0
+        self._changes_count = 0
         self._vehicle = vehicle
         self._last = ""
         self._changed = threading.Condition()
+        for name in ("acquire_lease", "release_lease", "_expire_lease"):
+            setattr(vehicle, name, self._noted(getattr(vehicle, name)))
         vehicle.observe_setpoints(self._on_setpoint)
         vehicle.subscribe(lambda _: self._look())
+
+    def _noted(self, change: Callable[P, T]) -> Callable[P, T]:
+        """Returns what changes the lease and stops the UAV, and notes that it is under way."""
+
+        def noted(*args: P.args, **kwargs: P.kwargs) -> T:
+            with self._changed:
+                self._changes_count += 1
+            try:
+                return change(*args, **kwargs)
+            finally:
+                with self._changed:
+                    self._changes_count -= 1
+
+        return noted
 
     def _look(self) -> None:
         lease = self._vehicle.lease()
@@ -64,7 +86,7 @@ class Referee:
         if by is None:
             return
         self.flown[by] += 1
-        if held is not None and held.holder == by:
+        if (held is not None and held.holder == by) or self._changes_count:
             return
         foul = f"{by} flew under {held}, after {self.leases_count} leases"
         if foul == self._on_its_way:
