@@ -55,13 +55,14 @@ nitpick_ignore_regex = [
     ("py:.*", r"(abc|collections|concurrent|enum|msgspec|pathlib|typing|typing_extensions)\..*"),
     ("py:class", r"(.*\.)?[A-Z](_co)?"),  # type variables
     ("py:class", r"-?[0-9.]+"),  # limits in `Annotated`
+    ("py:class", r"Path"),  # of a msgspec structure, whose types are text
 ]
 
 html_theme = "furo"
 html_title = f"UAL {version}"
 html_extra_path = ["_site"]
 
-_GOOGLE_STYLE = Config(napoleon_numpy_docstring=False)
+_GOOGLE_STYLE = Config(napoleon_numpy_docstring=False, napoleon_use_ivar=True)
 _INTERFACE = {"UAL": "Uav"}
 """Names of the interface's protocols that its implementations do not have."""
 
