@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from ual_daemon.backends.firmwares.autopilot import Autopilot
 from ual_daemon.backends.firmwares.numbers import Sensor, SystemStatus
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.values import Cause, Control, Mode
+from ual_daemon.backends.values import Cause, Control, ControlState, LandedState, Mode, Sample
 
 BEFORE_S = 1.5
 """A sign may come so long before the mode that it explains. PX4's events come 10 to 20 ms before it, ArduPilot
@@ -133,6 +133,25 @@ class CauseWatch:
         self._switches = switches
 
     # --- What follows from it -----------------------------------------------------------------------------------------
+
+    def control_state(
+        self,
+        armed: Sample[bool] | None,
+        landed: Sample[LandedState] | None,
+        mode: Sample[Mode] | None,
+        other_sender: str,
+        now_s: float,
+    ) -> ControlState:
+        """Returns who flies it. All at once: a value that is replaced afterwards copies its group, at each update."""
+        is_armed = None if armed is None else armed.value
+        return ControlState(
+            armed,
+            landed,
+            mode,
+            failsafe=self.failsafe(is_armed=is_armed),
+            held_by=None if mode is None else self.held_by(mode.value, now_s, is_armed=is_armed),
+            other_sender=other_sender,
+        )
 
     def failsafe(self, *, is_armed: bool | None) -> Cause | None:
         """Returns the failsafe that is active, whatever the mode; None if none is, or while it has no name yet."""

@@ -36,7 +36,7 @@ from ual_daemon.backends.mavros.vehicle import VehicleDescription
 from ual_daemon.backends.rosbridge import Message, Ros
 from ual_daemon.backends.rosbridge.calls import ServiceError
 from ual_daemon.backends.rosbridge.fields import number, numbers, stamp_s
-from ual_daemon.backends.values import ControlState, Freshness, PositionSetpoint, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Freshness, PositionSetpoint, Setpoint, Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -181,15 +181,8 @@ class Session:
         """Returns the newest data as of now."""
         telemetry, causes = self.telemetry, self._causes
         armed, mode, landed = telemetry.armed.sample, telemetry.mode.sample, telemetry.landed.sample
-        is_armed = None if armed is None else armed.value
-        control = ControlState(
-            armed,
-            landed,
-            mode,
-            failsafe=causes.failsafe(is_armed=is_armed),
-            held_by=None if mode is None else causes.held_by(mode.value, now_s, is_armed=is_armed),
-            other_sender=self._senders.another(now_s, armed, mode, landed),
-        )
+        other_sender = self._senders.another(now_s, armed, mode, landed)
+        control = causes.control_state(armed, landed, mode, other_sender, now_s)
         health = self._health.report(now_s, telemetry.is_ready_to_arm, causes.failing_sensors, lambda: None)
         return telemetry.snapshot(now_s, control, health)
 

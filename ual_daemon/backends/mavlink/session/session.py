@@ -51,7 +51,7 @@ from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Message, mavlink
 from ual_daemon.backends.mavlink.wire.sender import Sender
-from ual_daemon.backends.values import ControlState, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -286,16 +286,8 @@ class Session:
         """Returns the newest data as of now. `updated_s` and `scheduling_gap` are those of the snapshot."""
         telemetry, causes = self.telemetry, self._causes
         armed, mode, landed = telemetry.armed.sample, telemetry.mode.sample, telemetry.landed.sample
-        is_armed = None if armed is None else armed.value
-        # All at once: each value that is replaced afterwards copies its group, at each update.
-        control = ControlState(
-            armed,
-            landed,
-            mode,
-            failsafe=causes.failsafe(is_armed=is_armed),
-            held_by=None if mode is None else causes.held_by(mode.value, now_s, is_armed=is_armed),
-            other_sender=self._sender_watch.another(now_s, armed, mode, landed),
-        )
+        other_sender = self._sender_watch.another(now_s, armed, mode, landed)
+        control = causes.control_state(armed, landed, mode, other_sender, now_s)
         return telemetry.snapshot(
             now_s,
             control,
