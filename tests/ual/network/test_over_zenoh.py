@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 
@@ -18,12 +16,6 @@ from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.network import Network, NetworkSettings, Scouting, discover
 
 pytest.importorskip("zenoh", reason="ZENOH IS MISSING, the network is NOT TESTED: pip install 'ual-client[network]'")
-
-
-@pytest.fixture
-def net(tmp_path: Path) -> Iterator[ZenohNet]:
-    with ExitStack() as stack:
-        yield ZenohNet(tmp_path, stack)
 
 
 def names(network: Network) -> list[str]:

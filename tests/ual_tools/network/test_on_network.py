@@ -37,12 +37,6 @@ def nothing_from_outside(monkeypatch: pytest.MonkeyPatch, runtime_dir: Path) -> 
 
 
 @pytest.fixture
-def net(tmp_path: Path) -> Iterator[ZenohNet]:
-    with ExitStack() as stack:
-        yield ZenohNet(tmp_path, stack)
-
-
-@pytest.fixture
 def config(tmp_path: Path, net: ZenohNet) -> str:
     file = tmp_path / "network.yaml"
     file.write_text(f"site: {net.site}\nconnect: [{net.endpoint}]\n")

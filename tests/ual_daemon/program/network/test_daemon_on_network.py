@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import random
 import signal
-from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -21,12 +19,6 @@ from ual.types import State
 pytest.importorskip("zenoh", reason="ZENOH IS MISSING, the network is NOT TESTED: pip install 'ual-daemon[network]'")
 
 FUZZED_COUNT = 2_000  # benchmarks/network sends 10^5
-
-
-@pytest.fixture
-def net(tmp_path: Path) -> Iterator[ZenohNet]:
-    with ExitStack() as stack:
-        yield ZenohNet(tmp_path, stack)
 
 
 @pytest.fixture
