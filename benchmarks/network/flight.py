@@ -9,12 +9,12 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.attacks.scenes import LightScene
-from benchmarks.children import UAL, Process
+from benchmarks.children import Process
+from benchmarks.network import router
 from benchmarks.network.goals import Found
 from tests.ports import free_port
 from ual.network import Network, NetworkSettings, configuration
@@ -37,15 +37,15 @@ def measure(messages: int, seconds: float) -> list[Found]:
         directory = Path(name)
         config = directory / "network.yaml"
         config.write_text(f"site: {_SITE}\nconnect: [{endpoint}]\n")
-        router = directory / "router.json5"
-        router.write_text(json.dumps(configuration.router(settings, listen=[endpoint])))
+        file = directory / "router.json5"
+        file.write_text(json.dumps(configuration.router(settings, listen=[endpoint])))
         without = _late("without the network", None, lambda _: time.sleep(seconds))
         found = [without]
-        with _routing(router) as first:
+        with router.start(file) as first:
             found.append(_late("telling at 1 Hz", config, lambda _: time.sleep(seconds)))
             found += _nonsense(settings, config, messages)
             found.append(
-                _late("its router is killed and started again", config, lambda _: _restart(first, router, seconds))
+                _late("its router is killed and started again", config, lambda _: _restart(first, file, seconds))
             )
         return [*found, *(_more(each, without) for each in found[1:] if each.unit == "ms")]
 
@@ -66,18 +66,11 @@ def _late(what: str, config: Path | None, act: Callable[[LightScene], None]) -> 
     return Found(f"setpoints at 50 Hz, p99 lateness: {what}", measured.setpoints.p99, "ms", _MOST_P99_MS)
 
 
-@contextmanager
-def _routing(file: Path) -> Iterator[Process]:
-    with Process([UAL, "router", str(file)]) as process:
-        time.sleep(1.0)
-        yield process
-
-
-def _restart(router: Process, file: Path, seconds: float) -> None:
-    router.popen.kill()
-    router.popen.wait()
+def _restart(routing: Process, file: Path, seconds: float) -> None:
+    routing.popen.kill()
+    routing.popen.wait()
     time.sleep(seconds / 3.0)
-    with _routing(file):
+    with router.start(file):
         time.sleep(seconds * 2.0 / 3.0)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from benchmarks.children import UAL, Child, Process
+from benchmarks.children import Child, Process
+from benchmarks.network import router
 from benchmarks.network.namespaces import Lan, Loopback
 from ual_tools.access import certificates, network_files
 
@@ -50,12 +50,8 @@ class Site:
 
     def router(self, name: str) -> Process:
         """Starts a router. Returns it once it says that it routes."""
-        command = [*self.lan.prefix(name), UAL, "router"]
-        file = str(self.directory / f"{name}.router.json5")
-        process = self._stack.enter_context(Process([*command, file], stdout=subprocess.PIPE))
-        assert process.popen.stdout is not None
-        process.popen.stdout.readline()
-        return process
+        file = self.directory / f"{name}.router.json5"
+        return self._stack.enter_context(router.start(file, self.lan.prefix(name)))
 
     def listener(self) -> Child:
         """Starts who listens, beside the second router."""

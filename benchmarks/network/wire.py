@@ -8,7 +8,8 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from benchmarks.children import UAL, Child, Process
+from benchmarks.children import Child, Process
+from benchmarks.network import router
 from benchmarks.network.goals import Found
 from tests.ports import free_port
 from ual.network import NetworkSettings, configuration
@@ -30,7 +31,7 @@ def measure(uavs: int, seconds: float) -> list[Found]:
         config.write_text(f"site: {_SITE}\nconnect: [{endpoint}]\n")
         file = directory / "router.json5"
         file.write_text(json.dumps(configuration.router(settings, listen=[endpoint])))
-        router = stack.enter_context(Process([UAL, "router", str(file)]))
+        routing = stack.enter_context(router.start(file))
         listener = stack.enter_context(Child("benchmarks.network.listener", str(config)))
         tellers = [
             stack.enter_context(Child("benchmarks.network.teller", str(config), str(i * each + 1), str(each)))
@@ -51,7 +52,7 @@ def measure(uavs: int, seconds: float) -> list[Found]:
         ]
         anew = listener.ask("discover", limit_s=_LIMIT_S)
         found.append(Found(f"a program that starts lists {anew['count']} of {uavs}", anew["took_s"], "s"))
-        processes: list[Process] = [router, listener, *tellers]
+        processes: list[Process] = [routing, listener, *tellers]
         before = [process.processor_s() for process in processes]
         began_s = time.monotonic()
         ages_s = listener.ask("ages", seconds=seconds, limit_s=_LIMIT_S)["ages_s"]
@@ -67,6 +68,6 @@ def measure(uavs: int, seconds: float) -> list[Found]:
             Found("processor: the router", shares[0], "%"),
             Found("processor: who listens to all", shares[1], "%"),
             Found("processor: the twenty that tell, together", sum(shares[2:]), "%"),
-            Found("memory: the router", router.resident_mib(), "MiB"),
+            Found("memory: the router", routing.resident_mib(), "MiB"),
             Found("memory: who listens", listener.resident_mib(), "MiB"),
         ]
