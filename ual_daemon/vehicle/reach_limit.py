@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import count
-from typing import NoReturn
 
 from ual.errors import GeofenceError
 from ual.geometry import Vector3
 from ual.types import GeoWaypoint
 from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.policy.home import HomePlace
 from ual_daemon.frames.resolver import Goal
 from ual_daemon.geodesy import is_zero
 from ual_daemon.settings import ConfigError, VehicleSettings
@@ -55,16 +55,9 @@ class ReachLimit:
         assert self._reach_m is not None
         distance_m = (there - here).horizontal_norm()
         if distance_m > self._reach_m:
-            self._refuse(f"{name}: {place}", distance_m, self._swapped_m(goal, here, snapshot))
-
-    def _refuse(self, what: str, distance_m: float, swapped_m: float | None) -> NoReturn:
-        assert self._reach_m is not None
-        hint = "" if swapped_m is None else f"; with latitude and longitude swapped it is {_text(swapped_m)} away"
-        raise GeofenceError(
-            f"{what}the goal is {_text(distance_m)} from the UAV, beyond its reach of {_text(self._reach_m)}"
-            f" (reach_m: {self._reach_m:g} in the configuration){hint}",
-            _SETTING,
-        )
+            swapped_m = self._swapped_m(goal, here, snapshot)
+            hint = "" if swapped_m is None else f"; with latitude and longitude swapped it is {_text(swapped_m)} away"
+            raise _beyond(f"{name}: {place}the goal", distance_m, self._reach_m, hint)
 
     def _swapped_m(self, goal: Goal | GeoWaypoint, here: Vector3, snapshot: Snapshot) -> float | None:
         """Returns how far a goal on Earth would be with its coordinates swapped, where that is within the reach."""
@@ -74,6 +67,24 @@ class ReachLimit:
         there = snapshot.earth.projection.to_local(goal.longitude_deg, goal.latitude_deg, 0.0)
         distance_m = (there - here).horizontal_norm()
         return distance_m if distance_m <= self._reach_m else None
+
+
+def require_home(name: str, home: HomePlace, settings: VehicleSettings, snapshot: Snapshot) -> None:
+    """Checks the home to which a command returns. Raises `GeofenceError`."""
+    if settings.reach_m is None:
+        return
+    distance_m = (home.position - measured_motion(snapshot).position).horizontal_norm()
+    if distance_m > settings.reach_m:
+        ways_out = "; fly back (go_to_waypoint) and command this again, or land where it is (land)"
+        raise _beyond(f"{name}: {home.what}", distance_m, settings.reach_m, ways_out)
+
+
+def _beyond(what: str, distance_m: float, reach_m: float, hint: str) -> GeofenceError:
+    return GeofenceError(
+        f"{what} is {_text(distance_m)} from the UAV, beyond its reach of {_text(reach_m)}"
+        f" (reach_m: {reach_m:g} in the configuration){hint}",
+        _SETTING,
+    )
 
 
 def _require_meant(settings: VehicleSettings) -> None:

@@ -13,6 +13,7 @@ from ual_daemon.flight.policy.home import HomePlace, home_place
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Brake, Chain, Motion, Trajectory, Waypoint, path
 from ual_daemon.vehicle.admission import admit
+from ual_daemon.vehicle.reach_limit import require_home
 
 _NAME = "return_to_launch"
 _SAME_HEIGHT_M = 0.1
@@ -34,14 +35,14 @@ def plan_way_home(
 
     Args:
         flight: What the UAV flies now.
-        settings: The tolerance within which it is over home already, and the height if none is given.
+        settings: The tolerance within which it is over home already, the reach, and the height if none is given.
         height_m: The least height above the ground of the take-off; None: that of the settings, as far as it fits.
         bounds: The limits of the motion.
         snapshot: The newest data.
 
     Raises:
         WrongStateError: No home is known, or it is not known where the geofence lies.
-        GeofenceError: Home or the way there lies outside.
+        GeofenceError: Home or the way there lies outside, or home is beyond the reach.
 
     """
     home = home_place(snapshot, flight.geofence.ground)
@@ -51,6 +52,7 @@ def plan_way_home(
             "fly there (go_to_waypoint) and land, or land here",
             {"command": _NAME},
         )
+    require_home(_NAME, home, settings, snapshot)
     start = flight.start(snapshot)
     stop = Brake(start, bounds).end()
     over_home = Vector3(home.position.x, home.position.y, stop.position.z)

@@ -383,6 +383,23 @@ def test_a_way_home_leads_to_where_home_is_now(world: World) -> None:
     assert (world.uav.pose.position - Vector3(100.0, 30.0)).horizontal_norm() < 0.4
 
 
+def test_no_way_home_leads_beyond_the_reach(world: World) -> None:
+    """As where a ground station has set home with latitude and longitude swapped."""
+    world.home(Vector3())
+    task = begun(world, "return_to_launch")
+    world.home(Vector3(12_000.0, 30.0))
+    world.uav.run(5.0)
+    said = r"return_to_launch: the autopilot's home is 1\d\.\d km from the UAV, beyond its reach of 10\.0 km"
+    with pytest.raises(GeofenceError, match=said) as ended:
+        task.future.result()
+    assert ended.value.metadata["setting"] == "reach_m"
+    assert world.speed_m_s < 0.1
+    with pytest.raises(GeofenceError, match=said):
+        world.uav.prepare.return_to_launch(3.0)
+    world.home(Vector3(100.0, 30.0))
+    world.uav.prepare.return_to_launch(3.0)
+
+
 @pytest.mark.parametrize("moved_m", [-1.5, 4.0])
 def test_a_height_above_home_is_that_above_the_home_of_now(world: World, moved_m: float) -> None:
     """PX4 ended "9 m above home" at 2.8 m: home had been set lower just before."""
