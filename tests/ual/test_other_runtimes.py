@@ -45,6 +45,35 @@ with ual.Uav(address=sys.argv[1]) as uav:
         print("done")
 """
 
+GEVENT_TOO_LATE = """
+import sys
+from ual import Uav, UalError
+from gevent import monkey
+monkey.patch_all()
+try:
+    Uav(address=sys.argv[1]).subscribe(print)
+except UalError as error:
+    print(error)
+"""
+
+GEVENT_ASYNCIO = """
+from gevent import monkey
+monkey.patch_all()
+import asyncio, sys, ual
+async def ask():
+    async with ual.aio.Uav(address=sys.argv[1]) as uav:
+        await uav.telemetry()
+try:
+    asyncio.run(ask())
+except ual.UalError as error:
+    print(error)
+with ual.Team([sys.argv[1]]) as team:
+    try:
+        team.telemetry()
+    except ual.TeamError as error:
+        print(error)
+"""
+
 
 def run(program: str, daemon: DaemonProcess) -> subprocess.CompletedProcess[str]:
     daemon.wait_for("state", new="LANDED_ARMED")
@@ -61,6 +90,13 @@ def test_a_client_works_in_a_forked_process_and_in_its_parent(daemon: DaemonProc
 def test_telemetry_flows_under_gevent(daemon: DaemonProcess) -> None:
     done = run(GEVENT, daemon)
     assert (done.stdout, done.returncode) == ("done\n", 0), done.stderr
+
+
+def test_what_cannot_run_under_gevent_says_so(daemon: DaemonProcess) -> None:
+    done = run(GEVENT_TOO_LATE, daemon)
+    assert "monkey.patch_all() was called after ual's client was imported" in done.stdout, done.stderr
+    done = run(GEVENT_ASYNCIO, daemon)
+    assert done.stdout.count("ual.aio and ual.Team do not run under gevent's") == 2, done.stderr
 
 
 def test_a_client_of_another_event_loop_says_so(daemon: DaemonProcess) -> None:

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from typing_extensions import Self, override
 
-from ual import _calls, interface
+from ual import _calls, _gevent, interface
 from ual._calls import QUICK_S
 from ual._connection import Connection, TelemetryStream
 from ual._interruption_log import InterruptionLog
@@ -51,6 +51,7 @@ class Subscriptions:
             UalTimeoutError: The daemon sent no telemetry in time.
             DaemonUnreachableError: No daemon answers.
         """
+        _gevent.prepare()
         with self._lock:
             if self._is_closed:
                 raise _calls.closed()

@@ -141,6 +141,8 @@ class Target:
         """Opens a channel to an address by `api`, which is the module `grpc` or `grpc.aio`."""
         if api is grpc:
             _gevent.prepare()
+        else:
+            _gevent.refuse_asyncio()
         options = (*CHANNEL_OPTIONS, *more_options)
         if self._credentials is None:
             return api.insecure_channel(address, options)
