@@ -22,6 +22,8 @@ NAMESPACE_PATTERN = rf"^[A-Za-z_][A-Za-z0-9_]{{0,{LONGEST_NAMESPACE - 1}}}\Z"
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
 FrameId = Annotated[str, Meta(pattern=FRAME_ID_PATTERN)]
+Angle = Annotated[float, Meta(ge=-math.tau, le=math.tau)]
+"""Radians. What is more than a full turn is meant in degrees."""
 Coordinate = Annotated[float, Meta(ge=-1e7, le=1e7)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
@@ -52,9 +54,9 @@ class FrameSettings(Settings, frozen=True, kw_only=True):
     frame_id: FrameId
     parent_frame_id: FrameId = "map"
     translation: Position = (0.0, 0.0, 0.0)
-    roll_rad: float = 0.0
-    pitch_rad: float = 0.0
-    yaw_rad: float = 0.0
+    roll_rad: Angle = 0.0
+    pitch_rad: Angle = 0.0
+    yaw_rad: Angle = 0.0
 
 
 class LimitSettings(Settings, frozen=True, kw_only=True):
@@ -187,6 +189,8 @@ def human_readable(message: str, kind: type[Settings], key: str) -> str:
         length = re.search(r"\{0,(\d+)\}", pattern[1])
         at_most = f", of at most {int(length[1]) + 1} characters" if length else ""
         return f"expected {_NAME}{at_most}" + (", parts joined by /" if "/" in pattern[1] else "")
+    if message.endswith((f"<= {math.tau}", f">= -{math.tau}")):
+        return "is more than a full turn: give radians, not degrees"
     if message.startswith("Invalid enum value"):
         known = list(_values(_type_at(kind, key)))
         return f"{message.removeprefix('Invalid enum value ')} is not one of: {', '.join(known)}"

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.settings import ConfigError, LimitSettings, VehicleSettings, convert
 
 
@@ -106,6 +107,19 @@ def test_a_wrong_value_is_refused_by_the_name_of_its_setting(values: dict[str, A
 )
 def test_a_number_that_is_not_finite_is_refused(make: Any, key: str, value: float) -> None:
     assert refusal(make(value)).key == key
+
+
+@pytest.mark.parametrize("degrees", [90, -7.0])
+@pytest.mark.parametrize("name", ["roll_rad", "pitch_rad", "yaw_rad"])
+def test_an_angle_in_degrees_is_refused(name: str, degrees: float) -> None:
+    refused = refusal({"frames": [{"frame_id": "a", name: degrees}]})
+    assert (refused.key, refused.message) == (
+        f"frames[0].{name}",
+        "is more than a full turn: give radians, not degrees",
+    )
+    with pytest.raises(ConfigError, match="start_yaw_rad: is more than a full turn"):
+        convert({"start_yaw_rad": degrees}, LightSettings, "light")
+    convert({"frames": [{"frame_id": "a", name: math.tau}]}, VehicleSettings)
 
 
 def test_a_section_is_part_of_the_key() -> None:

@@ -201,7 +201,8 @@ class SimulatorLink:
 
     def _say_lost(self, error: Exception) -> None:
         self._was_refused = self._was_refused or isinstance(error, ConnectionRefusedError)
-        why = self.trouble = str(error) or repr(error)
+        system = error.strerror if isinstance(error, OSError) else None
+        why = self.trouble = f"{self.address}: {system}" if system else str(error) or repr(error)
         if isinstance(error, OSError):
             self.why_not = ""  # nobody answers: what was said of the vehicle is old
         elif isinstance(error, (RemoteError, WrongVehicleError)):

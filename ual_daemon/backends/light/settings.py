@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from ual_daemon.settings import GeoPosition, NotNegative, Position, Positive, Settings
+from ual_daemon.settings import Angle, GeoPosition, NotNegative, Position, Positive, Settings
 
 Percent = Annotated[float, Meta(ge=0.0, le=100.0)]
 
@@ -31,7 +31,7 @@ class LightSettings(Settings, frozen=True, kw_only=True):
     landing_speed_m_s: Positive = 0.7
     disarm_after_landing_s: NotNegative = 2.0
     start: Position = (0.0, 0.0, 0.0)
-    start_yaw_rad: float = 0.0
+    start_yaw_rad: Angle = 0.0
     origin_geo: GeoPosition = (37.4117, -6.0013, 10.0)
     geoid_separation_m: Annotated[float, Meta(ge=-200.0, le=200.0)] = 49.5
     battery_percent: Percent = 100.0

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
+import time
 from typing import Any
 
 import pytest
@@ -10,6 +13,7 @@ import pytest
 from tests.simulators.airsim import quaternion
 from ual.geometry import Vector3
 from ual_daemon.backends.airsim.clock import SimulatorClock
+from ual_daemon.backends.airsim.link import SimulatorLink
 from ual_daemon.backends.airsim.pilot import Hands, Sticks
 from ual_daemon.backends.airsim.setpoints import led, move_arguments
 from ual_daemon.backends.airsim.settings import Address, parse_address
@@ -121,3 +125,12 @@ def test_the_pilot_flies_ahead_where_the_nose_points() -> None:
 def test_the_pilot_leaves_the_throttle_alone_on_the_ground() -> None:
     assert channels(is_on_ground=True) == Sticks()
     assert channels(is_on_ground=True, sticks=Sticks(up=1.0)).up > 0.61
+
+
+def test_why_the_simulator_is_not_reached_names_its_address() -> None:
+    def refuse(_: Address) -> Any:
+        raise ConnectionRefusedError(errno.ECONNREFUSED, os.strerror(errno.ECONNREFUSED))
+
+    link = SimulatorLink(Address("hall", 41451), "", 50.0, refuse, time.monotonic)
+    link.receive(0.0)
+    assert link.trouble == "hall:41451: Connection refused"

@@ -400,7 +400,7 @@ class Session:
         heard_s, attitude_s = self.telemetry.heard_s, self.telemetry.attitude_time_s
         if heard_s is None or attitude_s is None or now_s < self._next_setup_s:
             return False
-        return now_s - heard_s < ANEW_S < now_s - attitude_s
+        return now_s - heard_s < ANEW_S < heard_s - attitude_s
 
     def _on_ack(self, message: Message, now_s: float, _: float) -> None:
         if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):

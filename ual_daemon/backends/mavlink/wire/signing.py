@@ -28,6 +28,7 @@ OLDEST_S = 60.0
 MOST_SENDERS = 64
 """So many senders (a component of a system, on one of its links) are remembered. A vehicle has a few."""
 _LARGEST_FILE = 4096
+_FORMS = (b"hex", b"raw")
 
 
 def read_key(path: str) -> bytes:
@@ -48,11 +49,19 @@ def read_key(path: str) -> bytes:
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}", KEY) from None
     form, _, rest = content.partition(b":")
+    _require_exact(form, path)
     if form == b"raw":
         return _of_size(rest, path, f"raw: must be followed by the {KEY_SIZE} bytes of the key and nothing else")
     if form == b"hex":
         return _of_size(_unhexed(rest), path, f"hex: must be followed by {2 * KEY_SIZE} hexadecimal digits")
     return hashlib.sha256(_passphrase(content, path)).digest()
+
+
+def _require_exact(form: bytes, path: str) -> None:
+    """Refuses ``HEX:`` and the like, which would be a passphrase."""
+    meant = form.strip().lower()
+    if meant in _FORMS and form != meant:
+        raise ConfigError(f"{path} begins with {form.decode()!r}: write {meant.decode()}: as its first letters", KEY)
 
 
 def _of_size(key: bytes, path: str, rule: str) -> bytes:

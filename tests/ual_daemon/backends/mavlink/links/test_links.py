@@ -406,6 +406,19 @@ def test_a_device_that_comes_goes_and_comes_again(line: Line, caplog: pytest.Log
     assert [record.message for record in caplog.records] == [missing, gone, missing, gone, missing]
 
 
+def test_what_was_heard_before_it_broke_does_not_tell_that_it_works_again(line: Line) -> None:
+    line.plug()
+    with running_serial(line) as run:
+        run.until(lambda: run.connections_count == 1)
+        heard_s = run.now_s + 0.5
+        run.now_s += 1.0
+        line.unplug()
+        run.until(lambda: run.connection.trouble)
+        trouble = run.connection.trouble
+        run.connection.on_heard(heard_s)  # the last message, which the caller notes only now
+        assert run.connection.trouble == trouble
+
+
 def test_a_line_that_is_unplugged_while_it_is_opened_is_told(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     def gone(*_: Any) -> Any:
         raise termios.error(errno.EIO, os.strerror(errno.EIO))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 import math
 from collections import Counter
 from collections.abc import Mapping
@@ -222,6 +223,16 @@ def test_after_a_silence_everything_is_asked_anew() -> None:
     harness.run(10.0)
     harness.receive(heartbeat())
     assert _asked_streams(harness, until_s=20.0) == STREAMS
+
+
+def test_a_lost_link_is_no_autopilot_that_is_heard_and_streams_no_more(caplog: pytest.LogCaptureFixture) -> None:
+    harness = Harness()
+    harness.receive(heartbeat(), attitude())
+    harness.run(0.5)
+    harness.receive(heartbeat())
+    with caplog.at_level(logging.INFO):
+        harness.run(10.0)
+    assert [record.message for record in caplog.records if "is heard" in record.message] == []
 
 
 # --- Autopilots that do not know the request for single streams ------------------------------------------------------
