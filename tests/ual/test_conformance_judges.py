@@ -17,7 +17,7 @@ from ual.conformance.flight import CannotRunError
 from ual.conformance.runner import LONGEST_GAP_S
 from ual.errors import PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
-from ual.interface import Uav
+from ual.interface import Task, Uav
 from ual.types import Capability, Plan, State, Telemetry
 from ual_daemon import UAL
 
@@ -166,6 +166,30 @@ def lets_a_take_off_be_aborted(sabotaged: Sabotaged) -> None:
     sabotaged.replaced["abort"] = lambda **_: None
 
 
+class EndsFirst:
+    """A task that is cancelled only when it has ended, as on a busy computer."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+
+    def cancel(self) -> None:
+        self.task.wait()
+        self.task.cancel()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.task, name)
+
+
+def is_cancelled_too_late(sabotaged: Sabotaged) -> None:
+    def take_off(height_m: float, **how: Any) -> EndsFirst:
+        return EndsFirst(sabotaged.uav.take_off(height_m, **how))
+
+    def land(**how: Any) -> EndsFirst:
+        return EndsFirst(sabotaged.uav.land(**how))
+
+    sabotaged.replaced.update(take_off=take_off, land=land)
+
+
 def refuses_without_naming_the_state(sabotaged: Sabotaged) -> None:
     def land(**how: Any) -> object:
         if sabotaged.uav.state() is State.FLYING_AUTO:
@@ -263,6 +287,12 @@ def test_a_check_of_a_real_uav_whose_estimate_wanders_finds_it_too(
             run(sabotaged, name, REAL)
     finally:
         sabotaged.undo()
+
+
+@pytest.mark.parametrize("name", ["a_take_off_is_not_aborted", "lands"])
+def test_what_meets_the_end_of_a_take_off_or_landing_may_be_accepted(sabotaged: Sabotaged, name: str) -> None:
+    is_cancelled_too_late(sabotaged)
+    run(sabotaged, name)
 
 
 # --- The runner -------------------------------------------------------------------------------------------------------

@@ -329,11 +329,14 @@ class CommandRunner(Generic[R]):
 
     def _overtake(self, pending: _Pending[R], mode: str, now_s: float) -> None:
         """Ends a command because of a mode of others. What one that was sent does, is judged by the vehicle's state."""
-        _log.warning("does not send the command to %s: the mode became %s", pending.command.what, mode)
+        what = pending.command.what
         if pending.sends_count:
+            late = "" if pending.accepts_count or pending.refusal else ", and may still be executed"
+            _log.warning("the command to %s is not sent again%s: the mode became %s", what, late, mode)
             self._drop(lambda each: each is pending, now_s)
         else:
-            text = f"the command to {pending.command.what} was not sent: the mode became {mode}"
+            text = f"the command to {what} was not sent: the mode became {mode}"
+            _log.warning(text)
             self._fail(pending, now_s, RejectedByAutopilotError(text, {"text": text}))
 
     def _note_modes(self, pending: _Pending[R], mode: str, now_s: float) -> None:

@@ -97,6 +97,7 @@ class Discovery:
     def tick(self, now_s: float) -> None:
         """Does what is due; to be called often."""
         link, session = self._link, self.session
+        self.watch.tick(now_s)  # also while the bridge is gone
         if link.connections_count != self._connections_count:
             self._connections_count, self._question, self._ask_s = link.connections_count, None, -math.inf
             if session is not None:

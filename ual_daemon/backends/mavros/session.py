@@ -166,7 +166,6 @@ class Session:
         """Does what is due; to be called often."""
         self._now_s = now_s
         self._began_s = min(self._began_s, now_s)
-        self._watch.tick(now_s)
         self.runner.tick(now_s)
         self._withdraw_calls()
         self._update_freshness()

@@ -14,11 +14,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError
+from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError, WrongStateError
 from ual.geometry import Pose, Twist, Vector3, wrap_angle
-from ual.interface import Uav
+from ual.interface import Task, Uav
 from ual.simulation import SimulationPart
-from ual.types import State, Telemetry
+from ual.types import State, TaskStatus, Telemetry
 
 E = TypeVar("E", bound=UalError)
 
@@ -371,6 +371,19 @@ class Flight:
                 return error
             raise CheckFailedError(f"{what}: expected {kind.__name__}, got {error.reason}: {error.message}") from error
         raise CheckFailedError(f"{what}: expected {kind.__name__}, but it was accepted")
+
+    def refuses_during(self, task: Task, actions: Iterable[tuple[Callable[[], object], str]]) -> None:
+        """Requires each action to be refused in this state for as long as a task runs. One that is given in the moment
+        in which the task ends may be accepted: that proves nothing.
+        """
+        for action, what in actions:
+            if task.done():
+                return
+            try:
+                self.refuses(WrongStateError, action, what)
+            except CheckFailedError:
+                if task.info().status is not TaskStatus.SUCCEEDED:
+                    raise
 
     def require_at(self, goal: Pose, what: str) -> None:
         """Requires it to be at a pose, in position and heading."""

@@ -149,18 +149,18 @@ def a_take_off_is_not_aborted(flight: Flight) -> None:
     flight.remember_place()
     task = uav.take_off(HEIGHT_M, blocking=False)
     flight.wait_for_state(State.TAKING_OFF)
-    ends = ((task.cancel, "cancelling"), (uav.abort, "aborting"))
-    for action, what in (
-        *(ends if uav.info().has_safety_pilot else ()),
-        (uav.pause, "pausing"),
-        (uav.land, "landing"),
-        (lambda: uav.go_to_waypoint(flight.start), "a waypoint"),
-        (lambda: uav.set_velocity(Twist()), "a velocity"),
-        (lambda: uav.take_off(HEIGHT_M), "another take-off"),
-    ):
-        if task.done():
-            break
-        flight.refuses(WrongStateError, action, f"{what} in a take-off")
+    ends = ((task.cancel, "cancelling a take-off"), (uav.abort, "aborting in a take-off"))
+    flight.refuses_during(
+        task,
+        (
+            *(ends if uav.info().has_safety_pilot else ()),
+            (uav.pause, "pausing in a take-off"),
+            (lambda: uav.land(blocking=False), "landing in a take-off"),
+            (lambda: uav.go_to_waypoint(flight.start, blocking=False), "a waypoint in a take-off"),
+            (lambda: uav.set_velocity(Twist()), "a velocity in a take-off"),
+            (lambda: uav.take_off(HEIGHT_M, blocking=False), "another take-off"),
+        ),
+    )
     if not uav.info().has_safety_pilot:
         task.cancel()
         with suppress(TaskAbortedError):

@@ -70,14 +70,9 @@ def lands(flight: Flight) -> None:
     with flight.recording() as recorded:
         task = uav.land(blocking=False)
         flight.wait_for_state(State.LANDING)
-        ends = ((task.cancel, "cancelling"), (uav.abort, "aborting"))
-        for action, what in (
-            *(ends if uav.info().has_safety_pilot else ()),
-            (lambda: uav.go_to_waypoint(flight.start), "a waypoint"),
-        ):
-            if task.done():
-                break
-            flight.refuses(WrongStateError, action, f"{what} in a landing")
+        ends = ((task.cancel, "cancelling a landing"), (uav.abort, "aborting in a landing"))
+        waypoint = (lambda: uav.go_to_waypoint(flight.start, blocking=False), "a waypoint in a landing")
+        flight.refuses_during(task, (*(ends if uav.info().has_safety_pilot else ()), waypoint))
         require(task.wait().status is TaskStatus.SUCCEEDED, "it did not go on")
         flight.wait_for_state(*_LANDED)
         samples = recorded()

@@ -326,6 +326,19 @@ def test_a_command_that_waited_while_others_chose_a_mode_says_so(plain: Plain) -
     assert str(future.exception(0)) == "the command to enter setpoints was not sent: the mode became land"
 
 
+@pytest.mark.parametrize("verdict", [None, Verdict.ACCEPTED])
+def test_a_command_that_was_sent_before_others_chose_a_mode_is_not_said_to_be_unsent(
+    plain: Plain, caplog: pytest.LogCaptureFixture, verdict: Verdict | None
+) -> None:
+    """A link that stalls may bring it to the autopilot later."""
+    plain.runner.submit(replace(mode_command("hold"), accepts_count=2), plain.now_s)
+    if verdict is not None:
+        plain.answer(verdict)
+    plain.run(0.05, mode="land")
+    late = ", and may still be executed" if verdict is None else ""
+    assert caplog.messages == [f"the command to enter hold is not sent again{late}: the mode became land"]
+
+
 @pytest.mark.parametrize("is_armed_anew", [False, True])
 def test_on_the_ground_a_mode_that_shows_late_is_that_of_the_arming_and_any_other_is_a_take_over(
     plain: Plain, *, is_armed_anew: bool

@@ -103,6 +103,7 @@ def test_a_bridge_that_goes_in_flight_is_told_and_heals_by_itself(flight: Flight
     assert flight.until_state(*IN_THE_AIR, since=back) < HEALED_S
     with pytest.raises(LinkLostError):
         task.wait(LIMIT_S)
+    assert flight.backend.link().lost_count == 1
 
 
 def test_a_mavros_that_is_killed_and_started_again_is_found_again(flight: Flight) -> None:
