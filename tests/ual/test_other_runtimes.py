@@ -31,6 +31,34 @@ for _ in range(18):
 uav.telemetry()
 """
 
+FORKED_ASYNCIO = """
+import asyncio, os, sys, ual
+async def ask():
+    async with ual.aio.Uav(address=sys.argv[1]) as uav:
+        await uav.telemetry()
+def forked(call):
+    sys.stdout.flush()
+    if not os.fork():
+        try:
+            call()
+        except ual.UalError as error:
+            print(error, flush=True)
+            os._exit(0)
+        os._exit(1)
+    if os.wait()[1]:
+        sys.exit("the child did not say it")
+with ual.Team([sys.argv[1]]) as team:
+    forked(team.telemetry)
+    team.telemetry()
+    forked(team.telemetry)
+    forked(lambda: asyncio.run(ask()))
+    team.telemetry()
+    if not os.fork():
+        ual.Uav(address=sys.argv[1]).telemetry()
+        os._exit(0)
+    sys.exit(os.wait()[1])
+"""
+
 GEVENT = """
 from gevent import monkey
 monkey.patch_all()
@@ -85,6 +113,13 @@ def run(program: str, daemon: DaemonProcess) -> subprocess.CompletedProcess[str]
 def test_a_client_works_in_a_forked_process_and_in_its_parent(daemon: DaemonProcess) -> None:
     done = run(FORKED, daemon)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
+def test_asyncio_that_does_not_survive_a_fork_says_so(daemon: DaemonProcess) -> None:
+    done = run(FORKED_ASYNCIO, daemon)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("which gRPC's asyncio does not survive: use ual.Uav here") == 3
 
 
 def test_telemetry_flows_under_gevent(daemon: DaemonProcess) -> None:

@@ -99,6 +99,7 @@ def test_the_worst_comes_first_in_each_list_with_its_battery(fleet: DaemonProces
     lines = run("--all", "state").stdout.splitlines()
     assert lines == [f"{ns}: LANDED_ARMED" for ns in ("uav_3", "uav_1", "uav_2")]
     watched = run("--all", "watch", "--once").stdout
+    assert [line.split("\t")[0] for line in watched.splitlines()] == ["uav_3", "uav_1", "uav_2"]
     assert watched.count(" % CRITICAL") == 1
     assert watched.count(" in map") == 3
 

@@ -60,7 +60,7 @@ class FrameResolver:
     ) -> None:
         """`home_file` and `identity` are as for `LocalFrame`."""
         self.tree = FrameTree(ns, settings)
-        self._map_origin = settings.map_origin_geo
+        self._map_origin, self._reach_m = settings.map_origin_geo, settings.reach_m
         self._frame = LocalFrame(home_file, identity)
         self._external_home: Vector3 | None = None
 
@@ -396,7 +396,13 @@ class FrameResolver:
         )
         self.tree.set_home(in_map)
         if self.odom_loss is None:
-            logs.event(_log, logging.INFO, "home_pose", frame=MAP, x=in_map.x, y=in_map.y, z=in_map.z)
+            self._log_home(in_map)
+
+    def _log_home(self, in_map: Vector3) -> None:
+        far = {"why": "map_origin_geo is far from it: are latitude and longitude swapped, or is a sign missing?"}
+        is_far = self._reach_m is not None and in_map.horizontal_norm() > self._reach_m
+        level, more = (logging.WARNING, far) if is_far else (logging.INFO, {})
+        logs.event(_log, level, "home_pose", frame=MAP, x=in_map.x, y=in_map.y, z=in_map.z, **more)
 
 
 def _amsl_m(altitude_m: float, above: AltitudeReference, snapshot: Snapshot) -> float:

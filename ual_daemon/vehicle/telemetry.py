@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 from ual.errors import WrongStateError
 from ual.geometry import IDENTITY, Pose, Transform, Twist
-from ual.types import GeoPoint, Health, Odometry, TaskInfo, Telemetry
+from ual.types import GeoPoint, GpsFix, Health, Odometry, TaskInfo, Telemetry
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
@@ -139,10 +139,13 @@ def _in_map(home: Transform | None, body: Pose | None, body_frame_id: str, stamp
 def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
     """Returns the position on Earth: as the autopilot reports it, or by its projection.
 
-    None while the autopilot does not trust its position: ArduPilot then goes on reporting the last one.
+    None while the autopilot does not trust its position: ArduPilot then goes on reporting the last one. Of an autopilot
+    that does not say whether it does (iNav, Betaflight), the reported one is told while its satellites are good.
     """
-    motion, earth = snapshot.motion, snapshot.earth
-    if motion.estimator is None or not motion.estimator.value.is_good:
+    motion, earth, gps = snapshot.motion, snapshot.earth, snapshot.condition.gps
+    if motion.estimator is None:
+        return motion.position_geo if gps is not None and gps.fix >= GpsFix.FIX_3D else None
+    if not motion.estimator.value.is_good:
         return None
     if motion.position_geo is not None:
         return motion.position_geo

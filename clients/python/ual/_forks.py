@@ -6,6 +6,8 @@ import os
 import weakref
 from typing import Protocol
 
+from ual.errors import UalError
+
 
 class Forked(Protocol):
     """Something that begins anew in a forked process."""
@@ -22,7 +24,30 @@ def renew_in_child(each: Forked) -> None:
     _alive.add(each)
 
 
+class _Asyncio:
+    """gRPC's asyncio: in the child of a process that used it, its calls hang or crash."""
+
+    is_used = False
+    is_lost = False
+
+
+def use_asyncio() -> None:
+    """Notes that this process uses gRPC's asyncio. Raises `UalError` where its parent did before the fork."""
+    if _Asyncio.is_lost:
+        raise asyncio_lost()
+    _Asyncio.is_used = True
+
+
+def asyncio_lost() -> UalError:
+    """Returns the error of the asyncio of a parent."""
+    return UalError(
+        "ual.aio and ual.Team were used before this process was forked, which gRPC's asyncio does not survive: use "
+        "ual.Uav here, or begin the process by multiprocessing's 'spawn'"
+    )
+
+
 def _begin_anew() -> None:
+    _Asyncio.is_lost = _Asyncio.is_used
     for each in list(_alive):
         each.begin_anew()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Iterator
 from concurrent.futures import Future
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from typing_extensions import Self, override
 
-from ual import aio
+from ual import _forks, aio
 from ual._client import Uav
 from ual._derived_team import TeamMembers
 from ual.credentials import Credentials
@@ -244,20 +245,26 @@ class _Loop:
     """An event loop on a thread of its own, which runs coroutines for other threads."""
 
     def __init__(self) -> None:
+        self._process_id = os.getpid()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="ual team", daemon=True)
         self._thread.start()
 
     @property
     def is_closed(self) -> bool:
-        """Whether `close` was called."""
-        return self._loop.is_closed()
+        """Whether `close` was called; in a forked process there is nothing to close."""
+        return self._is_parents or self._loop.is_closed()
+
+    @property
+    def _is_parents(self) -> bool:
+        """Whether its thread stayed in the process from which this one was forked."""
+        return self._process_id != os.getpid()
 
     def run(self, coroutine: Coroutine[Any, Any, T]) -> T:
         """Runs a coroutine to its end. An interruption (Ctrl-C) of this thread cancels it, and waits for that."""
         if self.is_closed:
             coroutine.close()
-            raise UalError("the team is closed")
+            raise _forks.asyncio_lost() if self._is_parents else UalError("the team is closed")
         future: Future[T] = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
         try:
             return future.result()

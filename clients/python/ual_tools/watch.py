@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ual.discovery import Registration
+from ual.errors import UalError
 from ual.types import Telemetry
 from ual_tools import condition, places
 from ual_tools.app import Multi, command
@@ -92,9 +93,9 @@ def _watch_network(session: Session, joined: Joined, *, once: bool, rate_hz: flo
         raise click.BadParameter("the network tells at its own rate; name UAVs by --ns", param_hint="--rate")
     network = joined.network()
     if once:
-        for uav in network.uavs():
-            if uav.gone_s is None:
-                _print(session, label(uav), uav.telemetry, is_one=False)
+        here = [uav for uav in network.uavs() if uav.gone_s is None]
+        for uav in condition.worst_first(here, lambda each: condition.of_telemetry(each.telemetry), label):
+            _print(session, label(uav), uav.telemetry, is_one=False)
         return
     board = Board([], 1.0, KEEP_GONE_S)
     with feeding(Feed(network, board, (lambda _: None) if _is_screen(session) else note)):
@@ -107,17 +108,22 @@ def default_rate_hz(count: int) -> float:
 
 
 def _print_each(session: Session, daemons: Sequence[Registration]) -> None:
-    """Prints one sample of each UAV, or why there is none."""
-    has_failed = False
-    for daemon, found in zip(daemons, ask_all(session, daemons), strict=True):
+    """Prints one sample of each UAV, or why there is none; the worst first."""
+    answers = [(daemon.ns, found) for daemon, found in zip(daemons, ask_all(session, daemons), strict=True)]
+    for ns, found in condition.worst_first(answers, lambda each: _condition(each[1]), lambda each: each[0]):
         if isinstance(found, Telemetry):
-            _print(session, daemon.ns, found, is_one=False)
+            _print(session, ns, found, is_one=False)
             continue
-        has_failed = True
-        session.emit({"ns": daemon.ns, "error": found}, f"{daemon.ns}\t{found.reason}")
-        note(f"ual: {daemon.ns}: {error_text(found)}")
-    if has_failed:
+        session.emit({"ns": ns, "error": found}, f"{ns}\t{found.reason}")
+        note(f"ual: {ns}: {error_text(found)}")
+    if not all(isinstance(found, Telemetry) for _, found in answers):
         raise click.exceptions.Exit(REFUSED)
+
+
+def _condition(found: Telemetry | UalError) -> condition.Condition:
+    if isinstance(found, Telemetry):
+        return condition.of_telemetry(found)
+    return condition.Condition(condition.Level.ALARM)
 
 
 def _is_screen(session: Session) -> bool:

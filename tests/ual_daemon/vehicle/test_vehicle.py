@@ -13,6 +13,7 @@ import pytest
 
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import (
+    GeofenceError,
     InvalidArgumentError,
     LinkLostError,
     RejectedByAutopilotError,
@@ -709,6 +710,17 @@ def test_map_origin_geo_places_odom_in_map() -> None:
         assert home.x == pytest.approx(88.5, abs=0.2)
         assert home.y == pytest.approx(0.0, abs=0.01)
         assert home.z == pytest.approx(2.0)
+
+
+def test_a_map_origin_beyond_the_reach_is_told_and_its_goals_are_refused(caplog: pytest.LogCaptureFixture) -> None:
+    """As where latitude and longitude were swapped."""
+    with stepped(VehicleSettings(map_origin_geo=(-6.0023, 37.4117, 8.0))) as uav:
+        uav.fly(2.0)
+        (told,) = [record for record in caplog.records if record.getMessage() == "home_pose"]
+        assert told.levelno == logging.WARNING
+        assert "are latitude and longitude swapped" in vars(told)["ual_fields"]["why"]
+        with pytest.raises(GeofenceError, match="beyond its reach"):
+            uav.prepare.go_to_waypoint(at(12, 20, 3, None, "map"))
 
 
 def test_frames_of_the_configuration_are_there() -> None:

@@ -10,7 +10,7 @@ from typing import TypeVar
 import grpc
 import grpc.aio
 
-from ual import _calls
+from ual import _calls, _forks
 from ual._calls import Call
 from ual._target import Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
@@ -111,6 +111,7 @@ class Connection:
     def _enter(self) -> Route:
         if self._is_closed:
             raise _calls.closed()
+        _forks.use_asyncio()
         self._require_own_loop()
         address = self.target.address()
         route = self._route
