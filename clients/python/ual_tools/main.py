@@ -32,6 +32,7 @@ from ual_tools import (
 from ual_tools.app import UalGroup
 from ual_tools.help import WIDEST
 from ual_tools.network import gateway, router
+from ual_tools.ros2 import command as ros2
 from ual_tools.teleop import command as teleop
 from ual_tools.view import command as view
 
@@ -79,6 +80,7 @@ for command in (
     *record.COMMANDS,
     *view.COMMANDS,
     *launch.COMMANDS,
+    *ros2.COMMANDS,
     *completion.COMMANDS,
 ):
     cli.add_command(command)
