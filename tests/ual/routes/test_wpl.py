@@ -22,6 +22,10 @@ def read(text: str, name: str = "m.waypoints") -> routes.Route:
     return routes.parse(text.encode(), name)
 
 
+def headings(route: routes.Route) -> list[float | None]:
+    return [each.yaw_rad for each in route.waypoints if isinstance(each, GeoWaypoint)]
+
+
 def test_the_waypoints_are_read_without_home() -> None:
     route = read(wpl(HOME, A, B))
     assert route.waypoints == [
@@ -57,6 +61,16 @@ def test_a_jump_goes_to_a_number_of_the_file() -> None:
     assert len(read(wpl(HOME, A, B, jump)).waypoints) == 6
     with pytest.raises(RouteError, match="line 5, item 3: it jumps to item 0, which there is not"):
         read(wpl(HOME, A, B, (3, 177, 0, 2, 0, 0, 0, 0, 0)))
+
+
+def test_parameters_that_are_not_given_are_those_of_px4() -> None:
+    """MAVROS and old QGroundControls write them for PX4, which turns to north by 0."""
+    nowhere = (3, 16, 0, 0, 0, "nan", 37.4118, -6.0013, 8)
+    north = (3, 16, 0, 0, 0, 0, 37.4118, -6.0012, 8)
+    route = read(wpl(HOME, nowhere, north))
+    assert headings(route) == [None, pytest.approx(math.pi / 2)]
+    assert route.left_out == ["item 0: home"]
+    assert headings(read(wpl(HOME, A, north))) == [None, None]
 
 
 def test_an_old_file_of_qgroundcontrol_has_no_home_and_has_headings() -> None:

@@ -26,26 +26,33 @@ def read(text: str) -> Route:
     version = header.removeprefix(HEADER).strip()
     if not header.startswith(HEADER) or version not in _FIRMWARES:
         raise FaultError(f"begins with {shown(header)}, not with 'QGC WPL 110'")
-    firmware = _FIRMWARES[version]
     items = list(_items(lines))
+    firmware = _FIRMWARES[version]
+    if any(None in item.params for item in items):
+        firmware = Firmware.PX4  # which tells a heading that is not given from 0, north
     for before, item in itertools.pairwise(items):
         if item.jump_id <= before.jump_id:
             raise FaultError(f"its number comes after {before.jump_id}", item.where)
-    if not items or not _is_home(items[0], firmware):
+    if not items or not _is_home(items[0], version):
         return fly(items, firmware)
     route = fly(items[1:], firmware)
     return replace(route, left_out=["item 0: home", *route.left_out])
 
 
-def _is_home(item: Item, firmware: Firmware) -> bool:
-    """Whether it is the item 0 in which ArduPilot keeps its home."""
-    return firmware is Firmware.ARDUPILOT and item.jump_id == 0 and item.command == commands.WAYPOINT
+def _is_home(item: Item, version: str) -> bool:
+    """Whether it is the item 0 in which ArduPilot keeps its home, and by which QGroundControl reads version 110."""
+    return version == "110" and item.jump_id == 0 and item.command == commands.WAYPOINT
 
 
 def _items(lines: list[str]) -> Iterator[Item]:
     for number, line in enumerate(lines, start=2):
         if line and not line.startswith("#"):
             yield _item(line, f"line {number}")
+
+
+def _optional(field: str) -> float | None:
+    """Parses one of the first four parameters, of which PX4's files have ``nan`` where it is not given."""
+    return None if field.lower().lstrip("-") == "nan" else parse_number(field)
 
 
 def _item(line: str, where: str) -> Item:
@@ -55,7 +62,9 @@ def _item(line: str, where: str) -> Item:
     if "," in line and "." not in line:  # the decimal comma of the computer's language
         fields = [field.replace(",", ".", 1) for field in fields]
     try:
-        index, _, frame, command, *params, goes_on = map(parse_number, fields)
+        index, _, frame, command = map(parse_number, fields[:4])
+        params = [*map(_optional, fields[4:8]), *map(parse_number, fields[8:11])]
+        goes_on = parse_number(fields[11])
     except ValueError as error:
         raise FaultError(str(error), where) from None
     if not (index.is_integer() and frame.is_integer() and command.is_integer()):
