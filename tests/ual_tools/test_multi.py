@@ -175,19 +175,21 @@ def test_a_time_to_begin_is_kept(fleet: DaemonProcess) -> None:
         ("2026-11-25T10:10:00", "9:00", "2026-11-25T09:00:00"),  # has passed, and is not tomorrow's
         ("2026-11-25T23:59:30", "0:05:30", "2026-11-26T00:05:30"),
         ("2026-11-25T22:00:00", "06:00", "2026-11-26T06:00:00"),
+        ("2026-11-26T00:05:00", "23:59", "2026-11-25T23:59:00"),  # has passed, and is not that of 24 h later
+        ("2026-11-25T08:00:00", "21:30", "2026-11-25T21:30:00"),
         ("2026-11-25T10:10:00", "+5", "2026-11-25T10:10:05"),
     ],
 )
-def test_a_time_of_the_day_is_the_nearest_one(now: str, text: str, begin: str) -> None:
+def test_a_time_of_the_day_is_todays_and_around_midnight_the_nearest_one(now: str, text: str, begin: str) -> None:
     assert parsed(text, datetime.fromisoformat(now)) == datetime.fromisoformat(begin).timestamp()
 
 
-def test_a_time_of_the_day_that_has_passed_is_refused_with_that_of_tomorrow() -> None:
+def test_a_time_of_the_day_that_has_passed_is_refused_with_that_of_the_next_day() -> None:
     passed = datetime.now().astimezone() - timedelta(hours=1)
-    with pytest.raises(click.BadParameter, match=r"has passed 1 h 0 min ago; for tomorrow write") as refused:
+    with pytest.raises(click.BadParameter, match=r"has passed 1 h 0 min ago; for the next one write") as refused:
         Time().convert(passed.strftime("%H:%M:%S"), None, None)
-    tomorrow = str(refused.value).split("write ")[1]
-    assert datetime.fromisoformat(tomorrow) == passed.replace(microsecond=0) + timedelta(days=1)
+    following = str(refused.value).split("write ")[1]
+    assert datetime.fromisoformat(following) == passed.replace(microsecond=0) + timedelta(days=1)
 
 
 def test_a_long_wait_is_told_and_again_when_half_of_it_has_passed(monkeypatch: pytest.MonkeyPatch) -> None:

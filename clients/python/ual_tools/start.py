@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ual_tools.condition import Condition
 
 _LONGEST_S = 86_400.0
-_HALF_DAY = timedelta(hours=12)
+_DAY, _HALF_DAY, _JUST_PAST = timedelta(days=1), timedelta(hours=12), timedelta(hours=2)
 _SHORT_S = 10.0
 """A wait that no one needs to be told of."""
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?")
@@ -49,7 +49,7 @@ class Time(click.ParamType[float]):
             )
         left_s = begin_s - now.timestamp()
         if left_s < 0.0:
-            self.fail(f"{value!r} has passed {_duration_text(-left_s)} ago{_tomorrow(text, begin_s)}", param, ctx)
+            self.fail(f"{value!r} has passed {_duration_text(-left_s)} ago{_next(text, begin_s)}", param, ctx)
         if left_s > _LONGEST_S:
             self.fail(f"{value!r} is more than a day away", param, ctx)
         return begin_s
@@ -58,7 +58,8 @@ class Time(click.ParamType[float]):
 def parsed(text: str, now: datetime) -> float:
     """Returns the time that a text means, in seconds since the epoch.
 
-    A time of the day is the nearest one: shortly before midnight 0:05 is tomorrow's, and at 10:10 9:00 has passed.
+    A time of the day is today's: at 10:10 9:00 has passed. Around midnight it is the nearest one: at 23:59 0:05 is
+    tomorrow's, and at 0:05 23:59 has passed.
 
     Raises:
         ValueError: It is no time.
@@ -70,15 +71,17 @@ def parsed(text: str, now: datetime) -> float:
         return datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()
     hour, minute, second = (*map(float, text.split(":")), 0.0)[:3]
     begin = now.replace(hour=int(hour), minute=int(minute), second=0, microsecond=0) + timedelta(seconds=second)
-    return (begin + timedelta(days=1) if begin < now - _HALF_DAY else begin).timestamp()
+    if begin - _DAY > now - _JUST_PAST:
+        return (begin - _DAY).timestamp()
+    return (begin + _DAY if begin < now - _HALF_DAY else begin).timestamp()
 
 
-def _tomorrow(text: str, begin_s: float) -> str:
-    """Says how to write the same time of tomorrow, where only a time of the day was given."""
+def _next(text: str, begin_s: float) -> str:
+    """Says how to write the same time of the next day, where only a time of the day was given."""
     if not _CLOCK.fullmatch(text):
         return ""
-    tomorrow = datetime.fromtimestamp(begin_s).astimezone() + timedelta(days=1)
-    return f"; for tomorrow write {tomorrow.isoformat(timespec='seconds')}"
+    following = datetime.fromtimestamp(begin_s).astimezone() + _DAY
+    return f"; for the next one write {following.isoformat(timespec='seconds')}"
 
 
 def wait_until(utc_s: float, tell: Callable[[str], None] = _tell_no_one) -> None:
