@@ -134,6 +134,9 @@ def test_what_cannot_run_under_gevent_says_so(daemon: DaemonProcess) -> None:
     assert done.stdout.count("ual.aio and ual.Team do not run under gevent's") == 2, done.stderr
 
 
+OTHER_LOOP = "belongs to another event loop"
+
+
 def test_a_client_of_another_event_loop_says_so(daemon: DaemonProcess) -> None:
     uav = ual.aio.Uav(address=daemon.address)
 
@@ -146,5 +149,28 @@ def test_a_client_of_another_event_loop_says_so(daemon: DaemonProcess) -> None:
 
     asyncio.run(ask())
     for other in (ask, listen):
-        with pytest.raises(ual.UalError, match="belongs to another event loop"):
+        with pytest.raises(ual.UalError, match=OTHER_LOOP):
             asyncio.run(other())
+
+
+def test_what_flows_on_one_event_loop_is_not_lost_on_another(daemon: DaemonProcess) -> None:
+    uav = ual.aio.Uav(address=daemon.address)
+    subscription = uav.subscribe()
+    here = ual.PoseStamped(ual.Pose.at(0.0, 0.0, 0.0, 0.0))
+
+    async def send(count: int) -> None:
+        for _ in range(count):
+            await uav.set_external_pose(here)
+
+    async def listen() -> None:
+        await anext(subscription)
+
+    loop = asyncio.new_event_loop()
+    loop.run_until_complete(send(3))
+    loop.run_until_complete(listen())
+    for other in (send(1), listen(), uav.close()):
+        with pytest.raises(ual.UalError, match=OTHER_LOOP):
+            asyncio.run(asyncio.wait_for(other, LIMIT_S))
+    loop.run_until_complete(send(1))
+    loop.run_until_complete(uav.close())
+    loop.close()

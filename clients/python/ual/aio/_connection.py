@@ -97,6 +97,16 @@ class Connection:
         address = "" if self._route is None else self._route.address
         return rpc_errors.from_rpc_error(error, address=address, ns=self.target.ns)
 
+    def require_own_loop(self) -> None:
+        """Raises `UalError` on another event loop than that of the first call."""
+        running = asyncio.get_running_loop()
+        if self._loop is None:
+            self._loop = running
+        if self._loop is not running:
+            raise UalError(
+                "this client belongs to another event loop, that of its first call: make one inside each asyncio.run()"
+            )
+
     async def close(self) -> None:
         """Ends all running calls and refuses new ones."""
         self._is_closed = True
@@ -112,7 +122,7 @@ class Connection:
         if self._is_closed:
             raise _calls.closed()
         _forks.use_asyncio()
-        self._require_own_loop()
+        self.require_own_loop()
         address = self.target.address()
         route = self._route
         if route is None or address != route.address:
@@ -125,15 +135,6 @@ class Connection:
             route = self._route
         route.call_count += 1
         return route
-
-    def _require_own_loop(self) -> None:
-        running = asyncio.get_running_loop()
-        if self._loop is None:
-            self._loop = running
-        if self._loop is not running:
-            raise UalError(
-                "this client belongs to another event loop, that of its first call: make one inside each asyncio.run()"
-            )
 
     def _close_soon(self, route: Route) -> None:
         closing = asyncio.create_task(route.channel.close())

@@ -25,6 +25,7 @@ class Setpoints:
 
     async def send(self, setpoint: Element) -> None:
         """Sends a setpoint. Raises the `UalError` by which the daemon refused this one or an earlier one."""
+        self._connection.require_own_loop()
         failure, self._failure = self._failure, None
         if failure is not None:
             self._accepted_s = None
@@ -44,6 +45,8 @@ class Setpoints:
     async def settle(self) -> bool:
         """Sends the setpoint that waits and ends the stream; as `ual._setpoints.Setpoints.settle`."""
         self._accepted_s = None
+        if self._stream is not None:
+            self._connection.require_own_loop()
         is_taken = self._stream is None or await self._stream.close(CLOSE_S)
         failure, self._failure = self._failure, None
         return log_settled(is_taken, failure, self._kind)

@@ -46,6 +46,7 @@ class Subscription:
         return self
 
     async def __anext__(self) -> Telemetry:
+        self._connection.require_own_loop()
         if self._reading is None and not self._is_closed:
             self._reading = asyncio.create_task(self._read())
         while self._newest is None:
