@@ -1,0 +1,124 @@
+"""Daemons with light UAVs, nodes, and a client in ROS. Runs in an environment with ROS 2 (see tests/clients/ros2).
+
+`DAEMON_PYTHON` is the Python that has the daemon.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+import rclpy
+from flying import Client, waited
+
+import ual
+from ual import discovery
+
+os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+ARMED_FAST = ("--auto-arm", "--set", "light.speed_factor=4")
+
+
+class Processes:
+    """What a test has started."""
+
+    def __init__(self, stack: ExitStack, directory: Path) -> None:
+        self._stack = stack
+        self._directory = directory
+        self._count = 0
+
+    def start(self, *command: str) -> subprocess.Popen[bytes]:
+        """Starts a program, which is killed in the end."""
+        self._count += 1
+        log = self._stack.enter_context((self._directory / f"{self._count}.log").open("wb"))
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
+        self._stack.callback(end, process)
+        return process
+
+    def daemon(self, *flags: str, ns: str = "uav_1") -> subprocess.Popen[bytes]:
+        """Starts the daemon of a light UAV, and waits until it is there."""
+        python = os.environ["DAEMON_PYTHON"]
+        environment = {name: value for name, value in os.environ.items() if name not in ROS_ONLY}
+        log = self._stack.enter_context((self._directory / f"{ns}-{self._count}.log").open("wb"))
+        command = (python, "-m", "ual_daemon", "--backend", "light", "--ns", ns, "--listen", "127.0.0.1:0", *flags)
+        process = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT)
+        self._stack.callback(end, process)
+        waited(lambda: process.poll() is not None or is_registered(ns, process))
+        assert process.poll() is None, self.said()
+        return process
+
+    def node(self, *parameters: str) -> subprocess.Popen[bytes]:
+        """Starts a node with parameters (``ns:=uav_1``)."""
+        given = [word for parameter in parameters for word in ("-p", parameter)]
+        return self.start(sys.executable, "-m", "ual_ros2", "--ros-args", *given)
+
+    def said(self) -> str:
+        """All that they have said."""
+        return "".join(log.read_text(errors="replace") for log in sorted(self._directory.glob("*.log")))
+
+
+ROS_ONLY = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH")
+
+
+def is_registered(ns: str, process: subprocess.Popen[bytes]) -> bool:
+    """Whether the daemon of a name can be found."""
+    found = discovery.registered(ns)
+    return found is not None and found.pid == process.pid
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """Ends a process, however it is."""
+    process.send_signal(signal.SIGCONT)
+    process.terminate()
+    try:
+        process.wait(20.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture(scope="module")
+def processes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
+    """Starts daemons and nodes in a registry of their own."""
+    directory = tmp_path_factory.mktemp("run")
+    directory.chmod(0o700)
+    before = os.environ.get("UAL_RUNTIME_DIR")
+    os.environ["UAL_RUNTIME_DIR"] = str(directory)
+    with ExitStack() as stack:
+        yield Processes(stack, directory)
+    if before is None:
+        del os.environ["UAL_RUNTIME_DIR"]
+    else:
+        os.environ["UAL_RUNTIME_DIR"] = before
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    """A program in ROS."""
+    rclpy.init()
+    client = Client()
+    yield client
+    client.close()
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def armed(uav: ual.Uav) -> ual.Uav:
+    """The UAV, armed on the ground: what flew before lands."""
+    if uav.state() is ual.State.FLYING_AUTO:
+        uav.land()
+    uav.wait_for(ual.State.LANDED_ARMED, timeout_s=60.0)
+    return uav
+
+
+@pytest.fixture
+def flying(armed: ual.Uav) -> ual.Uav:
+    """The UAV, 3 m over the ground."""
+    armed.take_off(3.0)
+    return armed

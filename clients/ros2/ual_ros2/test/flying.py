@@ -1,0 +1,121 @@
+"""A program in ROS that calls, flies, publishes and hears; and waiting for what comes."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+
+LIMIT_S = 90.0
+"""How long is waited at most: a busy machine needs it."""
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SENSOR = qos_profile_sensor_data
+SUCCEEDED, CANCELED, ABORTED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED
+
+
+def waited(condition: Callable[[], Any], limit_s: float = LIMIT_S) -> Any:
+    """Waits until a condition holds, and returns what it returned."""
+    deadline_s = time.monotonic() + limit_s
+    while not (found := condition()):
+        assert time.monotonic() < deadline_s, "it did not come"
+        time.sleep(0.01)
+    return found
+
+
+class Client:
+    """A node with a thread of its own."""
+
+    def __init__(self) -> None:
+        self.node = rclpy.create_node("client")
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self._clients: dict[str, Any] = {}
+        self._publishers: dict[str, Any] = {}
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends it."""
+        self._executor.shutdown()
+        self._thread.join()
+
+    def call(self, kind: Any, name: str, **fields: Any) -> Any:
+        """Calls a service and returns its response."""
+        return self._result(self.call_soon(kind, name, **fields))
+
+    def call_soon(self, kind: Any, name: str, **fields: Any) -> Any:
+        """Calls a service and returns the future of its response."""
+        client = self._client(kind, name)
+        return self._on_executor(lambda: client.call_async(kind.Request(**fields)))
+
+    def fly(self, kind: Any, name: str, **fields: Any) -> tuple[int, Any]:
+        """Flies an action to its end; returns its status and result."""
+        return self.end_of(self.begin(kind, name, lambda _: None, **fields))
+
+    def begin(self, kind: Any, name: str, on_feedback: Callable[[Any], object], **fields: Any) -> Any:
+        """Begins an action, and returns the handle of its goal."""
+        if f"{name} action" not in self._clients:
+            self._clients[f"{name} action"] = ActionClient(self.node, kind, name)
+        action = self._clients[f"{name} action"]
+        assert action.wait_for_server(LIMIT_S)
+        return self._result(
+            self._on_executor(
+                lambda: action.send_goal_async(
+                    kind.Goal(**fields), feedback_callback=lambda told: on_feedback(told.feedback)
+                )
+            )
+        )
+
+    def end_of(self, goal: Any) -> tuple[int, Any]:
+        """Waits for the end of a goal; returns its status and result."""
+        ended = self._result(self._on_executor(goal.get_result_async))
+        return ended.status, ended.result
+
+    def cancel(self, goal: Any) -> bool:
+        """Cancels a goal; returns whether that is accepted."""
+        return bool(self._result(self._on_executor(goal.cancel_goal_async)).goals_canceling)
+
+    def hear(self, kind: Any, topic: str, qos: Any = SENSOR) -> list[Any]:
+        """Returns a list of what comes on a topic, which grows."""
+        heard: list[Any] = []
+        self.node.create_subscription(kind, topic, heard.append, qos)
+        return heard
+
+    def publish(self, kind: Any, topic: str, message: Any, qos: Any = SENSOR) -> None:
+        """Publishes a message on a topic that is listened to."""
+        if topic not in self._publishers:
+            publisher = self._publishers[topic] = self.node.create_publisher(kind, topic, qos)
+            waited(publisher.get_subscription_count)
+        self._publishers[topic].publish(message)
+
+    def repeat(self, period_s: float, kind: Any, topic: str, message: Callable[[], Any]) -> Any:
+        """Publishes again and again; returns the timer."""
+        publisher = self.node.create_publisher(kind, topic, 10)
+        return self.node.create_timer(period_s, lambda: publisher.publish(message()))
+
+    def _client(self, kind: Any, name: str) -> Any:
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(kind, name)
+        assert self._clients[name].wait_for_service(LIMIT_S)
+        return self._clients[name]
+
+    def _on_executor(self, begin: Callable[[], Any]) -> Any:
+        """Begins a call where its answer is read: rclpy loses one that comes before the call is noted."""
+        return self._result(self._executor.create_task(begin))
+
+    def _result(self, future: Any) -> Any:
+        waited(future.done)
+        return future.result()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass

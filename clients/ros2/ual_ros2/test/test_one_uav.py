@@ -1,0 +1,371 @@
+"""One light UAV, flown by a program in ROS: services, actions, topics, frames, and what is refused."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+import time
+from collections.abc import Iterator
+
+import pytest
+from conftest import ARMED_FAST, Processes
+from diagnostic_msgs.msg import DiagnosticArray
+from flying import ABORTED, CANCELED, LATCHED, SUCCEEDED, Client, waited
+from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, TwistStamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import BatteryState, NavSatFix
+from std_srvs.srv import Empty, Trigger
+from tf2_msgs.msg import TFMessage
+from ual_msgs import action, srv
+from ual_msgs.msg import State
+
+import ual
+
+UAL = "/uav_1/ual"
+
+
+@pytest.fixture(scope="module")
+def uav(processes: Processes) -> Iterator[ual.Uav]:
+    processes.daemon(*ARMED_FAST)
+    processes.node("ns:=uav_1", "rate_hz:=50.0")
+    with ual.Uav("uav_1") as uav:
+        yield uav
+
+
+def pose(x: float, y: float, z: float, frame_id: str = "") -> PoseStamped:
+    """A pose that keeps the heading."""
+    message = PoseStamped()
+    message.header.frame_id = frame_id
+    message.pose.position.x, message.pose.position.y, message.pose.position.z = x, y, z
+    message.pose.orientation.w = 0.0
+    return message
+
+
+def velocity(x: float, frame_id: str = "") -> TwistStamped:
+    message = TwistStamped()
+    message.header.frame_id = frame_id
+    message.twist.linear.x = x
+    return message
+
+
+def is_near(uav: ual.Uav, x: float, y: float, z: float) -> bool:
+    return (uav.pose().pose.position - ual.Vector3(x, y, z)).norm() < 0.3
+
+
+def place(x: float, frame_id: str, child_frame_id: str) -> TFMessage:
+    link = TransformStamped()
+    link.header.frame_id, link.child_frame_id = frame_id, child_frame_id
+    link.transform.translation.x = x
+    return TFMessage(transforms=[link])
+
+
+# --- Services ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_flight_by_services(client: Client, armed: ual.Uav) -> None:
+    taken_off = client.call(srv.TakeOff, f"{UAL}/take_off", height=3.0, blocking=True)
+    assert (taken_off.success, taken_off.reason, taken_off.message) == (True, "", "")
+    assert armed.state() is ual.State.FLYING_AUTO
+    gone = client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(2.0, 1.0, 3.0), blocking=True)
+    assert gone.success
+    assert is_near(armed, 2.0, 1.0, 3.0)
+    landed = client.call(srv.Land, f"{UAL}/land", blocking=True)
+    assert landed.success
+    assert armed.state() in (ual.State.LANDED_ARMED, ual.State.LANDED_DISARMED)
+
+
+def test_one_that_does_not_block_answers_when_it_has_begun(client: Client, flying: ual.Uav) -> None:
+    far = pose(30.0, 0.0, 3.0)
+    assert client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=far, blocking=False).success
+    task = flying.telemetry().task
+    assert task is not None
+    assert task.kind is ual.TaskKind.GO_TO_WAYPOINT
+    assert client.call(Trigger, f"{UAL}/pause").success
+    waited(lambda: (now := flying.telemetry().task) is not None and now.is_paused)
+    assert client.call(Trigger, f"{UAL}/resume").success
+    assert client.call(srv.Abort, f"{UAL}/abort", freeze=True).success
+    waited(lambda: flying.telemetry().task is None)
+
+
+def test_a_geographic_waypoint(client: Client, flying: ual.Uav) -> None:
+    here = flying.telemetry().position_geo
+    assert here is not None
+    fix = NavSatFix(latitude=here.latitude_deg, longitude=here.longitude_deg, altitude=5.0)
+    assert client.call(srv.GoToWaypointGeo, f"{UAL}/go_to_waypoint_geo", waypoint=fix, blocking=True).success
+    assert flying.pose().pose.position.z == pytest.approx(5.0, abs=0.3)
+    goal = client.fly(action.GoToWaypointGeo, f"{UAL}/go_to_waypoint_geo", waypoint=fix, has_yaw=True, yaw=1.0)
+    assert goal[0] == SUCCEEDED
+    assert flying.pose().pose.yaw_rad == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_refusal_says_reason_words_and_metadata(client: Client, armed: ual.Uav) -> None:
+    refused = client.call(srv.Land, f"{UAL}/land", blocking=True)
+    with pytest.raises(ual.WrongStateError) as same:
+        armed.land()
+    assert not refused.success
+    assert (refused.reason, refused.message) == ("WRONG_STATE", same.value.message)
+    assert {each.key: each.value for each in refused.metadata} == same.value.metadata
+    assert client.call(Trigger, f"{UAL}/pause").message.startswith("WRONG_STATE: ")
+    assert client.call(Trigger, f"{UAL}/recover").message.startswith("WRONG_STATE: recover_from_manual needs")
+    client.call(Empty, f"{UAL}/recover_from_manual")  # its answer has no field for a refusal
+
+
+@pytest.mark.parametrize(("kind", "name"), [(Empty, "recover_from_manual"), (Trigger, "recover")])
+def test_control_is_taken_back_from_the_safety_pilot(client: Client, flying: ual.Uav, kind: type, name: str) -> None:
+    states = client.hear(State, f"{UAL}/state", LATCHED)
+    flying.simulation.pilot_take_over()
+    waited(lambda: states and states[-1].state == State.FLYING_MANUAL)
+    client.call(kind, f"{UAL}/{name}")
+    waited(lambda: states[-1].state == State.FLYING_AUTO)
+
+
+def test_home_is_set(client: Client, armed: ual.Uav) -> None:
+    assert client.call(srv.SetHome, f"{UAL}/set_home", set_z=True).success
+    waited(lambda: is_near(armed, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.usefixtures("flying")
+def test_many_wait_at_once_and_the_executor_answers_meanwhile(client: Client) -> None:
+    goals = [
+        client.call_soon(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(x, 0.0, 3.0), blocking=True)
+        for x in (20.0, 21.0, 22.0)
+    ]
+    waited(lambda: sum(goal.done() for goal in goals) == 2)
+    assert client.call(Trigger, f"{UAL}/pause").success
+    assert client.call(Trigger, f"{UAL}/resume").success
+    assert client.call(srv.Abort, f"{UAL}/abort").success
+    waited(lambda: all(goal.done() for goal in goals))
+    assert {goal.result().reason for goal in goals} == {"TASK_ABORTED"}
+
+
+# --- Actions ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_flight_by_actions(client: Client, armed: ual.Uav) -> None:
+    told: list[action.TakeOff.Feedback] = []
+    goal = client.begin(action.TakeOff, f"{UAL}/take_off", told.append, height=3.0)
+    waited(lambda: told)
+    assert not client.cancel(goal), "only the safety pilot ends a take-off"
+    status, result = client.end_of(goal)
+    assert (status, result.success) == (SUCCEEDED, True)
+    assert told[-1].distance_left < 0.5
+    assert State.TAKING_OFF in {each.state for each in told}
+    corners = Path(poses=[pose(2.0, 0.0, 3.0), pose(2.0, 2.0, 3.0)])
+    flown: list[action.FollowPath.Feedback] = []
+    path = client.begin(action.FollowPath, f"{UAL}/follow_path", flown.append, path=corners, max_speed=1.0)
+    assert client.end_of(path)[0] == SUCCEEDED
+    assert is_near(armed, 2.0, 2.0, 3.0)
+    assert {each.waypoint_index for each in flown} >= {0, 1}
+    assert client.fly(action.ReturnToLaunch, f"{UAL}/return_to_launch", height=4.0)[0] == SUCCEEDED
+
+
+def test_a_cancelled_goal_leaves_the_uav_holding(client: Client, flying: ual.Uav) -> None:
+    told: list[action.GoToWaypoint.Feedback] = []
+    goal = client.begin(
+        action.GoToWaypoint, f"{UAL}/go_to_waypoint", told.append, waypoint=pose(50.0, 0.0, 3.0), max_speed=1.0
+    )
+    waited(lambda: told and told[-1].distance_left < 49.5)
+    assert client.cancel(goal)
+    status, result = client.end_of(goal)
+    assert (status, result.reason) == (CANCELED, "TASK_ABORTED")
+    assert flying.state() is ual.State.FLYING_AUTO
+    assert flying.telemetry().task is None
+
+
+@pytest.mark.usefixtures("flying")
+def test_a_refused_goal_is_aborted_with_words(client: Client) -> None:
+    status, result = client.fly(
+        action.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(1.0, 0.0, 3.0, frame_id="nowhere")
+    )
+    assert (status, result.success, result.reason) == (ABORTED, False, "UNKNOWN_FRAME")
+    assert "there is no frame nowhere" in result.message
+
+
+@pytest.mark.usefixtures("flying")
+def test_a_newer_goal_replaces_the_older(client: Client) -> None:
+    told: list[object] = []
+    first = client.begin(action.GoToWaypoint, f"{UAL}/go_to_waypoint", told.append, waypoint=pose(40.0, 0.0, 3.0))
+    waited(lambda: told)
+    assert client.fly(action.Land, f"{UAL}/land")[0] == SUCCEEDED
+    status, result = client.end_of(first)
+    assert (status, result.reason) == (ABORTED, "TASK_ABORTED")
+
+
+# --- Setpoints --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("topic", ["set_velocity", "cmd_vel"])
+def test_velocities_fly_and_their_end_stops_the_uav(client: Client, flying: ual.Uav, topic: str) -> None:
+    kind, message = (Twist, velocity(1.0).twist) if topic == "cmd_vel" else (TwistStamped, velocity(1.0, "map"))
+    begin = flying.pose().pose.position
+    deadline_s = time.monotonic() + 90.0
+    while (flying.pose().pose.position - begin).norm() < 1.0:
+        client.publish(kind, f"{UAL}/{topic}", message)
+        time.sleep(0.02)
+        assert time.monotonic() < deadline_s
+    waited(lambda: flying.velocity().twist.linear.norm() < 0.02)
+    held = flying.pose().pose.position
+    assert flying.state() is ual.State.FLYING_AUTO
+    assert (flying.pose().pose.position - held).norm() < 0.1
+
+
+def test_a_reference_pose_is_followed_and_told(client: Client, flying: ual.Uav) -> None:
+    references = client.hear(PoseStamped, f"{UAL}/ref_pose")
+    goals = client.repeat(0.1, PoseStamped, f"{UAL}/set_pose", lambda: pose(1.0, 1.0, 4.0, "uav_1/odom"))
+    waited(lambda: is_near(flying, 1.0, 1.0, 4.0))
+    client.node.destroy_timer(goals)
+    waited(lambda: references and references[-1].pose.position.x == pytest.approx(1.0))
+
+
+def test_a_refused_setpoint_is_told_in_the_diagnostics(client: Client, flying: ual.Uav) -> None:
+    told = client.hear(DiagnosticArray, f"{UAL}/health", 10)
+    wrong = client.repeat(0.1, TwistStamped, f"{UAL}/set_velocity", lambda: velocity(math.nan))
+    bad = waited(lambda: [each for each in told if "refused" in each.status[0].message])[0].status[0]
+    client.node.destroy_timer(wrong)
+    assert bad.level == b"\x01"
+    assert "INVALID_ARGUMENT" in bad.message
+    assert flying.velocity().twist.linear.norm() < 0.05
+
+
+@pytest.mark.usefixtures("flying")
+def test_a_pose_from_outside_reaches_the_daemon(client: Client) -> None:
+    told = client.hear(DiagnosticArray, f"{UAL}/health", 10)
+    measured = pose(0.0, 0.0, 3.0, "map")
+    measured.pose.orientation.w = 1.0
+    measured.header.stamp.sec = 1_000_000_000  # long ago
+    poses = client.repeat(0.1, PoseStamped, f"{UAL}/external_pose", lambda: measured)
+    waited(lambda: [each for each in told if "it is old" in each.status[0].message])
+    client.node.destroy_timer(poses)
+
+
+# --- What is told -----------------------------------------------------------------------------------------------------
+
+
+def test_what_the_topics_tell(client: Client, flying: ual.Uav) -> None:
+    poses, velocities = client.hear(PoseStamped, f"{UAL}/pose"), client.hear(TwistStamped, f"{UAL}/velocity")
+    odoms, fixes = client.hear(Odometry, f"{UAL}/odom"), client.hear(NavSatFix, f"{UAL}/fix")
+    batteries, states = client.hear(BatteryState, f"{UAL}/battery"), client.hear(State, f"{UAL}/state", LATCHED)
+    healths, moving = client.hear(DiagnosticArray, f"{UAL}/health", 10), client.hear(TFMessage, "/tf", 100)
+    static = client.hear(TFMessage, "/tf_static", LATCHED)
+    waited(lambda: all((poses, velocities, odoms, fixes, batteries, states, healths, moving, static)))
+    sample = flying.telemetry()
+    assert poses[-1].header.frame_id == "uav_1/odom"
+    assert poses[-1].pose.position.z == pytest.approx(3.0, abs=0.3)
+    assert poses[-1].header.stamp.sec == pytest.approx(sample.stamp_s, abs=10.0)
+    assert velocities[-1].header.frame_id == "uav_1/odom"
+    assert (odoms[-1].header.frame_id, odoms[-1].child_frame_id) == ("uav_1/odom", "uav_1/base_link")
+    body = [link for told in moving for link in told.transforms if link.child_frame_id == "uav_1/base_link"][-1]
+    assert body.header.frame_id == "uav_1/odom"
+    assert body.transform.translation.z == pytest.approx(3.0, abs=0.3)
+    assert [(each.header.frame_id, each.child_frame_id) for each in static[-1].transforms] == [("map", "uav_1/odom")]
+    assert states[-1].state == State.FLYING_AUTO
+    assert states[-1].armed
+    assert sample.position_geo is not None
+    assert fixes[-1].latitude == pytest.approx(sample.position_geo.latitude_deg, abs=1e-4)
+    assert 0.0 < batteries[-1].percentage <= 1.0
+    assert healths[-1].status[0].hardware_id == "uav_1"
+
+
+EXPECTED_QOS = {
+    "pose": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+    "velocity": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+    "odom": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+    "ref_pose": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+    "battery": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+    "fix": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+    "state": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
+    "health": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE),
+    "/tf": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE),
+    "/tf_static": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
+}
+
+
+@pytest.mark.parametrize("name", EXPECTED_QOS)
+@pytest.mark.usefixtures("uav")
+def test_the_qos_of_a_topic(client: Client, name: str) -> None:
+    topic = name if name.startswith("/") else f"{UAL}/{name}"
+    of_topic = client.node.get_publishers_info_by_topic
+    [found] = waited(lambda: [each for each in of_topic(topic) if each.node_name == "ual"])
+    assert (found.qos_profile.reliability, found.qos_profile.durability) == EXPECTED_QOS[name]
+
+
+@pytest.mark.parametrize("name", ["set_pose", "set_velocity", "cmd_vel", "external_pose"])
+@pytest.mark.usefixtures("uav")
+def test_what_comes_in_is_heard_from_any_publisher(client: Client, name: str) -> None:
+    of_topic = client.node.get_subscriptions_info_by_topic
+    [found] = waited(lambda: [each for each in of_topic(f"{UAL}/{name}") if each.node_name == "ual"])
+    assert found.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    assert found.qos_profile.durability == DurabilityPolicy.VOLATILE
+
+
+# --- Frames -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_goal_in_a_frame_that_only_tf_knows(client: Client, flying: ual.Uav) -> None:
+    static = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = client.node.create_publisher(TFMessage, "/tf_static", static)
+    publisher.publish(place(5.0, "map", "tower"))
+    client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(0.0, 0.0, 3.0, "nowhere"))  # tf is heard now
+    waited(publisher.get_subscription_count)
+    gone = client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(-1.0, 0.0, 3.0, "tower"), blocking=True)
+    assert gone.success, gone.message
+    there = flying.transform("map", "uav_1/base_link").translation
+    assert there.x == pytest.approx(4.0, abs=0.3)
+
+
+def test_a_goal_in_a_frame_of_tf_that_moves_is_followed(client: Client, flying: ual.Uav) -> None:
+    xs = (min(6.0, 0.005 * i) for i in itertools.count())
+    places = client.repeat(0.02, TFMessage, "/tf", lambda: place(next(xs), "map", "deck"))
+    goals = client.repeat(0.1, PoseStamped, f"{UAL}/set_pose", lambda: pose(0.0, 2.0, 4.0, "deck"))
+    waited(lambda: flying.transform("map", "uav_1/base_link").translation.x > 5.5)
+    for each in (goals, places):
+        client.node.destroy_timer(each)
+
+
+# --- Malformed goals --------------------------------------------------------------------------------------------------
+
+
+def test_a_thousand_malformed_goals_are_refused_and_none_is_flown(client: Client, flying: ual.Uav) -> None:
+    chosen = random.Random(36)
+    begin = flying.pose().pose.position
+    reasons = [_malformed(client, chosen) for _ in range(1000)]
+    assert "" not in reasons
+    assert set(reasons) <= {"INVALID_ARGUMENT", "UNKNOWN_FRAME", "GEOFENCE"}
+    assert (flying.pose().pose.position - begin).norm() < 0.1
+    assert flying.telemetry().task is None
+
+
+BAD = (math.nan, math.inf, -math.inf, 1e30, -1e30, 1e308)
+
+
+def _malformed(client: Client, chosen: random.Random) -> str:
+    """Sends one goal that cannot be flown; returns the reason of its refusal."""
+    bad = chosen.choice(BAD)
+    goal = pose(1.0, 1.0, 3.0)
+    case = chosen.randrange(7)
+    if case == 0:
+        setattr(goal.pose.position, chosen.choice("xyz"), bad)
+    elif case == 1:
+        setattr(goal.pose.orientation, chosen.choice("xyzw"), chosen.choice((math.nan, math.inf, 1e30, -0.3)))
+    elif case == 2:
+        goal.header.frame_id = chosen.choice(("nowhere", "uav_2/odom", "/", "a" * 500, "\u2603", "map "))
+    elif case == 3:
+        goal.pose.position.z = chosen.choice((-3.0, -1000.0, 1e6))
+    elif case == 4:
+        _, result = client.fly(
+            action.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=goal, max_speed=chosen.choice((math.nan, -1.0, 1e-9))
+        )
+        return str(result.reason)
+    elif case == 5:
+        fix = NavSatFix(latitude=chosen.choice((91.0, bad)), longitude=bad, altitude=bad)
+        request = {"waypoint": fix, "altitude_reference": chosen.choice((0, 1, 2, 3, 77)), "blocking": True}
+        return str(client.call(srv.GoToWaypointGeo, f"{UAL}/go_to_waypoint_geo", **request).reason)
+    else:
+        path = Path(poses=[] if chosen.random() < 0.2 else [goal])
+        kind = {"corner_radius": bad} if path.poses else {}
+        return str(client.fly(action.FollowPath, f"{UAL}/follow_path", path=path, **kind)[1].reason)
+    if chosen.random() < 0.5:
+        return str(client.fly(action.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=goal)[1].reason)
+    return str(client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=goal, blocking=True).reason)

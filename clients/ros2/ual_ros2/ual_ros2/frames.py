@@ -1,0 +1,163 @@
+"""Frames both ways: those of the daemons in tf, and those that only tf knows in the daemons."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Iterable
+
+from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
+
+import ual
+from ual_ros2 import topics, values
+from ual_ros2.messages import Entity, Message
+from ual_ros2.ros_time import RosTime
+from ual_ros2.tf_buffer import TfBuffer
+
+_log = logging.getLogger(__name__)
+
+FEED_S = 0.05
+"""How often a daemon is told where a frame of tf is, while that moves."""
+COMPLETE_S = 1.0
+"""How long after it is first listened to, tf may take to tell its frames: commands in them wait meanwhile."""
+APPEARS_S = 0.3
+"""How long a command waits in any case for a frame that is not known yet: its publisher may be new."""
+
+
+class Tf:
+    """``/tf`` and ``/tf_static``, shared by all UAVs of the node. Only the event loop publishes."""
+
+    def __init__(self, node: Entity, time: RosTime) -> None:
+        options = {"qos_overriding_options": topics.overridable()}
+        self.moving = node.create_publisher(TFMessage, "/tf", topics.TF, **options)
+        self._static = node.create_publisher(TFMessage, "/tf_static", topics.LATCHED, **options)
+        self._node = node
+        self._time = time
+        self._published: dict[str, ual.Transform] = {}
+        self._listened: TfBuffer | None = None
+        self._complete_s = 0.0
+        self._subscriptions: list[Entity] = []
+
+    def destroy(self) -> None:
+        """Ends both topics."""
+        for publisher in (self.moving, self._static):
+            self._node.destroy_publisher(publisher)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def publish_static(self, links: Iterable[ual.Transform]) -> None:
+        """Publishes what has changed. A late listener gets one message: so all of them are in each."""
+        before = dict(self._published)
+        self._published.update((link.child_frame_id, link) for link in links)
+        if self._published != before:
+            self._static.publish(TFMessage(transforms=[self._stamped(link) for link in self._published.values()]))
+
+    def publish_moving(self, links: Iterable[ual.Transform]) -> None:
+        """Publishes where frames are now."""
+        if stamped := [self._stamped(link) for link in links]:
+            self.moving.publish(TFMessage(transforms=stamped))
+
+    def listened(self) -> TfBuffer:
+        """Returns what tf says. It is listened to from the first call on: most programs need it never."""
+        if self._listened is None:
+            self._listened = TfBuffer()
+            self._complete_s = asyncio.get_running_loop().time() + COMPLETE_S
+            for topic, qos in (("/tf", topics.TF), ("/tf_static", topics.MANY_LATCHED)):
+                self._subscriptions.append(self._node.create_subscription(TFMessage, topic, self._on_tf, qos))
+        return self._listened
+
+    def complete_s(self) -> float:
+        """Returns when a frame that is not known by then is known to be missing, in the event loop's time."""
+        return max(self._complete_s, asyncio.get_running_loop().time() + APPEARS_S)
+
+    def _on_tf(self, message: Message) -> None:
+        if self._listened is not None:
+            for each in message.transforms:
+                self._listened.put(values.transform_stamped(each))
+
+    def _stamped(self, link: ual.Transform) -> Message:
+        message = TransformStamped()
+        values.fill_transform(message, link)
+        self._time.stamp_now(message.header.stamp)
+        return message
+
+
+class Frames:
+    """The frames of one UAV. Only the event loop calls it."""
+
+    def __init__(self, uav: ual.aio.Uav, ns: str, tf: Tf) -> None:
+        self._uav = uav
+        self._body = f"{ns}/base_link"
+        self._tf = tf
+        self._known: frozenset[str] = frozenset()
+        self._given: dict[str, ual.Transform] = {}
+        """The frames that this daemon has from tf, as it was told last."""
+        self.has_moving = False
+        """Whether the daemon has frames that move, beside the body."""
+
+    async def publish(self) -> None:
+        """Publishes the daemon's frames, but for the body, which each sample tells, and those that tf has anyway."""
+        frames = await self._uav.frames()
+        self._known = frozenset(frame.frame_id for frame in frames) - self._given.keys() | {"map"}
+        told = [frame for frame in frames if frame.transform is not None and frame.frame_id not in self._given]
+        links = {frame.frame_id: _link(frame) for frame in told if frame.frame_id != self._body}
+        static = [links[frame.frame_id] for frame in told if frame.is_static and frame.frame_id in links]
+        moving = [links[frame.frame_id] for frame in told if not frame.is_static and frame.frame_id in links]
+        self._tf.publish_static(static)
+        self._tf.publish_moving(moving)
+        self.has_moving = bool(moving)
+
+    async def provide(self, frame_ids: Iterable[str]) -> None:
+        """Gives the daemon those of the frames that it does not know and tf does.
+
+        One that neither knows is left to the daemon: its refusal lists the frames that there are.
+        """
+        for frame_id in set(frame_ids) - self._known - self._given.keys() - {"", self._body}:
+            link = await self._appears(frame_id)
+            if link is not None:
+                await self._give(frame_id, link)
+
+    async def feed(self) -> None:
+        """Tells the daemon for ever where the frames of tf are."""
+        while True:
+            await asyncio.sleep(FEED_S)
+            for frame_id, before in list(self._given.items()):
+                link = self._tf.listened().to_known(frame_id, self._known)
+                if link is not None and link != before:
+                    await self._give_again(frame_id, link)
+
+    async def take_back(self) -> None:
+        """Removes the frames of tf from the daemon. A UAV that follows a goal in one of them stops."""
+        given, self._given = self._given, {}
+        for frame_id in given:
+            try:
+                await self._uav.remove_frame(frame_id)
+            except ual.UalError as error:
+                _log.warning("the frame %s was not removed: %s", frame_id, error)
+
+    async def _appears(self, frame_id: str) -> ual.Transform | None:
+        tf = self._tf.listened()
+        until_s = self._tf.complete_s()
+        while True:
+            link = tf.to_known(frame_id, self._known)
+            if link is not None or asyncio.get_running_loop().time() > until_s:
+                return link
+            await asyncio.sleep(FEED_S)
+
+    async def _give(self, frame_id: str, link: ual.Transform) -> None:
+        await self._uav.add_frame(link)
+        self._given[frame_id] = link
+
+    async def _give_again(self, frame_id: str, link: ual.Transform) -> None:
+        try:
+            await self._give(frame_id, link)
+        except ual.UalError as error:
+            _log.warning("the daemon does not take the frame %s any more: %s", frame_id, error)
+            self._given.pop(frame_id, None)
+
+
+def _link(frame: ual.Frame) -> ual.Transform:
+    assert frame.transform is not None
+    there = frame.transform
+    return ual.Transform(there.translation, there.rotation, frame.parent_frame_id, frame.frame_id)

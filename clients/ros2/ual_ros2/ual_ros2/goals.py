@@ -1,0 +1,136 @@
+"""Actions: goals that fly on the event loop, with feedback and cancel."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Protocol
+
+from diagnostic_msgs.msg import KeyValue
+from rclpy.action import ActionServer, CancelResponse
+
+import ual
+from ual_ros2 import outcome, values
+from ual_ros2.commands import Action
+from ual_ros2.messages import Entity, Message
+from ual_ros2.outcome import Outcome, Run
+
+CANCELLED_BY = "the ROS client"
+
+
+class Pilot(Protocol):
+    """What flies the goals of one UAV."""
+
+    @property
+    def newest(self) -> ual.Telemetry | None:
+        """The newest sample."""
+        ...
+
+    def begin_command(self, command: Action, request: Message) -> Run:
+        """Begins to fly a goal."""
+        ...
+
+
+class Goals:
+    """One action of one UAV."""
+
+    def __init__(
+        self,
+        node: Entity,
+        loop: asyncio.AbstractEventLoop,
+        name: str,
+        action: Action,
+        pilot: Pilot,
+        feedback_rate_hz: float,
+    ) -> None:
+        self._loop = loop
+        self._action = action
+        self._pilot = pilot
+        self._feedback_s = 1.0 / feedback_rate_hz
+        self._flying: dict[bytes, Run] = {}
+        self._server = _LoopActionServer(loop, node, action.kind, name, self._fly, cancel_callback=self._on_cancel)
+
+    def destroy(self) -> None:
+        """Ends the action."""
+        self._server.destroy()
+
+    def _on_cancel(self, goal_handle: Entity) -> CancelResponse:
+        """Runs on the executor's thread. The flight ends at once, before ROS has noted that it is asked for."""
+        newest = self._pilot.newest
+        is_landing = newest is not None and newest.state is ual.State.LANDING
+        if is_landing or not self._action.can_be_cancelled:
+            return CancelResponse.REJECT
+        self._loop.call_soon_threadsafe(self._cancel, _key(goal_handle))
+        return CancelResponse.ACCEPT
+
+    def _cancel(self, key: bytes) -> None:
+        if (flying := self._flying.get(key)) is not None:
+            flying.cancel(CANCELLED_BY)
+
+    async def _fly(self, goal_handle: Entity) -> Message:
+        before = self._pilot.newest
+        known_id = "" if before is None or before.task is None else before.task.id
+        flying = self._pilot.begin_command(self._action, goal_handle.request)
+        self._flying[_key(goal_handle)] = flying
+        try:
+            await self._give_feedback(goal_handle, flying.task, known_id)
+        finally:
+            del self._flying[_key(goal_handle)]
+        return await self._end(goal_handle, flying.task.result())
+
+    async def _give_feedback(self, goal_handle: Entity, task: asyncio.Task[Outcome], known_id: str) -> None:
+        """Publishes how the task stands until it has ended. The task that ran before the goal is not its own."""
+        feedback = self._action.kind.Feedback()
+        while not task.done():
+            await asyncio.wait((task,), timeout=self._feedback_s)
+            sample = self._pilot.newest
+            if sample is not None and sample.task is not None and sample.task.id != known_id:
+                values.fill_feedback(feedback, sample, sample.task)
+                goal_handle.publish_feedback(feedback)
+
+    async def _end(self, goal_handle: Entity, ended: Outcome) -> Message:
+        if ended.is_success:
+            goal_handle.succeed()
+        elif ended.metadata.get("by") == CANCELLED_BY and await _is_canceling(goal_handle):
+            goal_handle.canceled()
+        else:
+            goal_handle.abort()
+        return outcome.fill(self._action.kind.Result(), ended, KeyValue)
+
+
+class _LoopActionServer(ActionServer):
+    """An action server whose goals are coroutines of the event loop.
+
+    rclpy would resume them on its executor again and again until they end, which costs a whole core.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        node: Entity,
+        kind: Entity,
+        name: str,
+        fly: Callable[[Entity], Awaitable[Message]],
+        *,
+        cancel_callback: Callable[[Entity], CancelResponse],
+    ) -> None:
+        self._event_loop = loop
+        super().__init__(node, kind, name, fly, cancel_callback=cancel_callback)
+
+    def notify_execute(self, goal_handle: Entity, execute_callback: Entity) -> None:
+        """Begins to execute an accepted goal."""
+        coroutine = self._execute_goal(execute_callback or self._execute_callback, goal_handle)
+        asyncio.run_coroutine_threadsafe(coroutine, self._event_loop)
+
+
+async def _is_canceling(goal_handle: Entity) -> bool:
+    """Waits until ROS has noted that the goal is to be cancelled; it does so right after the callback."""
+    for _ in range(200):
+        if goal_handle.is_cancel_requested:
+            return True
+        await asyncio.sleep(0.005)
+    return False
+
+
+def _key(goal_handle: Entity) -> bytes:
+    return bytes(goal_handle.goal_id.uuid)

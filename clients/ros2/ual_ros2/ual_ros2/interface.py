@@ -1,0 +1,286 @@
+"""One UAV in ROS: its topics, services and actions, and the client behind them."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Coroutine
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import KeyValue
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from std_srvs.srv import Empty, Trigger
+
+import ual
+from ual_ros2 import outcome, topics, values
+from ual_ros2.commands import ACTIONS, SERVICES, Command
+from ual_ros2.frames import Frames, Tf
+from ual_ros2.goals import Goals
+from ual_ros2.health import Said
+from ual_ros2.messages import Entity, Message
+from ual_ros2.outcome import Outcome, Run
+from ual_ros2.ros_time import RosTime
+from ual_ros2.services import LateService
+from ual_ros2.setpoints import Newest
+from ual_ros2.settings import Settings
+
+_log = logging.getLogger(__name__)
+
+RETRY_S = 0.5
+SILENT_S = 1.0
+"""Without a sample for this long (or three of them), the UAV is told to be unknown."""
+REFUSED_S = 5.0
+"""How long a refused setpoint stands in the diagnostics."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What all UAVs of a node share."""
+
+    node: Entity
+    loop: asyncio.AbstractEventLoop
+    settings: Settings
+    time: RosTime
+    tf: Tf
+
+
+class UavInterface:
+    """One UAV in ROS. Its entities live from construction to `destroy`; it flies and tells between `begin` and `end`.
+
+    ROS' executor constructs and destroys it, and calls what has to do with its entities; all else runs on the event
+    loop.
+    """
+
+    def __init__(self, shared: Shared, ns: str, address: str) -> None:
+        self._shared = shared
+        self._ns = ns
+        self._loop = shared.loop
+        settings = shared.settings
+        self._uav = ual.aio.Uav(ns, address=address or None, tls_ca=settings.tls_ca, credentials=settings.credentials)
+        self._said = Said()
+        self._newest: ual.Telemetry | None = None
+        self._heard_s = 0.0
+        self._refused_s = 0.0
+        self._is_active = False
+        self._lease: ual.aio.Lease | None = None
+        self._not_leased: ual.UalError | None = None
+        self._watching: list[asyncio.Task[None]] = []
+        self._commands: set[Run] = set()
+        self._topics = topics.Topics(shared.node, ns, shared.time, shared.tf.moving)
+        self._frames = Frames(self._uav, ns, shared.tf)
+        self._setpoints: Newest[ual.PoseStamped | ual.TwistStamped] = Newest(self._loop, self._set, self._on_refusal)
+        self._external_poses: Newest[ual.PoseStamped] = Newest(
+            self._loop, self._uav.set_external_pose, self._on_refusal
+        )
+        self._make_inputs()
+
+    # --- For the node: on ROS' executor -------------------------------------------------------------------------------
+
+    def _make_inputs(self) -> None:
+        node, prefix = self._shared.node, f"/{self._ns}/ual"
+        self._subscriptions = [
+            self._subscribe(PoseStamped, "set_pose", self._on_pose),
+            self._subscribe(TwistStamped, "set_velocity", self._on_velocity),
+            self._subscribe(Twist, "cmd_vel", self._on_body_velocity),
+            self._subscribe(PoseStamped, "external_pose", self._on_external_pose),
+        ]
+        self._services = [
+            LateService(node, each.kind, f"{prefix}/{each.name}", partial(self._serve, each)) for each in SERVICES
+        ]
+        rate_hz = self._shared.settings.feedback_rate_hz
+        self._goals = [Goals(node, self._loop, f"{prefix}/{each.name}", each, self, rate_hz) for each in ACTIONS]
+
+    def _subscribe(self, kind: Entity, name: str, callback: Entity) -> Entity:
+        return self._shared.node.create_subscription(
+            kind, f"/{self._ns}/ual/{name}", callback, topics.NEWEST, qos_overriding_options=topics.overridable()
+        )
+
+    def destroy(self) -> None:
+        """Ends its topics, services and actions, and the connection."""
+        node = self._shared.node
+        for goals in self._goals:
+            goals.destroy()
+        for service in self._services:
+            node.destroy_service(service.entity)
+        for subscription in self._subscriptions:
+            node.destroy_subscription(subscription)
+        self._topics.destroy()
+        self._run(self._uav.close()).result()
+
+    def _on_pose(self, message: Message) -> None:
+        self._put(self._setpoints, values.pose_stamped(message))
+
+    def _on_velocity(self, message: Message) -> None:
+        self._put(self._setpoints, values.twist_stamped(message))
+
+    def _on_body_velocity(self, message: Message) -> None:
+        """Takes a Twist, which names no frame: as ``cmd_vel`` of other robots, along the axes of the body."""
+        self._put(self._setpoints, ual.TwistStamped(values.twist(message), f"{self._ns}/base_link"))
+
+    def _on_external_pose(self, message: Message) -> None:
+        stamp_s = self._shared.time.utc_s(message.header.stamp)
+        self._put(self._external_poses, values.pose_stamped(message, stamp_s=stamp_s))
+
+    def _put(self, stream: Newest[Any], value: object) -> None:
+        if self._is_active:
+            stream.put(value)
+
+    def _serve(self, command: Command, request: Message) -> Future[Message]:
+        return self._run(self._answered(command, request))
+
+    def _run(self, coroutine: Coroutine[Any, Any, Any]) -> Future[Any]:
+        return asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+
+    # --- On the event loop --------------------------------------------------------------------------------------------
+
+    async def begin(self) -> None:
+        """Begins to tell of the UAV and to fly it."""
+        self._is_active = True
+        self._said.address = self._uav.address
+        self._heard_s = self._loop.time()
+        works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed()]
+        if self._shared.settings.lease_holder is not None:
+            self._not_leased = ual.LeaseLostError("the node has not acquired its lease yet", {"by": "nothing"})
+            works.append(self._acquire())
+        self._watching = [self._loop.create_task(work) for work in works]
+
+    async def end(self, why: str) -> None:
+        """Ends what it has begun: a go-to or path ends, and the UAV holds; a take-off or a landing goes on."""
+        self._is_active = False
+        for stream in (self._setpoints, self._external_poses):
+            stream.clear()
+        for work in self._watching:
+            work.cancel()
+        for run in self._commands:
+            run.cancel(why)
+        await asyncio.gather(*self._watching, *(run.task for run in self._commands), return_exceptions=True)
+        self._watching = []
+        await self._frames.take_back()
+        if self._lease is not None:
+            await self._lease.release()
+            self._lease = None
+        self._topics.tell_unknown(why, self._said)
+        self._newest = None
+
+    @property
+    def newest(self) -> ual.Telemetry | None:
+        """The newest sample; None while nothing is known."""
+        return self._newest
+
+    def begin_command(self, command: Command, request: Message) -> Run:
+        """Begins a command, which `end` ends."""
+        run = Run(lambda: self._perform(command, request))
+        self._commands.add(run)
+        run.task.add_done_callback(lambda task: self._on_ended(command, run, task.result()))
+        return run
+
+    def _on_ended(self, command: Command, run: Run, ended: Outcome) -> None:
+        self._commands.discard(run)
+        if not ended.is_success:
+            _log.warning("%s: %s: %s", self._ns, command.name, ended.text)
+
+    async def _answered(self, command: Command, request: Message) -> Message:
+        ended = await self.begin_command(command, request).task
+        response = command.kind.Response()
+        if command.kind is Empty:
+            return response
+        if command.kind is Trigger:
+            return outcome.fill_trigger(response, ended)
+        return outcome.fill(response, ended, KeyValue)
+
+    async def _perform(self, command: Command, request: Message) -> None:
+        if not self._is_active:
+            raise ual.WrongStateError("the node is not active: activate it (ros2 lifecycle set)", {"needed": "active"})
+        self._require_lease()
+        await self._frames.provide(command.frames(request))
+        await command.call(self._uav, request)
+
+    async def _set(self, value: ual.PoseStamped | ual.TwistStamped) -> None:
+        self._require_lease()
+        if value.frame_id:
+            await self._frames.provide((value.frame_id,))
+        if isinstance(value, ual.PoseStamped):
+            await self._uav.set_pose(value)
+        else:
+            await self._uav.set_velocity(value)
+
+    def _on_refusal(self, error: ual.UalError) -> None:
+        """A topic has no answer: so its refusal is told in the log, once, and in the diagnostics."""
+        text = f"{error.reason}: {error.message}"
+        if text != self._said.refused:
+            _log.warning("%s: a setpoint is refused: %s", self._ns, text)
+        self._said.refused = text
+        self._said.refused_count += 1
+        self._refused_s = self._loop.time()
+
+    def _require_lease(self) -> None:
+        if self._not_leased is not None:
+            raise self._not_leased
+
+    async def _acquire(self) -> None:
+        """Acquires the lease, and tries again until it has it. One that is lost later stays lost until `end`."""
+        settings = self._shared.settings
+        while True:
+            try:
+                self._lease = await self._uav.lease(settings.lease_holder or "")
+                self._not_leased = None
+                break
+            except ual.UalError as error:
+                self._not_leased = error
+            await asyncio.sleep(RETRY_S)
+
+    async def _watch(self) -> None:
+        """Publishes each sample. A daemon that ends or is not there yet is waited for."""
+        rate_hz = self._shared.settings.rate_hz
+        while True:
+            try:
+                async with self._uav.subscribe(rate_hz) as samples:
+                    async for sample in samples:
+                        self._on_sample(sample)
+            except ual.UalError as error:
+                self._tell_unknown(f"{error.reason}: {error.message}")
+            await asyncio.sleep(RETRY_S)
+
+    def _on_sample(self, sample: ual.Telemetry) -> None:
+        self._newest = sample
+        self._heard_s = self._loop.time()
+        self._topics.publish(sample)
+
+    async def _check(self) -> None:
+        """Publishes what changes slowly, and says when nothing comes any more."""
+        settings = self._shared.settings
+        silent_s = max(SILENT_S, 3.0 / settings.rate_hz)
+        while True:
+            await asyncio.sleep(1.0 / settings.slow_rate_hz)
+            self._note_connection()
+            if self._loop.time() - self._heard_s > silent_s:
+                self._tell_unknown(f"the daemon at {self._uav.address} tells nothing")
+            elif self._newest is not None:
+                self._topics.publish_slow(self._newest, self._said)
+
+    def _note_connection(self) -> None:
+        self._said.address = self._uav.address
+        if self._loop.time() - self._refused_s > REFUSED_S:
+            self._said.refused = ""
+        if self._lease is not None and self._lease.lost is not None:
+            self._said.lease = f"lost: {self._lease.lost.message}"
+        elif self._not_leased is not None:
+            self._said.lease = f"not held: {self._not_leased.message}"
+        else:
+            self._said.lease = "none" if self._lease is None else "held"
+
+    def _tell_unknown(self, reason: str) -> None:
+        self._newest = None
+        self._topics.tell_unknown(reason, self._said)
+
+    async def _follow_frames(self) -> None:
+        settings = self._shared.settings
+        while True:
+            try:
+                await self._frames.publish()
+            except ual.UalError:  # the daemon is not there: `_watch` tells it
+                self._frames.has_moving = False
+            await asyncio.sleep(1.0 / (settings.rate_hz if self._frames.has_moving else settings.slow_rate_hz))

@@ -1,0 +1,206 @@
+"""The node: ``ros2 run ual_ros2 node --ros-args -p ns:=uav_1``."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+import sys
+import threading
+from collections.abc import Coroutine, Sequence
+from contextlib import suppress
+from typing import Any
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.signals import SignalHandlerOptions
+
+import ual
+from ual import discovery
+from ual_ros2 import settings as parameters
+from ual_ros2.frames import Tf
+from ual_ros2.interface import Shared, UavInterface
+from ual_ros2.messages import Entity
+from ual_ros2.ros_time import RosTime
+from ual_ros2.settings import Settings
+
+LOOK_S = 1.0
+"""How often the node looks for UAVs of this computer, and tries to start itself where that failed."""
+NAMING_S = 2.0
+"""How long a daemon may take to say its name, where only an address is given."""
+ENDING_S = 10.0
+
+
+class UalNode(LifecycleNode):
+    """A lifecycle node that is a client of daemons. It tells and flies while it is active."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, **options: Any) -> None:  # noqa: ANN401 (rclpy's own)
+        super().__init__("ual", **options)
+        parameters.declare(self)
+        self._loop = loop
+        self._shared: Shared | None = None
+        self._uavs: dict[str, UavInterface] = {}
+        self._is_active = False
+        self._failure = ""
+        # Not ROS' clock, which may stand still or jump.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._is_starting = bool(self.get_parameter("autostart").value)
+        self.create_timer(LOOK_S, self._look, clock=steady)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Reads the parameters and makes all topics, services and actions."""
+        try:
+            settings = parameters.read(self)
+            named = self._named(settings)
+        except ual.UalError as error:
+            return self._failed(error)
+        time = RosTime(self.get_clock())
+        self._shared = Shared(self, self._loop, settings, time, Tf(self, time))
+        for ns, address in named:
+            self._add(ns, address)
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begins to tell and to fly."""
+        self._is_active = True
+        for uav in self._uavs.values():
+            self._wait(uav.begin())
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ends what it flies: a go-to or path ends, and the UAV holds; a take-off or a landing goes on."""
+        self._end("the node is not active")
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ends all topics, services and actions, and the connections."""
+        self._destroy_all()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ends all, from any state."""
+        self._is_starting = False
+        self._end("the node has ended")
+        self._destroy_all()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _named(self, settings: Settings) -> list[tuple[str, str]]:
+        if not settings.uavs:
+            return [(daemon.ns, daemon.address) for daemon in discovery.list_daemons()]
+        return [(ns or self._ask_name(settings, address), address) for ns, address in settings.uavs]
+
+    def _ask_name(self, settings: Settings, address: str) -> str:
+        with ual.Uav(address=address, tls_ca=settings.tls_ca, credentials=settings.credentials) as uav:
+            return uav.ns
+
+    def _add(self, ns: str, address: str) -> None:
+        assert self._shared is not None
+        self._uavs[ns] = UavInterface(self._shared, ns, address)
+        self.get_logger().info(f"{ns}: /{ns}/ual/ is there")
+
+    def _look(self) -> None:
+        """Starts the node where it is to start by itself, and finds UAVs whose daemons were started later."""
+        if self._is_starting:
+            self._start()
+        if self._shared is not None and not self._shared.settings.uavs:
+            for daemon in discovery.list_daemons():
+                if daemon.ns not in self._uavs:
+                    self._add(daemon.ns, "")
+                    if self._is_active:
+                        self._wait(self._uavs[daemon.ns].begin())
+
+    def _start(self) -> None:
+        if self._shared is None and self.trigger_configure() is not TransitionCallbackReturn.SUCCESS:
+            return
+        self._is_starting = False
+        self.trigger_activate()
+
+    def _failed(self, error: ual.UalError) -> TransitionCallbackReturn:
+        text = f"{error.reason}: {error.message}"
+        if text != self._failure:
+            self.get_logger().error(f"not configured: {text}")
+        self._failure = text
+        return TransitionCallbackReturn.FAILURE
+
+    def _end(self, why: str) -> None:
+        self._is_active = False
+        for uav in self._uavs.values():
+            self._wait(uav.end(why))
+
+    def _destroy_all(self) -> None:
+        for uav in self._uavs.values():
+            uav.destroy()
+        self._uavs.clear()
+        if self._shared is not None:
+            self._shared.tf.destroy()
+            self._shared = None
+
+    def _wait(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(ENDING_S)
+
+
+class _RosLog(logging.Handler):
+    """Passes the log of the client and of this package to ROS."""
+
+    def __init__(self, node: Entity) -> None:
+        super().__init__(logging.INFO)
+        self._log = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.levelno >= logging.ERROR:
+            self._log.error(self.format(record))
+        elif record.levelno >= logging.WARNING:
+            self._log.warning(self.format(record))
+        else:
+            self._log.info(self.format(record))
+
+
+async def run(argv: Sequence[str] | None, stop: asyncio.Event) -> None:
+    """Runs the node until `stop` is set."""
+    loop = asyncio.get_running_loop()
+    rclpy.init(args=None if argv is None else list(argv), signal_handler_options=SignalHandlerOptions.NO)
+    node = UalNode(loop)
+    for name in ("ual", "ual_ros2"):
+        logging.getLogger(name).addHandler(_RosLog(node))
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    spinning = threading.Thread(target=_spin, args=(executor, loop, stop), name="ros", daemon=True)
+    spinning.start()
+    await stop.wait()
+    await _finish(node, executor)
+    rclpy.try_shutdown()
+    spinning.join(ENDING_S)
+
+
+def _spin(executor: Entity, loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        pass
+    finally:
+        with suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(stop.set)
+
+
+async def _finish(node: Entity, executor: Entity) -> None:
+    """Ends the flights while ROS still answers, so that each caller hears how."""
+    loop, has_ended = asyncio.get_running_loop(), asyncio.Event()
+    ended = executor.create_task(node.trigger_shutdown)
+    ended.add_done_callback(lambda _: loop.call_soon_threadsafe(has_ended.set))
+    with suppress(asyncio.TimeoutError):
+        await asyncio.wait_for(has_ended.wait(), ENDING_S)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Runs the node until SIGINT or SIGTERM."""
+
+    async def until_signal() -> None:
+        stop = asyncio.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        await run(argv, stop)
+
+    asyncio.run(until_signal())
+    sys.exit(0)

@@ -1,0 +1,78 @@
+"""How a command ended, as services and actions tell it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
+
+import ual
+from ual_ros2.messages import Message
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Done, or refused or failed by a reason of UAL, with its words and metadata."""
+
+    reason: str = ""
+    message: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def is_success(self) -> bool:
+        """Whether it is done."""
+        return not self.reason
+
+    @property
+    def text(self) -> str:
+        """All of it in one line, for messages that have no other field."""
+        return f"{self.reason}: {self.message}" if self.reason else ""
+
+    @classmethod
+    def of(cls, error: ual.UalError) -> Outcome:
+        """Makes the one of an error."""
+        return cls(error.reason, error.message, error.metadata)
+
+
+DONE = Outcome()
+
+
+class Run:
+    """A command under way. However it ends, its `task` returns an outcome: the caller in ROS always gets an answer."""
+
+    def __init__(self, begin: Callable[[], Awaitable[object]]) -> None:
+        self._by = ""
+        self.task: asyncio.Task[Outcome] = asyncio.ensure_future(self._run(begin))
+
+    def cancel(self, by: str) -> None:
+        """Ends it, and with it the call of the daemon."""
+        self._by = by
+        self.task.cancel()
+
+    async def _run(self, begin: Callable[[], Awaitable[object]]) -> Outcome:
+        try:
+            await begin()
+        except ual.UalError as error:
+            return Outcome.of(error)
+        except asyncio.CancelledError:
+            return Outcome("TASK_ABORTED", f"cancelled: {self._by}", {"by": self._by})
+        except Exception as error:  # noqa: BLE001 (a mistake in the node: the caller must not wait for ever)
+            _log.exception("a command failed in the node")
+            return Outcome("INTERNAL", f"the node failed: {error!r}")
+        return DONE
+
+
+def fill(message: Message, outcome: Outcome, key_value: Callable[..., Message]) -> Message:
+    """Fills a response or result of ``ual_msgs``, and returns it."""
+    message.success, message.reason, message.message = outcome.is_success, outcome.reason, outcome.message
+    message.metadata = [key_value(key=key, value=value) for key, value in outcome.metadata.items()]
+    return message
+
+
+def fill_trigger(message: Message, outcome: Outcome) -> Message:
+    """Fills a response of ``std_srvs/Trigger``, and returns it."""
+    message.success, message.message = outcome.is_success, outcome.text
+    return message

@@ -1,0 +1,37 @@
+"""Times of UAL (UTC) as times of the node's clock and back. Only stamps use this: no command waits for this clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from ual_ros2 import values
+from ual_ros2.messages import Entity, Message
+
+
+class RosTime:
+    """Converts between UTC and ROS' clock, which is UTC too unless it is simulated (``use_sim_time``)."""
+
+    def __init__(self, clock: Entity, utc_s: Callable[[], float] = time.time) -> None:
+        self._clock = clock
+        self._utc_s = utc_s
+
+    def stamp(self, stamp: Message, utc_s: float) -> None:
+        """Fills a stamp with a time of UTC."""
+        stamp.sec, stamp.nanosec = values.split(max(0.0, utc_s + self._offset_s()))
+
+    def stamp_now(self, stamp: Message) -> None:
+        """Fills a stamp with the present."""
+        self.stamp(stamp, self._utc_s())
+
+    def utc_s(self, stamp: Message) -> float:
+        """Returns the UTC of a stamp; 0 of an empty one, which means now."""
+        if not (stamp.sec or stamp.nanosec):
+            return 0.0
+        return float(stamp.sec + stamp.nanosec / values.NANO - self._offset_s())
+
+    def _offset_s(self) -> float:
+        """How far ROS' clock is before UTC."""
+        if not self._clock.ros_time_is_active:
+            return 0.0
+        return float(self._clock.now().nanoseconds / values.NANO - self._utc_s())

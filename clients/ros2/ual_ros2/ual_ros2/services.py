@@ -1,0 +1,28 @@
+"""Services whose answers come later, without a thread for each and without a busy executor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from ual_ros2.messages import Entity, Message
+
+
+class LateService:
+    """A service whose callback returns a future, and which answers when that is done.
+
+    rclpy has a coroutine for this. Its executors resume one again and again until it ends, so that a go-to that is
+    waited for would cost a whole core. Here the executor hands the future to what sends the response, and is done.
+    """
+
+    def __init__(self, node: Entity, kind: Entity, name: str, begin: Callable[[Message], Future[Message]]) -> None:
+        self._begin = begin
+        self.entity = node.create_service(kind, name, self._on_request)
+        self._send = self.entity.send_response
+        self.entity.send_response = self._answer
+
+    def _on_request(self, request: Message, response: Message) -> Future[Message]:
+        return self._begin(request)
+
+    def _answer(self, future: Future[Message], header: Message) -> None:
+        future.add_done_callback(lambda done: self._send(done.result(), header))

@@ -1,0 +1,64 @@
+"""What is streamed to a daemon: from ROS' thread to the event loop, the newest first."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from typing import Generic, TypeVar
+
+import ual
+
+T = TypeVar("T")
+
+STALE_S = 0.2
+"""A value that waits for longer than this is dropped, because it is out of date. `ual.aio` does the same."""
+
+
+class Newest(Generic[T]):
+    """Hands each value to `send`, one after the other. While one is being sent, only the newest waits.
+
+    It never repeats one: where values stop coming, the daemon's own watchdog stops the UAV.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        send: Callable[[T], Awaitable[object]],
+        on_refusal: Callable[[ual.UalError], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._loop = loop
+        self._send = send
+        self._on_refusal = on_refusal
+        self._clock = clock
+        self._newest: tuple[T, float] | None = None
+        self._sending: asyncio.Task[None] | None = None
+
+    def put(self, value: T) -> None:
+        """Takes a value. Any thread may call this."""
+        self._newest = value, self._clock()
+        self._loop.call_soon_threadsafe(self._wake)
+
+    def clear(self) -> None:
+        """Drops what waits."""
+        self._newest = None
+
+    def _wake(self) -> None:
+        if self._sending is None:
+            self._sending = self._loop.create_task(self._send_all())
+
+    async def _send_all(self) -> None:
+        try:
+            while self._newest is not None:
+                (value, put_s), self._newest = self._newest, None
+                if self._clock() - put_s <= STALE_S:
+                    await self._send_one(value)
+        finally:
+            self._sending = None
+
+    async def _send_one(self, value: T) -> None:
+        try:
+            await self._send(value)
+        except ual.UalError as error:
+            self._on_refusal(error)

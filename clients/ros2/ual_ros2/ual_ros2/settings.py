@@ -1,0 +1,114 @@
+"""The node's parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import ual
+from ual_ros2.messages import Entity
+
+DEFAULTS: dict[str, tuple[Any, str]] = {
+    "ns": ("", "the UAVs' namespaces, one or a list; empty: all UAVs of this computer"),
+    "address": ("", "where their daemons are, host:port or unix:path, in the same order; empty: on this computer"),
+    "tls_ca": ("", "a file with the certificates to trust, for daemons that use TLS"),
+    "tls_certificate": ("", "this program's own certificate, a PEM file"),
+    "tls_key": ("", "the private key of this certificate"),
+    "token_file": ("", "a file with the token that is shown to the daemons"),
+    "lease": (False, "whether to be the only program that flies the UAVs, while the node is active"),
+    "lease_holder": ("ual_ros2", "how this program is called where others are refused by its lease"),
+    "rate_hz": (30.0, "how often pose, velocity, odom, ref_pose and tf are published"),
+    "slow_rate_hz": (2.0, "how often battery, fix and health are published, and frames are looked for"),
+    "feedback_rate_hz": (10.0, "how often actions give feedback"),
+    "autostart": (True, "whether the node configures and activates itself"),
+}
+_IS_ONE_OR_MANY = ("ns", "address")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The parameters, read once when the node is configured."""
+
+    uavs: tuple[tuple[str, str], ...]
+    """Name and address of each UAV; one of both may be empty. None: all UAVs of this computer."""
+    tls_ca: str | None
+    credentials: ual.Credentials
+    lease_holder: str | None
+    """None: fly without a lease."""
+    rate_hz: float
+    slow_rate_hz: float
+    feedback_rate_hz: float
+
+
+def declare(node: Entity) -> None:
+    """Declares the parameters."""
+    from rcl_interfaces.msg import ParameterDescriptor  # imported late: all else here needs no ROS
+
+    for name, (default, text) in DEFAULTS.items():
+        descriptor = ParameterDescriptor(description=text, dynamic_typing=name in _IS_ONE_OR_MANY)
+        node.declare_parameter(name, default, descriptor)
+
+
+def read(node: Entity) -> Settings:
+    """Reads the parameters.
+
+    Raises:
+        InvalidArgumentError: One of them is none that the node can work with.
+
+    """
+    return settings_of({name: node.get_parameter(name).value for name in DEFAULTS})
+
+
+def settings_of(given: dict[str, Any]) -> Settings:
+    """Checks the values of the parameters; see `read`."""
+    return Settings(
+        uavs=_pairs(_listed(given["ns"]), _listed(given["address"])),
+        tls_ca=given["tls_ca"] or None,
+        credentials=_credentials(given),
+        lease_holder=str(given["lease_holder"]) if given["lease"] else None,
+        rate_hz=_rate(given, "rate_hz"),
+        slow_rate_hz=_rate(given, "slow_rate_hz"),
+        feedback_rate_hz=_rate(given, "feedback_rate_hz"),
+    )
+
+
+def _listed(value: str | list[str]) -> list[str]:
+    listed = [value] if isinstance(value, str) else list(value)
+    return [each for each in listed if each]
+
+
+def _pairs(names: list[str], addresses: list[str]) -> tuple[tuple[str, str], ...]:
+    if len(set(names)) < len(names):
+        raise _invalid("ns", f"{', '.join(names)} names a UAV twice")
+    if names and addresses and len(names) != len(addresses):
+        raise _invalid("address", f"there are {len(addresses)} addresses for {len(names)} namespaces")
+    return tuple(zip_longest(names, addresses, fillvalue=""))
+
+
+def _credentials(given: dict[str, Any]) -> ual.Credentials:
+    """Those of the parameters, or where none is given those of the environment, as for every client."""
+    names = ("token_file", "tls_certificate", "tls_key")
+    if not any(given[name] for name in names):
+        return ual.Credentials.from_environment()
+    token_file, certificate, key = (given[name] or None for name in names)
+    return ual.Credentials(token_file and _token(token_file), certificate, key)
+
+
+def _token(file: str) -> str:
+    try:
+        return Path(file).read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise _invalid("token_file", f"cannot read {file}: {error}") from None
+
+
+def _rate(given: dict[str, Any], name: str) -> float:
+    rate_hz = given[name]
+    if not 0.0 < rate_hz <= 1000.0:
+        raise _invalid(name, f"{rate_hz} is not a rate of 0 to 1000 Hz")
+    return float(rate_hz)
+
+
+def _invalid(name: str, text: str) -> ual.InvalidArgumentError:
+    return ual.InvalidArgumentError(f"{name}: {text}", {"field": name})

@@ -1,0 +1,312 @@
+"""The parts of the node that need no ROS: its parameters, tf, times, setpoints, diagnostics and outcomes."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import ual
+from tests.clients.ros2 import messages
+from ual_ros2 import health, outcome, settings
+from ual_ros2.outcome import Outcome, Run
+from ual_ros2.ros_time import RosTime
+from ual_ros2.setpoints import STALE_S, Newest
+from ual_ros2.tf_buffer import TfBuffer
+
+
+@pytest.fixture
+def parameters() -> dict[str, Any]:
+    return {name: default for name, (default, _) in settings.DEFAULTS.items()}
+
+
+# --- Parameters -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ns", "address", "uavs"),
+    [
+        ("", "", ()),
+        ("uav_1", "", (("uav_1", ""),)),
+        (["uav_1", "uav_2"], "", (("uav_1", ""), ("uav_2", ""))),
+        ("", "host:50051", (("", "host:50051"),)),
+        (["uav_1", "uav_2"], ["a:1", "b:2"], (("uav_1", "a:1"), ("uav_2", "b:2"))),
+        ([""], [], ()),
+    ],
+)
+def test_which_uavs_are_meant(parameters: dict[str, Any], ns: object, address: object, uavs: object) -> None:
+    assert settings.settings_of(parameters | {"ns": ns, "address": address}).uavs == uavs
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"ns": ["uav_1", "uav_1"]}, "ns: .* twice"),
+        ({"ns": ["uav_1", "uav_2"], "address": "a:1"}, "address: there are 1 addresses for 2 namespaces"),
+        ({"rate_hz": 0.0}, "rate_hz"),
+        ({"slow_rate_hz": float("nan")}, "slow_rate_hz"),
+        ({"feedback_rate_hz": 1e9}, "feedback_rate_hz"),
+        ({"token_file": "/nowhere"}, "token_file: cannot read /nowhere"),
+        ({"tls_key": "key.pem"}, "a certificate and its key are needed together"),
+    ],
+)
+def test_what_is_wrong_is_named(parameters: dict[str, Any], wrong: dict[str, Any], text: str) -> None:
+    with pytest.raises(ual.InvalidArgumentError, match=text):
+        settings.settings_of(parameters | wrong)
+
+
+def test_credentials_are_those_of_the_parameters_or_of_the_environment(
+    parameters: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UAL_TOKEN", "of-the-environment")
+    assert settings.settings_of(parameters).credentials.token == "of-the-environment"
+    file = tmp_path / "token"
+    file.write_text("of-the-file\n")
+    assert settings.settings_of(parameters | {"token_file": str(file)}).credentials.token == "of-the-file"
+
+
+def test_a_lease_is_asked_for_by_name_only_where_it_is_wanted(parameters: dict[str, Any]) -> None:
+    assert settings.settings_of(parameters).lease_holder is None
+    assert settings.settings_of(parameters | {"lease": True}).lease_holder == "ual_ros2"
+
+
+# --- tf ---------------------------------------------------------------------------------------------------------------
+
+
+def link(parent: str, child: str, x: float, yaw_rad: float = 0.0) -> ual.Transform:
+    return ual.Transform(ual.Vector3(x, 0.0, 0.0), ual.Quaternion.from_yaw(yaw_rad), parent, child)
+
+
+def test_a_frame_is_given_below_the_nearest_one_that_is_known() -> None:
+    tf = TfBuffer()
+    for each in (link("map", "ship", 10.0), link("ship", "deck", 2.0), link("deck", "pad", 0.5)):
+        tf.put(each)
+    found = tf.to_known("pad", {"map", "ship"})
+    assert found is not None
+    assert (found.frame_id, found.child_frame_id) == ("ship", "pad")
+    assert found.translation.x == pytest.approx(2.5)
+
+
+def test_a_frame_beside_the_known_ones_is_given_below_map() -> None:
+    tf = TfBuffer()
+    tf.put(link("earth", "map", 100.0))
+    tf.put(link("earth", "ship", 130.0))
+    found = tf.to_known("ship", {"map"})
+    assert found is not None
+    assert (found.frame_id, found.child_frame_id) == ("map", "ship")
+    assert found.translation.x == pytest.approx(30.0)
+
+
+def test_what_tf_does_not_know_or_where_it_leads_round_is_none() -> None:
+    tf = TfBuffer()
+    assert tf.to_known("ship", {"map"}) is None
+    tf.put(link("a", "b", 1.0))
+    tf.put(link("b", "a", 1.0))
+    assert tf.to_known("a", {"map"}) is None
+
+
+@given(st.lists(st.tuples(st.floats(-10.0, 10.0), st.floats(-3.0, 3.0)), min_size=1, max_size=8))
+def test_a_chain_is_the_product_of_its_links(steps: list[tuple[float, float]]) -> None:
+    tf, whole = TfBuffer(), ual.Transform(frame_id="map", child_frame_id="map")
+    for i, (x, yaw_rad) in enumerate(steps):
+        step = link("map" if i == 0 else f"f{i}", f"f{i + 1}", x, yaw_rad)
+        tf.put(step)
+        whole = whole.compose(step)
+    found = tf.to_known(f"f{len(steps)}", {"map"})
+    assert found is not None
+    assert (found.translation - whole.translation).norm() < 1e-9
+
+
+# --- Times ------------------------------------------------------------------------------------------------------------
+
+
+class Clock:
+    """A clock of ROS."""
+
+    def __init__(self, now_s: float | None = None) -> None:
+        self.ros_time_is_active = now_s is not None
+        self.now_s = now_s or 0.0
+
+    def now(self) -> SimpleNamespace:
+        return SimpleNamespace(nanoseconds=round(self.now_s * 1e9))
+
+
+def test_times_are_those_of_utc_unless_time_is_simulated() -> None:
+    time, stamp = RosTime(Clock(), lambda: 1000.0), messages.stamp()
+    time.stamp(stamp, 900.5)
+    assert (stamp.sec, stamp.nanosec) == (900, 500_000_000)
+    assert time.utc_s(stamp) == 900.5
+
+
+def test_simulated_times_are_as_old_as_those_of_utc() -> None:
+    clock = Clock(50.0)
+    time, stamp = RosTime(clock, lambda: 1000.0), messages.stamp()
+    time.stamp(stamp, 999.5)
+    assert (stamp.sec, stamp.nanosec) == (49, 500_000_000)
+    assert time.utc_s(stamp) == 999.5
+    clock.now_s = 0.1  # it jumps back: no stamp is before its beginning
+    time.stamp(stamp, 999.5)
+    assert (stamp.sec, stamp.nanosec) == (0, 0)
+
+
+def test_an_empty_stamp_means_now() -> None:
+    assert RosTime(Clock(50.0), lambda: 1000.0).utc_s(messages.stamp()) == 0.0
+
+
+# --- Setpoints --------------------------------------------------------------------------------------------------------
+
+
+async def run_ready() -> None:
+    """Lets the event loop do all that it can do now."""
+    for _ in range(10):
+        await asyncio.sleep(0)
+
+
+def test_while_one_is_sent_only_the_newest_waits() -> None:
+    async def check() -> None:
+        sent: list[int] = []
+        may_go_on = asyncio.Event()
+
+        async def send(value: int) -> None:
+            sent.append(value)
+            await may_go_on.wait()
+
+        newest = Newest(asyncio.get_running_loop(), send, lambda _: None, clock=lambda: 0.0)
+        newest.put(1)
+        await run_ready()
+        for value in (2, 3, 4):
+            newest.put(value)
+        may_go_on.set()
+        await run_ready()
+        assert sent == [1, 4]
+
+    asyncio.run(check())
+
+
+def test_what_is_out_of_date_is_dropped() -> None:
+    async def check() -> None:
+        sent: list[int] = []
+        now_s = 0.0
+
+        async def send(value: int) -> None:
+            nonlocal now_s
+            sent.append(value)
+            newest.put(2)
+            now_s += STALE_S * 2
+
+        newest = Newest(asyncio.get_running_loop(), send, lambda _: None, clock=lambda: now_s)
+        newest.put(1)
+        await run_ready()
+        assert sent == [1]
+
+    asyncio.run(check())
+
+
+def test_a_refusal_is_told_and_the_next_one_is_sent() -> None:
+    async def check() -> None:
+        refusals: list[ual.UalError] = []
+
+        async def send(value: int) -> None:
+            raise ual.WrongStateError(f"not {value}")
+
+        newest = Newest(asyncio.get_running_loop(), send, refusals.append, clock=lambda: 0.0)
+        for value in (1, 2):
+            newest.put(value)
+            await run_ready()
+        assert [error.message for error in refusals] == ["not 1", "not 2"]
+
+    asyncio.run(check())
+
+
+# --- Outcomes ---------------------------------------------------------------------------------------------------------
+
+
+async def _done() -> None:
+    pass
+
+
+async def _refused() -> None:
+    raise ual.GeofenceError("too far", {"setting": "radius"})
+
+
+async def _broken() -> None:
+    raise ZeroDivisionError("oh")
+
+
+async def _for_ever() -> None:
+    await asyncio.Event().wait()
+
+
+@pytest.mark.parametrize(
+    ("begin", "ended"),
+    [
+        (_done, Outcome()),
+        (_refused, Outcome("GEOFENCE", "too far", {"setting": "radius"})),
+        (_broken, Outcome("INTERNAL", "the node failed: ZeroDivisionError('oh')")),
+    ],
+)
+def test_how_a_command_ends(begin: Any, ended: Outcome) -> None:
+    async def check() -> Outcome:
+        return await Run(begin).task
+
+    assert asyncio.run(check()) == ended
+
+
+def test_who_has_cancelled_is_told() -> None:
+    async def check() -> Outcome:
+        run = Run(_for_ever)
+        await run_ready()
+        run.cancel("the ROS client")
+        return await run.task
+
+    assert asyncio.run(check()) == Outcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
+
+
+def test_answers_have_reason_words_and_metadata() -> None:
+    refused = Outcome("GEOFENCE", "too far", {"setting": "radius"})
+    filled = outcome.fill(SimpleNamespace(), refused, lambda **fields: fields)
+    assert (filled.success, filled.reason, filled.message) == (False, "GEOFENCE", "too far")
+    assert filled.metadata == [{"key": "setting", "value": "radius"}]
+    assert outcome.fill_trigger(SimpleNamespace(), refused).message == "GEOFENCE: too far"
+    assert outcome.fill_trigger(SimpleNamespace(), Outcome()) == SimpleNamespace(success=True, message="")
+
+
+# --- Diagnostics ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sample", "refused", "level", "message"),
+    [
+        (ual.Telemetry(ual.State.FLYING_AUTO), "", health.OK, "FLYING_AUTO"),
+        (ual.Telemetry(ual.State.UNINITIALIZED, "no GPS"), "GEOFENCE: far", health.ERROR, "no GPS"),
+        (ual.Telemetry(ual.State.FLYING_AUTO, frame_lost="rebooted"), "", health.ERROR, "rebooted"),
+        (ual.Telemetry(ual.State.FLYING_AUTO), "GEOFENCE: far", health.WARN, "refused: GEOFENCE: far"),
+        (
+            ual.Telemetry(ual.State.FLYING_MANUAL, health=ual.types.Health(failsafe="rc failsafe")),
+            "",
+            health.ERROR,
+            "failsafe: rc failsafe",
+        ),
+        (
+            ual.Telemetry(ual.State.LANDED_DISARMED, health=ual.types.Health(failing_checks=("Compass", "GPS"))),
+            "",
+            health.WARN,
+            "Compass; GPS",
+        ),
+    ],
+)
+def test_the_worst_that_is_known_comes_first(sample: ual.Telemetry, refused: str, level: int, message: str) -> None:
+    status = health.of(sample, health.Said(refused=refused))
+    assert (status.level, status.message) == (level, message)
+    assert status.values["state"] == sample.state.name
+
+
+def test_silence_is_an_error() -> None:
+    status = health.silent("the daemon tells nothing", health.Said(address="host:1", lease="held"))
+    assert (status.level, status.message) == (health.ERROR, "the daemon tells nothing")
+    assert (status.values["address"], status.values["lease"]) == ("host:1", "held")
