@@ -159,6 +159,8 @@ def test_a_wrong_use_is_refused(flown: Path, tmp_path: Path) -> None:
         (("record", "export", "--csv", "FILE"), "mcap", "ual-client[record]"),
         (("plot", "FILE"), "mcap", "ual-tools[plot]"),
         (("plot", "FILE"), "matplotlib", "ual-tools[plot]"),
+        (("record", "info", "FILE"), "lz4", "ual-client[record]"),
+        (("plot", "FILE"), "lz4", "ual-tools[plot]"),
     ],
 )
 def test_a_missing_package_is_named_with_its_extra(
