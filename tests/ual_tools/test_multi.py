@@ -158,6 +158,7 @@ def test_goals_are_in_the_frame_of_each(fleet: DaemonProcess) -> None:
         (("--all", "goto-geo", "37", "-6", "20"), "ual goto-geo is for one UAV at a time"),
         (("--all", "goto", "1", "1", "1", "--plot", "a.png"), "--plot draws one UAV"),
         (("--at", "yesterday", "land"), "is no time"),
+        (("--at", "٠٩:٠٠", "land"), "is no time"),
         (("--at", "2020-01-01T00:00:00Z", "land"), "has passed"),
     ],
 )

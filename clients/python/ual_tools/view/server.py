@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import http
 import io
+import os
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -60,7 +61,7 @@ def _require_free(host: str, port: int) -> None:
     try:
         socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET).close()
     except OSError as error:
-        why = error.strerror or error
+        why = os.strerror(error.errno) if (error.errno or 0) > 0 else error.strerror  # Python adds the address to it
         raise InvalidArgumentError(f"{host}:{port} cannot be listened on: {why}; give another --port") from None
 
 
