@@ -61,7 +61,8 @@ def _require_free(host: str, port: int) -> None:
     try:
         socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET).close()
     except OSError as error:
-        why = os.strerror(error.errno) if (error.errno or 0) > 0 else error.strerror  # Python adds the address to it
+        number = error.errno or 0
+        why = os.strerror(number) if number > 0 else error.strerror  # Python adds the address to its own words
         raise InvalidArgumentError(f"{host}:{port} cannot be listened on: {why}; give another --port") from None
 
 
