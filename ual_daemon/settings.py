@@ -149,12 +149,17 @@ def convert(values: Mapping[str, Any], kind: type[S], section: str = "") -> S:
         if "unknown field" in message:  # msgspec names the field in the message, and the path of its parent
             name = message.split("`")[1]
             key = f"{key}.{name}".lstrip(".")
-            message = "there is no such setting" + did_you_mean(key, keys(kind))
+            known = (_within(section, each) for each in keys(kind))
+            message = "there is no such setting" + did_you_mean(_within(section, key), known)
         else:
             message = human_readable(message, kind, key)
-        raise ConfigError(message, ".".join(part for part in (section, key) if part)) from None
+        raise ConfigError(message, _within(section, key)) from None
     _refuse_not_finite(values, section)
     return settings
+
+
+def _within(section: str, key: str) -> str:
+    return ".".join(part for part in (section, key) if part)
 
 
 def _refuse_not_finite(value: object, key: str) -> None:
@@ -168,10 +173,21 @@ def _refuse_not_finite(value: object, key: str) -> None:
             _refuse_not_finite(inner, f"{key}[{index}]")
 
 
-# --- What is wrong, in words: msgspec quotes regular expressions, and names no other value ----------------------------
+# --- What is wrong, in words: msgspec quotes regular expressions and types, and names no other value ------------------
 
 _NAME = "a name: letters, digits and _, beginning with a letter or _"
 _PATTERN = re.compile(r"Expected `str` matching regex '(.*)'")
+_EXPECTED = re.compile(r"Expected `([^`]+)`(?: (of length|>=|>|<=|<) ([^,]+))?(?:, got `?([^`]+)`?)?")
+_TYPES = {
+    "int": "a whole number",
+    "float": "a number",
+    "str": "text",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "a section",
+    "null": "nothing",
+}
+_BOUNDS = {"of length": "of length", ">=": "of at least", ">": "above", "<=": "of at most", "<": "below"}
 _LEAST_ALIKE = 0.75
 
 
@@ -179,7 +195,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Returns the question after names that are spelled in a similar way; empty where there are none."""
     import difflib  # imported late, for a faster start
 
-    alike = difflib.get_close_matches(word, list(known), n=3, cutoff=_LEAST_ALIKE)
+    names = list(known)
+    alike = [name for name in names if name.split(".")[-1] == word.rsplit(".", maxsplit=1)[-1]]  # in another section
+    alike = alike or difflib.get_close_matches(word, names, n=3, cutoff=_LEAST_ALIKE)
     return f"; did you mean {' or '.join(alike)}?" if alike else ""
 
 
@@ -194,7 +212,17 @@ def human_readable(message: str, kind: type[Settings], key: str) -> str:
     if message.startswith("Invalid enum value"):
         known = list(_values(_type_at(kind, key)))
         return f"{message.removeprefix('Invalid enum value ')} is not one of: {', '.join(known)}"
+    if expected := _EXPECTED.fullmatch(message):
+        types, relation, bound, got = expected.groups()
+        within = f" {_BOUNDS[relation]} {bound.removesuffix('.0')}" if relation else ""
+        return f"expected {_type_words(types)}{within}" + (f", got {_TYPES.get(got, got)}" if got else "")
     return message
+
+
+def _type_words(types: str) -> str:
+    """Returns ``int | null`` as words."""
+    wanted = [each for each in types.split(" | ") if each != "null"]
+    return " or ".join(_TYPES.get(each, each) for each in wanted)
 
 
 def keys(kind: Any) -> Iterator[str]:  # noqa: ANN401 (a type, or what stands for one in an annotation)

@@ -59,7 +59,9 @@ def number(value: SupportsFloat, field: str, *, at_most: float) -> float:
     if not math.isfinite(result):
         raise refuse(field, f"{result} is not a finite number")
     if abs(result) > at_most:
-        raise refuse(field, f"{result:.12g} is out of range (at most {at_most:g})")
+        bound = f"at most {at_most:.12g}" if result > 0.0 else f"at least {-at_most:.12g}"
+        exact = repr(result).removesuffix(".0")  # fewer digits could be those of the bound
+        raise refuse(field, f"{exact} is out of range ({bound})")
     return result
 
 

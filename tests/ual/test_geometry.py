@@ -166,6 +166,22 @@ def test_a_vector_is_an_array_of_three_and_made_of_one(vector: Vector3) -> None:
 
 def test_a_quaternion_is_an_array_of_four() -> None:
     assert np.asarray(Quaternion(0.1, 0.2, 0.3, 0.4), dtype="f4") == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert Quaternion(np.array([0.1, 0.2, 0.3, 0.4])) == Quaternion(0.1, 0.2, 0.3, 0.4)
+    assert Quaternion([0, 0, 0, 1]) == Quaternion()
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(3), np.zeros((4, 4)), (0.0, 0.0, 0.0, "w"), [Vector3()]])
+def test_what_is_no_quaternion_makes_none(wrong: Any) -> None:
+    with pytest.raises(InvalidArgumentError, match="four"):
+        Quaternion(wrong)
+    with pytest.raises(InvalidArgumentError, match="four"):
+        Quaternion([0.0, 0.0, 0.0, 1.0], 0.0, 0.0, 0.5)  # type: ignore[call-overload]  # what a caller may write
+
+
+def test_whole_numbers_make_an_array_that_takes_fractions() -> None:
+    array = np.asarray(Pose.at(1, 2, 3).position)
+    array += 0.5
+    assert list(array) == [1.5, 2.5, 3.5]
 
 
 def test_a_number_of_numpys_times_a_vector_is_a_vector() -> None:

@@ -173,3 +173,25 @@ def test_whatever_is_given_there_are_settings_or_one_error(values: dict[str, Any
 def test_what_is_wrong_is_said_in_words(values: dict[str, Any], key: str, message: str) -> None:
     error = refusal(values)
     assert (error.key, error.message) == (key, message)
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        ({"reach_m": 0}, "expected a number above 0"),
+        ({"reach_m": "far"}, "expected a number, got text"),
+        ({"map_origin_geo": [91, 0, 0]}, "expected a number of at most 90"),
+        ({"home_pose": [1, 2]}, "expected a list of length 3, got 2"),
+        ({"geofence": 3}, "expected a section, got a whole number"),
+        ({"frames": {"frame_id": "hall"}}, "expected a list, got a section"),
+        ({"clearance_m": -0.5}, "expected a number of at least 0"),
+        ({"limits": {"reach_m": 3}}, "there is no such setting; did you mean reach_m?"),
+    ],
+)
+def test_what_is_wrong_is_said_without_the_words_of_programmers(values: dict[str, Any], why: str) -> None:
+    assert refusal(values).message == why
+
+
+def test_what_was_meant_is_named_with_its_section() -> None:
+    with pytest.raises(ConfigError, match=r"did you mean light\.climb_speed_m_s\?$"):
+        convert({"climb_sped_m_s": 1}, LimitSettings, "light")

@@ -65,12 +65,14 @@ def test_what_is_not_finite_is_refused(value: float) -> None:
 @pytest.mark.parametrize("value", [7.000001, -8.0, 1e300])
 def test_what_cannot_be_meant_is_refused(value: float) -> None:
     message = refusal(lambda: validation.number(value, "height_m", at_most=7.0), "height_m")
-    assert message.endswith("is out of range (at most 7)")
+    assert message.endswith(f"is out of range ({'at most 7' if value > 0 else 'at least -7'})")
 
 
 def test_a_value_just_out_of_range_is_not_told_as_the_limit() -> None:
     with pytest.raises(InvalidArgumentError, match=r"180\.00005 is out of range \(at most 180\)"):
         validation.longitude(180.00005)
+    with pytest.raises(InvalidArgumentError, match=r"-90\.00000000000001 is out of range \(at least -90\)"):
+        validation.latitude(-90.00000000000001)
 
 
 def test_signs() -> None:

@@ -72,6 +72,21 @@ def test_those_that_are_named_fly_and_the_exit_status_tells_of_a_refusal(fleet: 
     assert run("--all", "goto", "1", "1", "3").exit_code == 1
 
 
+def test_what_each_has_reached_already_is_done(start_daemon: StartDaemon) -> None:
+    start_daemon("--fleet", "2").wait_for("state", ns="uav_2", new="LANDED_DISARMED")
+    for command in ("disarm", "abort", "land"):
+        result = run("--all", command)
+        assert result.exit_code == 0
+        assert [line.partition(": ")[2] for line in result.stdout.splitlines()] == [
+            "stands on the ground already (LANDED_DISARMED)"
+        ] * 2
+    assert run("--ns", "uav_1", "disarm").exit_code == 1  # a single one may be another than was meant
+    assert run("--ns", "uav_1", "arm").exit_code == 0
+    result = run("--all", "arm")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines() == ["uav_1: stands on the ground already (LANDED_ARMED)", "uav_2: armed"]
+
+
 def test_each_result_is_an_object_with_the_name(fleet: DaemonProcess) -> None:
     del fleet
     found = [json.loads(line) for line in run("--json", "--all", "state").stdout.splitlines()]
@@ -143,6 +158,7 @@ def test_goals_are_in_the_frame_of_each(fleet: DaemonProcess) -> None:
         (("--all", "goto-geo", "37", "-6", "20"), "ual goto-geo is for one UAV at a time"),
         (("--all", "goto", "1", "1", "1", "--plot", "a.png"), "--plot draws one UAV"),
         (("--at", "yesterday", "land"), "is no time"),
+        (("--at", "٠٩:٠٠", "land"), "is no time"),
         (("--at", "2020-01-01T00:00:00Z", "land"), "has passed"),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -15,15 +16,23 @@ from ual_tools.keys import Key
 
 # Python's own modules come first: they have asked already what the system has.
 WITHOUT_POSIX = """
-import asyncio, logging, multiprocessing, os, random, selectors, shutil, signal, socket, subprocess, sys, tempfile
+import asyncio, logging, multiprocessing, os, random, select, selectors, shutil, signal, socket, subprocess, sys
+import tempfile
 for name in ("fcntl", "termios", "tty", "pty", "pwd", "grp", "resource", "curses"):
     sys.modules[name] = None
 for owner, names in (
     (signal, "SIGHUP SIGTSTP SIGQUIT SIGKILL SIGUSR1 SIGALRM SIGCHLD SIGWINCH SIGCONT SIGPIPE pthread_kill"),
-    (os, "O_NOFOLLOW O_NONBLOCK O_CLOEXEC fchmod fork register_at_fork killpg getuid geteuid getsid setsid"),
+    (os, "O_NOFOLLOW O_NONBLOCK O_CLOEXEC fchmod fork register_at_fork killpg getuid geteuid getsid setsid fdatasync"),
 ):
     for name in names.split():
         delattr(owner, name)
+
+def of_sockets(*files, asked=select.select):
+    if not any(files[:3]):
+        raise OSError(10022, "An invalid argument was supplied")
+    return asked(*files)
+
+select.select = of_sockets
 """
 COMMAND = WITHOUT_POSIX + "from ual_tools.main import main; main()"
 PROGRAM = (
@@ -55,6 +64,12 @@ def test_a_command_works(daemon: DaemonProcess, words: tuple[str, ...]) -> None:
     done = run(COMMAND, *words)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout
+
+
+def test_a_flight_is_recorded(daemon: DaemonProcess, tmp_path: Path) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    done = run(COMMAND, "record", "--duration", "0.1", "--directory", str(tmp_path))
+    assert (done.returncode, done.stderr.count("\n")) == (0, 1), done.stderr
 
 
 def test_a_program_flies(daemon: DaemonProcess) -> None:
@@ -92,6 +107,11 @@ def test_a_console_is_read_where_there_are_no_terminals(monkeypatch: pytest.Monk
     with terminal.keyboard() as found:
         assert type(found).__name__ == "ConsoleKeyboard"
         assert found.read(0.0) == b""
+
+
+def test_without_a_terminal_no_key_is_pressed() -> None:
+    done = run(WITHOUT_POSIX + "from ual_tools.keys import Keyboard\nprint(Keyboard(None).wait(0.01))")
+    assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
 def test_the_harness_takes_away_what_it_says() -> None:

@@ -7,15 +7,17 @@ Heavy modules are imported late, so that the port is open soon.
 
 from __future__ import annotations
 
+import errno
 import gc
 import logging
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import click
 from click.core import ParameterSource
@@ -84,12 +86,34 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
         context.exit()
 
 
+class _Program(click.Command):
+    """The program. What it prints may get lost: on a full disk, in a pipe whose reader has left."""
+
+    @override
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:  # click's
+        with _printing():
+            return super().make_context(*args, **kwargs)
+
+
+@contextmanager
+def _printing() -> Iterator[None]:
+    """Ends the program where standard output is lost: without a word where its reader wanted no more."""
+    try:
+        yield
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes into it at its end
+        if error.errno == errno.EPIPE:
+            sys.exit(0)
+        _fail(f"the output cannot be printed: {error.strerror}", _CANNOT_START)
+
+
 @click.command(
+    cls=_Program,
     context_settings={
         "help_option_names": ["-h", "--help"],
         "max_content_width": 110,
         "auto_envvar_prefix": "UAL",
-    }
+    },
 )
 @click.option("--backend", metavar="NAME", help="The autopilot's driver: light (a simulation), mavlink, ...  [light]")
 @click.option("--ns", metavar="NAME", help="The UAV's namespace.  [uav_1]")
@@ -296,7 +320,8 @@ def _fly(
     if print_config:
         from ual_daemon.program import configuration_yaml
 
-        click.echo(configuration_yaml.dump(configuration.as_values()), nl=False)
+        with _printing():
+            click.echo(configuration_yaml.dump(configuration.as_values()), nl=False)
         return
     if worker is None:
         log_output.setup(settings.log_level, settings.log_format)

@@ -58,7 +58,7 @@ def parse(text: str) -> Address:
         if not path or len(os.fsencode(path)) > _LONGEST_UNIX_PATH:
             raise ConfigError(f"{text!r}: the path of a unix socket has 1 to {_LONGEST_UNIX_PATH} bytes", "listen")
         return Address(path, 0, is_unix=True)
-    match = re.fullmatch(r"(?:\[([0-9A-Fa-f:.]+)\]|([^\s:/\[\]]+)):(\d{1,5})", text)
+    match = re.fullmatch(r"(?:\[([0-9A-Fa-f:.]+)\]|([^\s:/\[\]]+)):([0-9]{1,5})", text)
     if match is None or int(match[3]) > 65535:
         raise ConfigError(f"{text!r} is no address: expected HOST:PORT or unix:PATH", "listen")
     return Address(match[1] or match[2], int(match[3]))

@@ -182,7 +182,7 @@ def _follow(network: Directory, ns: str, address: str | None) -> Followed:
 
 
 def _checked(address: str) -> str:
-    if not re.fullmatch(r"unix:.+|(\[[0-9A-Fa-f:.]+\]|[^\s:/\[\]]+):\d{1,5}", address):
+    if not re.fullmatch(r"unix:.+|(\[[0-9A-Fa-f:.]+\]|[^\s:/\[\]]+):[0-9]{1,5}", address):
         raise InvalidArgumentError(
             f"address: {address!r} is not an address; write HOST:PORT or unix:PATH", {"field": "address"}
         )

@@ -42,7 +42,7 @@ class _Components:
 
         if copy is False:
             raise ValueError(f"a {type(self).__name__} is no array: it is always copied into one")
-        return np.array(tuple(self), dtype)
+        return np.array(tuple(self), float if dtype is None else dtype)
 
 
 @dataclass(frozen=True, slots=True, init=False)
@@ -62,7 +62,7 @@ class Vector3(_Components):
     def __init__(self, x: Iterable[SupportsFloat]) -> None: ...
     def __init__(self, x: float | Iterable[SupportsFloat] = 0.0, y: float = 0.0, z: float = 0.0) -> None:
         if x.__class__ is not float and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
-            x, y, z = _three(x, y, z)
+            x, y, z = _numbers(x, (y, z), (0.0, 0.0), "three")
         _set(self, "x", x)
         _set(self, "y", y)
         _set(self, "z", z)
@@ -110,17 +110,31 @@ class Vector3(_Components):
         return math.hypot(self.x, self.y)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, init=False)
 class Quaternion(_Components):
     """A rotation as a unit quaternion. `KEEP_HEADING` (all zeros) is not a rotation: it means "keep the heading".
 
-    ``np.asarray(quaternion)`` is an array of four: x, y, z, w.
+    ``np.asarray(quaternion)`` is an array of four: x, y, z, w, and ``Quaternion(array)`` takes one.
     """
 
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
     w: float = 1.0
+
+    @overload
+    def __init__(self, x: float = ..., y: float = ..., z: float = ..., w: float = ...) -> None: ...
+    @overload
+    def __init__(self, x: Iterable[SupportsFloat]) -> None: ...
+    def __init__(
+        self, x: float | Iterable[SupportsFloat] = 0.0, y: float = 0.0, z: float = 0.0, w: float = 1.0
+    ) -> None:
+        if x.__class__ is not float and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
+            x, y, z, w = _numbers(x, (y, z, w), (0.0, 0.0, 1.0), "four")
+        _set(self, "x", x)
+        _set(self, "y", y)
+        _set(self, "z", z)
+        _set(self, "w", w)
 
     @classmethod
     def from_yaw(cls, yaw_rad: float) -> Quaternion:
@@ -222,16 +236,22 @@ def heading(yaw_rad: float, field: str = "yaw_rad") -> float:
     return yaw_rad
 
 
-def _three(components: Iterable[SupportsFloat], *rest: float) -> tuple[float, float, float]:
-    """Returns the components of a vector that came as an array, a list or another vector, and so has no `rest`."""
+def _numbers(
+    components: Iterable[SupportsFloat], rest: tuple[float, ...], defaults: tuple[float, ...], count: str
+) -> tuple[float, ...]:
+    """Returns the components that came as an array, a list or another value, and so without the `rest` of them."""
     try:
-        x, y, z = map(float, components)
-        is_whole = all(each.__class__ is float and each == 0.0 for each in rest)
+        found = tuple(map(float, components))
+        is_whole = len(found) == len(rest) + 1 and all(map(_is_left_out, rest, defaults))
     except (TypeError, ValueError):
         is_whole = False
     if not is_whole:
-        raise InvalidArgumentError(f"{components!r} is neither a number nor three of them")
-    return x, y, z
+        raise InvalidArgumentError(f"{components!r} is neither a number nor {count} of them")
+    return found
+
+
+def _is_left_out(given: object, default: float) -> bool:
+    return given.__class__ is float and given == default
 
 
 def wrap_angle(angle_rad: float) -> float:

@@ -14,7 +14,7 @@ from ual.errors import UalError
 from ual_tools import multi, options
 from ual_tools.help import ALIASES, Section, close, no_such_command, write_commands, write_examples
 from ual_tools.session import INTERRUPTED, REFUSED, session
-from ual_tools.streams import OutputLostError, give_up_output
+from ual_tools.streams import OutputLostError, end_without_output
 
 
 class Multi(Enum):
@@ -149,6 +149,8 @@ class UalGroup(_SharedOptions, click.Group):
             return super().make_context(*args, **kwargs)
         except KeyboardInterrupt:  # click would print "Aborted!"
             raise click.exceptions.Exit(INTERRUPTED) from None
+        except OutputLostError as error:  # of help or version
+            raise click.exceptions.Exit(0 if end_without_output(error) else REFUSED) from None
 
     @override
     def invoke(self, ctx: click.Context) -> Any:
@@ -160,11 +162,7 @@ class UalGroup(_SharedOptions, click.Group):
         except KeyboardInterrupt:
             ctx.exit(INTERRUPTED)
         except OutputLostError as error:
-            give_up_output()
-            if error.has_reader_left:
-                ctx.exit(0)
-            session(ctx).note(f"ual: the result cannot be printed: {error}")
-            ctx.exit(REFUSED)
+            ctx.exit(0 if end_without_output(error) else REFUSED)
 
 
 def command(

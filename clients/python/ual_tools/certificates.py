@@ -146,7 +146,7 @@ def network(
     with _refusals("`ual certificates daemon` makes those of routers and UAVs, `ual certificates caller` the others"):
         read = [_router(network_files.Router, each) for each in routers]
         written = network_files.write(directory, network_files.Site(site, read, uavs, observers))
-    session.emit({"files": [str(path) for path in written]}, "\n".join(map(str, written)))
+    session.emit_written({"files": [str(path) for path in written]}, "\n".join(map(str, written)))
 
 
 def _router(make: Callable[..., R], text: str) -> R:
@@ -166,7 +166,7 @@ def _module() -> ModuleType:
 def _made(session: Session, make: Callable[[], Files]) -> None:
     with _refusals("`ual certificates authority` makes it"):
         made = make()
-    session.emit({"certificate": made.certificate, "key": made.key}, f"{made.certificate}\n{made.key}")
+    session.emit_written({"certificate": made.certificate, "key": made.key}, f"{made.certificate}\n{made.key}")
 
 
 @contextmanager

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
 _INTERRUPTED = 130
 
 
 def main() -> None:
-    """Runs the command. Ctrl-C ends it without a word, also while it still starts."""
-    try:
-        from ual_tools.main import main as run  # takes a tenth of a second
+    """Runs the command. Ctrl-C ends it without a word, also while it still starts.
 
+    Until it has started the system ends it: Python loses an interruption that comes in a callback of an import.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from ual_tools.main import main as run  # takes a tenth of a second
+
+    try:
         run()
     except KeyboardInterrupt:
         sys.exit(_INTERRUPTED)

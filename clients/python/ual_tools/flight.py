@@ -14,7 +14,7 @@ import click
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
-from ual.types import AltitudeReference, Limits
+from ual.types import AltitudeReference, Limits, State
 from ual_tools import manoeuvre, options, values
 from ual_tools.app import Multi, command
 from ual_tools.help import Section
@@ -32,18 +32,18 @@ _GOES_ON = "goes on: only the safety pilot can abort it"
 @pass_session
 def arm(session: Session) -> None:
     """Arm the motors (where the daemon permits it)."""
-    with session.connect() as uav:
+    with session.connect() as uav, manoeuvre.already_done(session, "arm", [State.LANDED_ARMED]):
         uav.arm(timeout_s=session.timeout_s)
-    session.emit({"done": "arm"}, "armed")
+        session.emit({"done": "arm"}, "armed")
 
 
 @command("disarm", "ual disarm", multi=Multi.EACH)
 @pass_session
 def disarm(session: Session) -> None:
     """Disarm the motors (where the daemon permits it)."""
-    with session.connect() as uav:
+    with session.connect() as uav, manoeuvre.already_done(session, "disarm", [State.LANDED_DISARMED]):
         uav.disarm(timeout_s=session.timeout_s)
-    session.emit({"done": "disarm"}, "disarmed")
+        session.emit({"done": "disarm"}, "disarmed")
 
 
 def _force(help_text: str) -> Callable[[F], F]:
@@ -320,9 +320,9 @@ def _home_height(ground_m: float, odom: str) -> str:
 @pass_session
 def abort(session: Session, freeze: bool) -> None:
     """Cancel the running task; the UAV stops and holds its position."""
-    with session.connect() as uav:
+    with session.connect() as uav, manoeuvre.standing_is_done(session, "abort"):
         uav.abort(freeze)
-    session.emit({"done": "abort"}, "aborted")
+        session.emit({"done": "abort"}, "aborted")
 
 
 COMMANDS = (arm, disarm, takeoff, land, goto, goto_geo, velocity, pose, recover, home, abort)

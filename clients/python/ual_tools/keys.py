@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import select
+import time
 from collections.abc import Sequence
 from enum import Enum, auto
 
@@ -57,9 +58,11 @@ class Keyboard:
 
     def read(self, timeout_s: float) -> bytes:
         """Returns what the terminal has sent, after `timeout_s` at the latest."""
-        files = [] if self._file is None else [self._file]
-        ready, _, _ = select.select(files, [], [], timeout_s)
-        if not ready or self._file is None:
+        if self._file is None:
+            time.sleep(timeout_s)  # Windows cannot wait for no file at all
+            return b""
+        ready, _, _ = select.select([self._file], [], [], timeout_s)
+        if not ready:
             return b""
         try:
             read = os.read(self._file, 1024)

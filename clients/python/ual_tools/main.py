@@ -90,7 +90,7 @@ def main() -> None:
     """The entry point."""
     # gRPC's core would write its own messages to stderr, beside the one line with the reason.
     streams.prepare()
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell without a terminal has started it with `&`
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    # From now on an interruption is handled, also where a shell without a terminal has started this with `&`.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     cli(prog_name="ual")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -19,7 +19,7 @@ from ual_tools.session import INTERRUPTED, Session, note
 if TYPE_CHECKING:
     from ual import Uav
 
-_STANDING = {State.LANDED_ARMED.name, State.LANDED_DISARMED.name}
+STANDING = (State.LANDED_ARMED, State.LANDED_DISARMED)
 CANCELLED = "cancelled: the UAV holds its position"
 
 
@@ -39,16 +39,21 @@ def wait_for(
     session.emit(info, task_text(info))
 
 
+def standing_is_done(session: Session, what: str) -> AbstractContextManager[None]:
+    """Takes it for done that a UAV of several stands already, where `what` is to end its flight."""
+    return already_done(session, what, STANDING)
+
+
 @contextmanager
-def standing_is_done(session: Session, what: str) -> Iterator[None]:
-    """Takes it for done that a UAV of several stands already, where `what` is to end its flight.
+def already_done(session: Session, what: str, wanted: Collection[State]) -> Iterator[None]:
+    """Takes it for done that a UAV of several has a wanted state already, in which `what` is refused.
 
     A single one that is told to land on the ground may be another than was meant: there it stays refused.
     """
     try:
         yield
     except WrongStateError as error:
-        if session.member is None or error.state not in _STANDING:
+        if session.member is None or error.state not in {state.name for state in wanted}:
             raise
         session.emit({"done": what, "state": error.state}, f"stands on the ground already ({error.state})")
 

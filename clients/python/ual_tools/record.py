@@ -106,7 +106,7 @@ def _report(session: Session, recording: ClientRecording) -> None:
     text = f"{recording.samples_count} samples of {', '.join(recording.uavs)}"
     text += f", {missed_count} missed" if missed_count else ""
     values = {"file": str(recording.path), "samples_count": recording.samples_count, "missed_count": missed_count}
-    session.emit(values, f"{recording.path}: {text}")
+    session.emit_written(values, f"{recording.path}: {text}")
 
 
 @record.command("info", cls=UalCommand, examples=("ual record info flight.mcap",))
@@ -167,12 +167,11 @@ def export(
     target = file.parent if directory is None else directory
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for path, count, what in _exported(
-            file, target, as_csv=as_csv, as_parquet=as_parquet, as_kml=as_kml, as_gpx=as_gpx
-        ):
-            session.emit({"file": str(path), "count": count}, f"{path}: {count} {what}")
+        exported = _exported(file, target, as_csv=as_csv, as_parquet=as_parquet, as_kml=as_kml, as_gpx=as_gpx)
     except OSError as error:
         raise InvalidArgumentError(f"cannot write {error.filename or target}: {error.strerror}") from None
+    for path, count, what in exported:
+        session.emit_written({"file": str(path), "count": count}, f"{path}: {count} {what}")
 
 
 def _exported(
@@ -241,7 +240,7 @@ def plot(session: Session, file: Path, output: Path | None) -> None:
         page.draw(drawn, target, file.stem)
     except OSError as error:
         raise InvalidArgumentError(f"cannot write {target}: {error.strerror}") from None
-    session.emit({"file": str(target)}, str(target))
+    session.emit_written({"file": str(target)}, str(target))
 
 
 COMMANDS = (record, plot)

@@ -139,9 +139,16 @@ class Session:
 
     def emit(self, value: object, text: str | None = None) -> None:
         """Prints a result: one JSON object with ``--json``, else the text."""
+        self._emit(value, text, Line.DONE if _is_done(value) else Line.RESULT)
+
+    def emit_written(self, value: object, text: str) -> None:
+        """Prints what was written into files. They stay written where the output is lost."""
+        self._emit(value, text, Line.DONE)
+
+    def _emit(self, value: object, text: str | None, kind: Line) -> None:
         line = json.dumps(self._named(to_json(value)), allow_nan=False) if self.as_json else text
         if line is not None:
-            self._say(line if self.as_json else self._prefix + line, Line.DONE if _is_done(value) else Line.RESULT)
+            self._say(line if self.as_json else self._prefix + line, kind)
 
     def fail(self, error: UalError) -> None:
         """Prints in one line why the command was refused or failed."""

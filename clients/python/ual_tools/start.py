@@ -26,7 +26,7 @@ _LONGEST_S = 86_400.0
 _DAY, _HALF_DAY, _JUST_PAST = timedelta(days=1), timedelta(hours=12), timedelta(hours=2)
 _SHORT_S = 10.0
 """A wait that no one needs to be told of."""
-_CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?")
+_CLOCK = re.compile(r"[0-9]{1,2}:[0-9]{2}(:[0-9]{2}(\.[0-9]+)?)?")
 
 
 def _tell_no_one(_: str) -> None:

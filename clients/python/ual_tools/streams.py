@@ -97,6 +97,14 @@ def prepare() -> None:
     sys.stderr = _rewrapped(_Messages, sys.stderr, _STDERR)
 
 
+def end_without_output(error: OutputLostError) -> bool:
+    """Gives the output up, and says so. Returns whether that is fine: its reader wanted no more."""
+    give_up_output()
+    if not error.has_reader_left:
+        click.echo(f"ual: the result cannot be printed: {error}", err=True)
+    return error.has_reader_left
+
+
 def give_up_output() -> None:
     """Leads standard output to the null device: Python must not flush into the lost one at exit."""
     null = os.open(os.devnull, os.O_WRONLY)
@@ -109,4 +117,6 @@ def _rewrapped(kind: type[io.TextIOWrapper], stream: object, number: int) -> io.
     if not isinstance(stream, io.TextIOWrapper):
         return kind(open(number, "wb", closefd=False), encoding="utf-8", errors="backslashreplace")
     line_buffering, encoding, errors = stream.line_buffering, stream.encoding, stream.errors
+    if errors == "strict":  # pipes of Windows are in its old encodings: a sign that they lack must not end a flight
+        errors = "backslashreplace"
     return kind(stream.detach(), encoding=encoding, errors=errors, line_buffering=line_buffering)

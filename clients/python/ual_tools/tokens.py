@@ -70,7 +70,9 @@ def new(session: Session, name: str, role: str, days: float | None, output: Path
     if output is None:
         session.emit({**told, "token": secret}, secret)
     else:
-        session.emit({**told, "output": str(output)}, f"{output}: the token of {name}, for you only (mode 0600)")
+        session.emit_written(
+            {**told, "output": str(output)}, f"{output}: the token of {name}, for you only (mode 0600)"
+        )
 
 
 @command("list", "ual token list", section=Section.ACCESS)

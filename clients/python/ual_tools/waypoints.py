@@ -52,7 +52,7 @@ def save(session: Session, file: Path, frame_id: str) -> None:
             opened.write(line + "\n")
     except OSError as error:
         raise InvalidArgumentError(f"cannot write {file}: {error.strerror}", {"field": "file"}) from None
-    session.emit(pose_json(here), f"{pose_text(here.pose)} in {here.frame_id} saved to {file}")
+    session.emit_written(pose_json(here), f"{pose_text(here.pose)} in {here.frame_id} saved to {file}")
 
 
 @waypoints.command("fly", cls=UalCommand, examples=("ual waypoints fly here.jsonl --max-speed 2 --dry-run",))

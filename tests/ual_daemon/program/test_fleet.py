@@ -243,7 +243,7 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
             ["--backend", "mavlink", "--fleet", "3"],
             "ual-daemon: --fleet: the mavlink backend flies only one UAV: start a daemon for each UAV",
         ),
-        (["--fleet", "0"], "ual-daemon: --fleet: Expected `int` >= 1"),
+        (["--fleet", "0"], "ual-daemon: --fleet: expected a whole number of at least 1"),
         (
             ["--fleet", "2", "--url", "sim"],
             "ual-daemon: --url: a fleet needs a URL for each vehicle: give --fleet-url for each",

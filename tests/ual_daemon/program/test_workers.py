@@ -249,7 +249,7 @@ def test_one_audit_and_a_recording_for_each_worker(start_daemon: StartDaemon, tm
 @pytest.mark.parametrize(
     ("flags", "expected"),
     [
-        (("--fleet", "4", "--set", "light.seed=x"), "ual-daemon: --set light.seed: Expected `int`, got `str`"),
+        (("--fleet", "4", "--set", "light.seed=x"), "ual-daemon: --set light.seed: expected a whole number, got text"),
         (("--fleet", "4", "--backend", "mavlink"), "ual-daemon: --fleet: the mavlink backend flies only one UAV"),
         (("--fleet", "20000"), "ual-daemon: --fleet: uav_15486 has no port"),
         ((), "ual-daemon: --workers: one UAV is flown by one process"),

@@ -15,6 +15,7 @@ from click.testing import CliRunner
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon, daemon_environment
+from tests.ports import free_port
 from ual.errors import UalError
 from ual.recording.reader import Recording
 from ual.types import State
@@ -145,7 +146,7 @@ def test_a_wrong_use_is_refused(flown: Path, tmp_path: Path) -> None:
         (("record", "export", flown), 2, "say as what"),
         (("plot", flown, "--output", tmp_path / "flight.gif"), 2, "ends in none of"),
         (("plot", Path(__file__)), 1, "it is no MCAP file"),
-        (("record", "--directory", tmp_path), 1, "no UAL daemon"),
+        (("record", "--directory", tmp_path, "--address", f"127.0.0.1:{free_port()}"), 1, "no UAL daemon"),
     ):
         result = CliRunner().invoke(cli, [str(word) for word in words])
         assert (result.exit_code, why in result.output) == (status, True), result.output
@@ -159,6 +160,8 @@ def test_a_wrong_use_is_refused(flown: Path, tmp_path: Path) -> None:
         (("record", "export", "--csv", "FILE"), "mcap", "ual-client[record]"),
         (("plot", "FILE"), "mcap", "ual-tools[plot]"),
         (("plot", "FILE"), "matplotlib", "ual-tools[plot]"),
+        (("record", "info", "FILE"), "lz4", "ual-client[record]"),
+        (("plot", "FILE"), "lz4", "ual-tools[plot]"),
     ],
 )
 def test_a_missing_package_is_named_with_its_extra(

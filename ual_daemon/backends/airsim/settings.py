@@ -12,7 +12,7 @@ from ual_daemon.settings import ConfigError, Positive, Settings
 SECTION = "airsim"
 DEFAULT_URL = "127.0.0.1:41451"
 _PORT = 41451
-_URL = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[^\[\]:/\s]+)(?::(?P<port>\d{1,5}))?\Z")
+_URL = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[^\[\]:/\s]+)(?::(?P<port>[0-9]{1,5}))?\Z")
 
 
 class AirsimSettings(Settings, frozen=True, kw_only=True):

@@ -250,14 +250,14 @@ def make_link(url: str) -> Link:
     Raises:
         ConfigError: The URL is none of a Crazyflie, or cflib is missing.
     """
-    parts = urlsplit(url)
-    if parts.scheme in ("radio", "usb"):
+    if url.startswith(("radio://", "usb://")):
         return CflibLink(url)
     try:
+        parts = urlsplit(url)
         host, port = parts.hostname, parts.port
-    except ValueError as error:
-        raise ConfigError(f"{url!r}: {error}", "url") from None
-    if parts.scheme != "udp" or not host or not port:
+    except ValueError:  # urllib's: of brackets and ports
+        host = port = None
+    if not url.startswith("udp://") or not host or not port:
         raise ConfigError(
             f"{url!r} is no URL of a Crazyflie: radio://0/80/2M/E7E7E7E7E7, usb://0 or udp://HOST:PORT", "url"
         )
@@ -269,7 +269,10 @@ def vehicle_key(url: str) -> str:
 
     The dongle is left out: two of them reach the same Crazyflie. What a radio's URL leaves out is cflib's default.
     """
-    parts = urlsplit(url.strip())
+    try:
+        parts = urlsplit(url.strip())
+    except ValueError:
+        return url  # is refused later
     where = parts.path.strip("/").split("/")
     if parts.scheme == "radio":
         channel, rate, address = (*where, *("", "", "")[len(where) :])[:3]

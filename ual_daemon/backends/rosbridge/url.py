@@ -10,7 +10,7 @@ from ual_daemon.settings import ConfigError
 DEFAULT_URL = "rosbridge://127.0.0.1:9090"
 _PORT = 9090
 _URL = re.compile(
-    r"(?P<scheme>rosbridges?)://(?P<host>\[[0-9A-Fa-f:.]+\]|[^\[\]:/\s]+)(?::(?P<port>\d{1,5}))?"
+    r"(?P<scheme>rosbridges?)://(?P<host>\[[0-9A-Fa-f:.]+\]|[^\[\]:/\s]+)(?::(?P<port>[0-9]{1,5}))?"
     r"(?P<namespace>(/[A-Za-z_][A-Za-z0-9_]*)*)/?\Z"
 )
 

@@ -14,6 +14,8 @@ from ual.recording.topics import Schema, Topic
 
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP)
 """Some file systems cannot say when something is on the disk."""
+_sync_data = getattr(os, "fdatasync", os.fsync)
+"""macOS and Windows only have the one that also waits for the times of the file."""
 _CHUNK_BYTES = 1 << 20
 """A chunk ends at this size, and at each `File.flush`."""
 
@@ -91,7 +93,7 @@ class File:
 def _sync(descriptor: int) -> None:
     """Waits until what was written is on the disk, where the file system can say so."""
     try:
-        os.fdatasync(descriptor)
+        _sync_data(descriptor)
     except OSError as error:
         if error.errno not in _CANNOT_SYNC:
             raise

@@ -6,8 +6,9 @@ from importlib import import_module
 
 from ual.shared import extras
 
-_READING = "mcap.stream_reader"
-_MODULES = ("mcap.writer", "mcap_protobuf.schema", "foxglove_schemas_protobuf.PoseInFrame_pb2")
+_READING = ("mcap.stream_reader", "lz4.frame")
+"""Without lz4 mcap can be imported, and takes each chunk for the end of the file."""
+_MODULES = ("mcap.writer", "lz4.frame", "mcap_protobuf.schema", "foxglove_schemas_protobuf.PoseInFrame_pb2")
 
 
 def require(extra: str) -> None:
@@ -30,4 +31,5 @@ def require_reading(what: str = "a recording", extra: str = "ual-client[record]"
 
     """
     with extras.needs(what, extra):
-        import_module(_READING)
+        for module in _READING:
+            import_module(module)

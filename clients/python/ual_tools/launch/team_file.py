@@ -306,7 +306,7 @@ def _port(node: Node) -> str:
     """Returns HOST:PORT."""
     text = node.text()
     host, _, port = text.rpartition(":")
-    if not port.isdecimal() or not 0 < int(port) < 65536:
+    if not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
         raise node.error(f"expected PORT or HOST:PORT of TCP, got {text!r}")
     return f"{host or discovery.LOOPBACK}:{port}"
 

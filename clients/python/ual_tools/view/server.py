@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import http
 import io
+import os
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -60,7 +61,8 @@ def _require_free(host: str, port: int) -> None:
     try:
         socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET).close()
     except OSError as error:
-        why = error.strerror or error
+        number = error.errno or 0
+        why = os.strerror(number) if number > 0 else error.strerror  # Python adds the address to its own words
         raise InvalidArgumentError(f"{host}:{port} cannot be listened on: {why}; give another --port") from None
 
 

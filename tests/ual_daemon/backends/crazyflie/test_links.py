@@ -350,10 +350,13 @@ def test_udp_needs_no_cflib(monkeypatch: pytest.MonkeyPatch) -> None:
     assert isinstance(registry.make("crazyflie", BackendOptions("uav_1", "udp://127.0.0.1:19850")), CrazyflieBackend)
 
 
-@pytest.mark.parametrize("url", ["tcp://127.0.0.1:1", "udp://127.0.0.1", "udp://127.0.0.1:x", "nonsense"])
+@pytest.mark.parametrize(
+    "url", ["tcp://127.0.0.1:1", "udp://127.0.0.1", "udp://127.0.0.1:x", "udp://h:70000", "udp://[::1", "nonsense"]
+)
 def test_wrong_urls_are_refused(url: str) -> None:
-    with pytest.raises(ConfigError, match="url"):
+    with pytest.raises(ConfigError, match="is no URL of a Crazyflie"):
         make_link(url)
+    assert CrazyflieBackend.vehicle_key(url)
 
 
 @pytest.mark.parametrize(

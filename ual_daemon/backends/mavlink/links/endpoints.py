@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from ipaddress import ip_address
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from ual_daemon.backends.mavlink.settings import SECTION
 from ual_daemon.settings import ConfigError
@@ -85,10 +85,10 @@ def parse_url(url: str) -> Endpoint:
         _refuse_foreign(url, scheme)
         if parts.username is not None:
             raise _refusal(url, "there is more than a host and a port in it", _of_mavros(parts.netloc))
-        port = parts.port
-    except ValueError as error:
-        raise _refusal(url, str(error)) from None
-    if port is None or not 0 < port < 65536:
+    except ValueError:  # urllib's: of brackets
+        raise _refusal(url, "its host is no name and no IP address") from None
+    port = _port(parts)
+    if port == 0:
         raise _refusal(url, "it needs a port from 1 to 65535")
     if parts.path or parts.query or parts.fragment:
         raise _refusal(url, "there is more than a host and a port in it", f"{scheme}://{parts.netloc}")
@@ -108,6 +108,14 @@ def parse_url(url: str) -> Endpoint:
         raise _refusal(url, f"{scheme}:// needs a host to call")
     kind = UdpEndpoint if scheme.startswith("udp") else TcpEndpoint
     return kind(host or EVERY_INTERFACE, port, is_listening)
+
+
+def _port(parts: SplitResult) -> int:
+    """Returns the port; 0 where there is none that can be used."""
+    try:
+        return parts.port or 0
+    except ValueError:
+        return 0
 
 
 def _is_for_many(host: str) -> bool:
@@ -144,9 +152,8 @@ def _serial(url: str, rest: str) -> SerialEndpoint:
         raise _refusal(url, "the baud rate goes behind a colon", f"serial://{foreign[1]}:{foreign[2]}")
     device, _, baud = path.rpartition(":")
     if not device or not re.fullmatch(r"[0-9]+", baud):
-        raise _refusal(
-            url, "it needs a baud rate", f"serial://{path.rstrip(':')}:57600, or the rate that the autopilot has"
-        )
+        whole = _device_path(path.rstrip(":"))
+        raise _refusal(url, "it needs a baud rate", f"serial://{whole}:57600, or the rate that the autopilot has")
     is_whole = rest.startswith("/") and not rest.startswith("////") and (not rest.startswith("//") or rest[2] == "/")
     if not is_whole or "/" not in device[1:]:
         raise _refusal(url, "it needs the device's whole path", f"serial://{_device_path(device)}:{baud}")

@@ -38,12 +38,12 @@ def test_urls_are_understood(url: str, endpoint: Endpoint) -> None:
         ("udpin://127.0.0.1", "a port"),
         ("tcp://127.0.0.1", "a port"),
         ("udp://:0", "a port"),
-        ("udp://:70000", "ort"),
-        ("udp://:abc", "ort"),
+        ("udp://:70000", "it needs a port from 1 to 65535"),
+        ("udp://:abc", "it needs a port from 1 to 65535"),
         ("udpout://:14580", "a host"),
         ("tcp://:5760", "a host"),
         ("udp://:14540/x", "more than a host and a port in it; write udp://:14540;"),
-        ("udpin://[::1:14540", ""),
+        ("udpin://[::1:14540", "its host is no name and no IP address"),
         # ambiguous: some listen there, some call there
         ("udp://10.0.0.7:14550", "write udpin://10.0.0.7:14550 to listen there or udpout://10.0.0.7:14550 to call;"),
         # MAVROS
@@ -59,6 +59,8 @@ def test_urls_are_understood(url: str, endpoint: Endpoint) -> None:
         # MAVSDK
         ("serial_flowcontrol:///dev/ttyACM0:57600", "write serial://;"),
         ("serial:///dev/ttyACM0", "it needs a baud rate; write serial:///dev/ttyACM0:57600, or"),
+        ("serial://ttyACM0", "it needs a baud rate; write serial:///dev/ttyACM0:57600, or"),
+        ("serial:ttyACM0", "it needs a baud rate; write serial:///dev/ttyACM0:57600, or"),
         ("serial:///dev/ttyACM0:", "it needs a baud rate"),
         ("serial:///dev/ttyACM0:fast", "it needs a baud rate"),
         ("serial:///dev/ttyACM0:7", "7 is no baud rate"),
