@@ -31,6 +31,24 @@ for _ in range(18):
 uav.telemetry()
 """
 
+FORKED_SUBSCRIBER = """
+import os, sys, threading, ual
+def listens(uav):
+    got = threading.Event()
+    with uav.subscribe(lambda _: got.set(), 10.0):
+        return got.wait(60.0)
+with ual.Uav(address=sys.argv[1]) as uav:
+    with uav.subscribe(lambda _: None, 10.0) as subscription:
+        if not os.fork():
+            heard = listens(uav)
+            subscription.close()
+            uav.close()
+            os._exit(0 if heard else 1)
+        if os.wait()[1]:
+            sys.exit("the child heard nothing")
+        sys.exit(0 if listens(uav) else 1)
+"""
+
 FORKED_ASYNCIO = """
 import asyncio, os, sys, ual
 async def ask():
@@ -112,6 +130,12 @@ def run(program: str, daemon: DaemonProcess) -> subprocess.CompletedProcess[str]
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
 def test_a_client_works_in_a_forked_process_and_in_its_parent(daemon: DaemonProcess) -> None:
     done = run(FORKED, daemon)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
+def test_a_forked_process_has_subscriptions_of_its_own_and_ends(daemon: DaemonProcess) -> None:
+    done = run(FORKED_SUBSCRIBER, daemon)
     assert done.returncode == 0, done.stderr
 
 

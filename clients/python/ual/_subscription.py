@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from typing_extensions import Self, override
 
-from ual import _calls, _gevent, interface
+from ual import _calls, _forks, _gevent, interface
 from ual._calls import QUICK_S
 from ual._connection import Connection, TelemetryStream
 from ual._interruption_log import InterruptionLog
@@ -42,6 +42,14 @@ class Subscriptions:
         self._feeds: dict[float, _Feed] = {}
         self._is_closed = False
         self._callbacks = Callbacks()
+        _forks.renew_in_child(self)
+
+    def begin_anew(self) -> None:
+        """Leaves the parent's subscriptions to it in a forked process: the threads that serve them are not here."""
+        for feed in self._feeds.values():
+            for subscription in feed.subscriptions:
+                subscription.leave_to_parent()
+        self._lock, self._feeds, self._callbacks = threading.Lock(), {}, Callbacks()
 
     def open(self, callback: Callable[[Telemetry], None], rate_hz: float) -> Subscription:
         """Returns a subscription once its first sample has come.
@@ -96,18 +104,24 @@ class Subscription(interface.Subscription):
         self.listener = listener
         self.feed: _Feed | None = None
         self._on_close = on_close
-        self._is_closed = False
+        self._is_closed = self._is_parents = False
 
     def __repr__(self) -> str:
         feed = self.feed
         ns, rate_hz = ("", 0.0) if feed is None else (feed.ns, feed.rate_hz)
         return views.subscription_text(ns, rate_hz, is_closed=self._is_closed)
 
+    def leave_to_parent(self) -> None:
+        """Ends it in a forked process, where nothing serves it."""
+        self._is_closed = self._is_parents = True
+
     @override
     def close(self) -> None:
         """Ends it. Waits for the callback to return, unless it is called from a callback of this client; after that the
         callback does not run again.
         """
+        if self._is_parents:
+            return
         self._is_closed = True
         self.listener.close()
         self._on_close(self)
