@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -76,6 +77,10 @@ NO_DRY_RUN: list[tuple[str, tuple[Any, ...], str, str]] = [
 PARTS: list[tuple[str, tuple[Any, ...], Mapping[str, Any], str, str]] = [
     ("take_off", ("3",), {}, "height_m", "'3' is not a number"),
     ("take_off", ((3,),), {}, "height_m", "(3,) is not a number"),
+    ("take_off", (None,), {}, "height_m", "None is not a number"),
+    ("take_off", (10**400,), {}, "height_m", "inf is not a finite number"),
+    ("go_to_waypoint_geo", (37.4, None, 20), {}, "longitude_deg", "None is not a number"),
+    ("set_velocity", (ual.Twist(ual.Vector3(10**400)),), {}, "velocity.twist.linear.x", "inf is not a finite number"),
     ("go_to_waypoint", (ual.Pose.at("1", 2, 3),), {}, "waypoint.pose.position.x", "'1' is not a number"),  # type: ignore[arg-type]
     ("go_to_waypoint", (P,), {"max_speed_m_s": "2"}, "max_speed_m_s", "'2' is not a number"),
     ("go_to_waypoint_geo", ("a", 2, 3), {}, "latitude_deg", "'a' is not a number"),
@@ -110,6 +115,18 @@ def test_a_part_that_is_no_number_is_named_alike_by_all(
 def test_a_point_of_interest_is_a_vector() -> None:
     error = refused_by_client("follow_path", [P], heading=PathHeading.POINT_OF_INTEREST, point_of_interest=(1, 2, 3))
     assert error.message == "point_of_interest: (1, 2, 3) is of type tuple; pass ual.Vector3(x, y, z)"
+
+
+def test_a_coordinate_that_is_missing_is_not_zero() -> None:
+    path = [ual.GeoWaypoint(37.4, None, 20)]  # type: ignore[arg-type]
+    error = refused_by_client("follow_path", path)
+    assert error.message == "waypoints[0].longitude_deg: None is not a number"
+
+
+def test_the_stamp_of_a_pose_from_outside_is_a_number() -> None:
+    for stamp_s, shown in ((math.nan, "nan"), (math.inf, "inf")):
+        error = refused_by_client("set_external_pose", ual.PoseStamped(P, "map", stamp_s))
+        assert error.message == f"pose.stamp_s: {shown} is not a finite number"
 
 
 def test_a_heading_that_is_no_number_is_refused_where_it_is_given() -> None:

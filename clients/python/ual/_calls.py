@@ -162,13 +162,17 @@ def _nothing(_: Message) -> None:
     return None
 
 
+_UNFIT = (TypeError, ValueError, AttributeError, OverflowError)
+"""By these a request refuses what is no number, no text, or too large."""
+
+
 def _built(make: Callable[[], Message], field: str, value: object = None) -> Message:
     """Makes a request. `value` is searched for what protobuf refuses, and the error names that."""
     try:
         return make()
     except InvalidArgumentError:
         raise
-    except (TypeError, ValueError, AttributeError) as error:  # by these protobuf refuses what is no number or no text
+    except _UNFIT as error:
         raise wrong_part(value, field, error) from None
 
 
@@ -370,7 +374,7 @@ def setpoint(reference: Setpoint, field: str) -> pb.StreamSetpointsRequest:
     """A reference as an element of the stream. `field` is named where protobuf refuses a value."""
     try:
         return convert.setpoint_to_proto(reference)
-    except (TypeError, ValueError, AttributeError) as error:
+    except _UNFIT as error:
         raise wrong_part(reference, field, error) from None
 
 
@@ -391,7 +395,7 @@ def set_external_pose(
     measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
     try:
         return convert.external_pose_to_proto(measured)
-    except (TypeError, ValueError, AttributeError) as error:
+    except _UNFIT as error:
         raise wrong_part(measured, "external_pose", error) from None
 
 

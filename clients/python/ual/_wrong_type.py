@@ -7,9 +7,10 @@ checked by the daemon.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from enum import Enum
-from typing import SupportsFloat, SupportsIndex
+from typing import Any, SupportsFloat, SupportsIndex
 
 from ual.errors import InvalidArgumentError
 
@@ -50,6 +51,8 @@ def wrong_part(request: object, field: str, error: Exception) -> InvalidArgument
     for name, part, kind in _parts(request, root):
         if not _fits(part, kind):
             return InvalidArgumentError(f"{name}: {_shown(part)} is not {_KINDS[kind]}", {"field": name})
+        if kind.startswith("float") and part is not None and not math.isfinite(number := _as_float(part)):
+            return InvalidArgumentError(f"{name}: {number} is not a finite number", {"field": name})
     return InvalidArgumentError(f"{field}: {error}", {"field": field})
 
 
@@ -85,6 +88,13 @@ def _fits(value: object, kind: str) -> bool:
     if value is None:
         return kind.endswith("None")
     return kind.startswith("float") and isinstance(value, (SupportsFloat, SupportsIndex))
+
+
+def _as_float(value: Any) -> float:  # noqa: ANN401 (what `_fits` takes for a number)
+    try:
+        return float(value)
+    except OverflowError:  # an integer that no float can be
+        return math.inf
 
 
 def _shown(value: object) -> str:

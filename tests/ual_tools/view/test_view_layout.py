@@ -15,7 +15,7 @@ from ual_tools.condition import Condition, Level
 from ual_tools.view import fleet_table, palette, shell
 from ual_tools.view.camera import Camera, framing
 from ual_tools.view.chosen import ALL, chosen, title
-from ual_tools.view.label_layout import Wanted, laid_out
+from ual_tools.view.label_layout import Fixed, Wanted, laid_out
 from ual_tools.view.shown import GREY, Shown
 
 FOV_RAD = 1.0
@@ -60,17 +60,26 @@ def test_what_is_behind_the_camera_is_not_seen() -> None:
     assert pixel[1] < 300.0  # above
 
 
-@given(st.lists(st.builds(Vector3, st.floats(0, 30), st.floats(-15, 15), st.floats(0, 10)), max_size=25))
-def test_no_label_covers_another_one(found: list[Vector3]) -> None:
+PLACES = st.lists(st.builds(Vector3, st.floats(0, 30), st.floats(-15, 15), st.floats(0, 10)), max_size=25)
+
+
+@given(PLACES, PLACES)
+def test_no_label_covers_another_one_nor_one_of_the_ground(found: list[Vector3], ground: list[Vector3]) -> None:
     camera = camera_at(Vector3(-20.0, 0.0, 15.0), Vector3(15.0, 0.0, 0.0), 860.0, 800.0)
     wanted = [Wanted(f"uav_{n}", f"uav_{n}", place, is_urgent=n % 5 == 0) for n, place in enumerate(found)]
-    placed = laid_out(wanted, camera)
+    fixed = [Fixed("10 m", place) for place in ground]
+    placed = laid_out(wanted, camera, fixed)
     assert {each.name for each in wanted if each.is_urgent} <= set(placed)
     pixels = [camera.pixel(place) for place in placed.values()]
     for one, other in itertools.combinations(pixels, 2):
         assert one is not None
         assert other is not None
         assert abs(one[0] - other[0]) >= 35.0 or abs(one[1] - other[1]) >= 12.0
+    for one, other in itertools.product(pixels, (camera.pixel(each.place) for each in fixed)):
+        assert one is not None
+        assert other is not None
+        middle = one[1] - 19.0 / 2.0  # a label stands above its place, one of the ground around it
+        assert abs(one[0] - other[0]) >= 25.0 or abs(middle - other[1]) >= 12.0
 
 
 def test_a_label_that_has_room_stays_where_it_is() -> None:

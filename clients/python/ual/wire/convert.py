@@ -237,7 +237,7 @@ def transform_from_proto(message: pb.Transform) -> Transform:
 def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -> TaskRequestMessage:
     """What begins a task, as the message of its method."""
     if isinstance(request, TakeOffRequest):
-        return pb.TakeOffRequest(height_m=request.height_m, non_blocking=non_blocking, force=request.force)
+        return pb.TakeOffRequest(height_m=_given(request.height_m), non_blocking=non_blocking, force=request.force)
     if isinstance(request, LandRequest):
         return pb.LandRequest(non_blocking=non_blocking)
     if isinstance(request, GoToWaypointRequest):
@@ -248,9 +248,9 @@ def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -
         )
     if isinstance(request, GoToWaypointGeoRequest):
         return pb.GoToWaypointGeoRequest(
-            latitude_deg=request.waypoint.latitude_deg,
-            longitude_deg=request.waypoint.longitude_deg,
-            altitude_m=request.waypoint.altitude_m,
+            latitude_deg=_given(request.waypoint.latitude_deg),
+            longitude_deg=_given(request.waypoint.longitude_deg),
+            altitude_m=_given(request.waypoint.altitude_m),
             altitude_reference=_altitude_reference_to_proto(request.waypoint.altitude_reference),
             yaw_rad=request.waypoint.yaw_rad,
             max_speed_m_s=_max_speed_to_proto(request.max_speed_m_s),
@@ -261,12 +261,19 @@ def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -
     return _follow_path_to_proto(request, non_blocking)
 
 
+def _given(value: float) -> float:
+    """Returns the value. None is refused: protobuf takes it for a field that is left out, and so for 0."""
+    if value is None:
+        raise TypeError("None is not a number")
+    return value
+
+
 def _follow_path_to_proto(request: FollowPathRequest, non_blocking: bool) -> pb.FollowPathRequest:
     interest = request.point_of_interest
     return pb.FollowPathRequest(
         waypoints=[pose_stamped_to_proto(each) for each in request.waypoints if not isinstance(each, GeoWaypoint)],
         geo_waypoints=[_geo_waypoint_to_proto(each) for each in request.waypoints if isinstance(each, GeoWaypoint)],
-        corner_radius_m=request.corner_radius_m,
+        corner_radius_m=_given(request.corner_radius_m),
         max_speed_m_s=_max_speed_to_proto(request.max_speed_m_s),
         leg_speeds_m_s=request.leg_speeds_m_s,
         heading=_path_heading_to_proto(request.heading),
@@ -317,9 +324,9 @@ def _max_speed_to_proto(max_speed_m_s: float | None) -> float:
 
 def _geo_waypoint_to_proto(waypoint: GeoWaypoint) -> pb.GeoWaypoint:
     return pb.GeoWaypoint(
-        latitude_deg=waypoint.latitude_deg,
-        longitude_deg=waypoint.longitude_deg,
-        altitude_m=waypoint.altitude_m,
+        latitude_deg=_given(waypoint.latitude_deg),
+        longitude_deg=_given(waypoint.longitude_deg),
+        altitude_m=_given(waypoint.altitude_m),
         altitude_reference=_altitude_reference_to_proto(waypoint.altitude_reference),
         yaw_rad=waypoint.yaw_rad,
     )

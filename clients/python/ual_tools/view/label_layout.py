@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from ual.geometry import Vector3
@@ -22,6 +22,13 @@ class Wanted(NamedTuple):
     is_urgent: bool = False
 
 
+class Fixed(NamedTuple):
+    """A label whose middle stays at its place: those of the ground."""
+
+    text: str
+    place: Vector3
+
+
 class _Box(NamedTuple):
     left: float
     right: float
@@ -32,19 +39,18 @@ class _Box(NamedTuple):
         return not is_beside and abs(self.bottom - other.bottom) < _LINE_PX
 
 
-def laid_out(wanted: Iterable[Wanted], camera: Camera) -> dict[str, Vector3]:
+def laid_out(wanted: Iterable[Wanted], camera: Camera, fixed: Iterable[Fixed] = ()) -> dict[str, Vector3]:
     """Returns where each label stands in the scene; what is behind the camera, or has no room, is not there.
 
-    A label that would cover another one is lifted. Urgent ones are placed first, then the nearest.
+    A label that would cover another one, or a `fixed` one, is lifted. Urgent ones are placed first, then the nearest.
     """
-    placed: list[_Box] = []
+    placed = [_box(each.text, x, y + _LINE_PX / 2.0) for each in fixed for x, y in _pixels(each.place, camera)]
     found: dict[str, Vector3] = {}
     for label, (x, y, ahead_m) in _in_order(wanted, camera):
-        half = (len(label.text) * _LETTER_PX + _BORDER_PX) / 2.0
-        lines = _free_line(x, y, half, placed)
+        lines = _free_line(_box(label.text, x, y), placed)
         if lines > _MOST_LINES and not label.is_urgent:
             continue
-        placed.append(_Box(x - half, x + half, y - lines * _LINE_PX))
+        placed.append(_box(label.text, x, y - lines * _LINE_PX))
         found[label.name] = label.place + camera.up * (lines * _LINE_PX / camera.pixels_per_m(ahead_m))
     return found
 
@@ -54,12 +60,21 @@ def _in_order(wanted: Iterable[Wanted], camera: Camera) -> list[tuple[Wanted, tu
     return sorted(seen, key=lambda each: (not each[0].is_urgent, each[1][2], each[0].name))
 
 
-def _free_line(x: float, y: float, half: float, placed: Sequence[_Box]) -> int:
+def _pixels(place: Vector3, camera: Camera) -> Iterator[tuple[float, float]]:
+    if (pixel := camera.pixel(place)) is not None:
+        yield pixel[0], pixel[1]
+
+
+def _box(text: str, x: float, bottom: float) -> _Box:
+    half = (len(text) * _LETTER_PX + _BORDER_PX) / 2.0
+    return _Box(x - half, x + half, bottom)
+
+
+def _free_line(box: _Box, placed: Sequence[_Box]) -> int:
     """Returns by how many lines a label has to be lifted."""
     lines = 0
-    while lines <= len(placed):
-        box = _Box(x - half, x + half, y - lines * _LINE_PX)
-        if not any(box.meets(other) for other in placed):
+    while lines <= 2 * len(placed):  # a fixed one may stand between two lines, and close both
+        if not any(box._replace(bottom=box.bottom - lines * _LINE_PX).meets(other) for other in placed):
             return lines
         lines += 1
     return lines

@@ -10,7 +10,7 @@ from ual.geometry import Quaternion, Vector3
 from ual_tools.condition import Level
 from ual_tools.view.camera import Camera
 from ual_tools.view.label_layout import Wanted, laid_out
-from ual_tools.view.scene import xyz
+from ual_tools.view.scene import GROUND_LABELS, xyz
 from ual_tools.view.shown import Shown
 
 _NEAR_M = 1e-3
@@ -36,7 +36,7 @@ class Labels:
         found = sorted(uavs, key=lambda uav: (-uav.how.level, uav.ns not in chosen))[:_MOST]
         wanted = [_wanted(uav, self._top_m(uav.ns)) for uav in found if uav.body is not None]
         texts = {each.name: each.text for each in wanted}
-        places = laid_out(wanted, camera)
+        places = laid_out(wanted, camera, GROUND_LABELS)
         for ns in self._drawn.keys() - places.keys():
             self._drawn.pop(ns).remove()
         for ns, place in places.items():

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ual.geometry import Pose, Quaternion, Transform, Vector3
 from ual_tools.view import models
+from ual_tools.view.label_layout import Fixed
 from ual_tools.view.meshes import Mesh
 from ual_tools.view.models import MODELS, Model
 from ual_tools.view.palette import Colour
@@ -33,6 +34,14 @@ Points = NDArray[np.float32]
 Line = tuple[Vector3, Vector3]
 
 
+GROUND_LABELS = (
+    Fixed("N", Vector3(0.0, 3.3, 0.0)),
+    Fixed("10 m east", Vector3(10.0, 0.0, 0.0)),
+    Fixed("10 m north", Vector3(0.0, 10.0, 0.0)),
+    Fixed("map", Vector3()),
+)
+
+
 def draw_ground(scene: viser.SceneApi) -> None:
     """Draws the ground of `map`: a grid of 1 m and 10 m, north, and how long 10 m are."""
     scene.set_up_direction("+z")
@@ -40,9 +49,10 @@ def draw_ground(scene: viser.SceneApi) -> None:
     scene.add_grid("/ground", infinite_grid=True, cell_size=1.0, section_size=10.0, fade_distance=150.0)
     arrow = [((0, 0, 0), (0, 3, 0)), ((0, 3, 0), (0.25, 2.5, 0)), ((0, 3, 0), (-0.25, 2.5, 0))]
     scene.add_line_segments("/north", np.array(arrow, np.float32), _BLACK, thickness=3.0, thickness_units="screen")
-    scene.add_label("/north/label", "N", position=(0.0, 3.3, 0.0), anchor="center-center")
-    for name, place in (("10 m east", (10.0, 0.0, 0.0)), ("10 m north", (0.0, 10.0, 0.0)), ("map", (0.0, 0.0, 0.0))):
-        scene.add_label(f"/scale/{name}", name, position=place, font_screen_scale=0.7)
+    for text, place in GROUND_LABELS:
+        scale = 1.0 if text == "N" else 0.7
+        path = f"/scale/{text}"
+        scene.add_label(path, text, position=xyz(place), anchor="center-center", font_screen_scale=scale)
 
 
 class Scene:
