@@ -103,6 +103,7 @@ class RouterSession:
     def __init__(self, file: Path) -> None:
         import zenoh
 
+        zenoh.try_init_log_from_env()  # type: ignore[no-untyped-call]  # RUST_LOG shows what is refused, as in zenohd
         try:
             config = zenoh.Config.from_file(file)
             self._session = zenoh.open(config)
