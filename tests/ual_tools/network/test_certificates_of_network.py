@@ -130,7 +130,7 @@ def test_a_router_shows_what_it_refuses_where_it_is_asked_to(tmp_path: Path) -> 
     with ExitStack() as stack:
         team = Team(tmp_path, stack)
         log = tmp_path / "router.log"
-        command = [Path(sys.executable).with_name("ual"), "router", str(tmp_path / "router_1.router.json5")]
+        command = [str(Path(sys.executable).with_name("ual")), "router", str(tmp_path / "router_1.router.json5")]
         out = stack.enter_context(log.open("wb"))
         process = subprocess.Popen(command, env={**os.environ, **SHOW_REFUSED}, stdout=out)
         stack.callback(process.wait)
