@@ -45,6 +45,15 @@ class Listener:
             time.sleep(max(_LOOK_S, _IDLE_SHARE * (time.monotonic() - began_s)))
         return {"at_s": time.monotonic(), "count": self._present(), "problems": dict(self._network.problems)}
 
+    def steady(self, seconds: float) -> dict[str, Any]:
+        """Returns the fewest that were there within some seconds."""
+        end_s = time.monotonic() + seconds
+        fewest = self._present()
+        while time.monotonic() < end_s:
+            time.sleep(_LOOK_S)
+            fewest = min(fewest, self._present())
+        return {"count": fewest}
+
     def discover(self) -> dict[str, Any]:
         began_s = time.monotonic()
         found = discover(self._config, timeout_s=_LIMIT_S)

@@ -17,20 +17,21 @@ class Lan:
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
         self._tag = f"ualb{os.getpid()}"
-        self._count = 0
+        self._ports: dict[str, str] = {}
         self._add_namespace(_SWITCH)
         self._ip("-n", self._name(_SWITCH), "link", "add", "br0", "type", "bridge")
         self._ip("-n", self._name(_SWITCH), "link", "set", "br0", "up")
 
     def add(self, name: str) -> str:
         """Adds a computer. Returns its address."""
-        self._count += 1
-        number, address = self._count, f"{_SUBNET}.{self._count}"
+        number = len(self._ports) + 1
+        address, port = f"{_SUBNET}.{number}", f"port{number}"
+        self._ports[name] = port
         self._add_namespace(name)
         here, there = self._name(name), self._name(_SWITCH)
-        pair = ("link", "add", "eth0", "type", "veth", "peer", "name", f"port{number}", "netns", there)
+        pair = ("link", "add", "eth0", "type", "veth", "peer", "name", port, "netns", there)
         self._ip("-n", here, *pair)
-        self._ip("-n", there, "link", "set", f"port{number}", "master", "br0", "up")
+        self._ip("-n", there, "link", "set", port, "master", "br0", "up")
         self._ip("-n", here, "addr", "add", f"{address}/24", "dev", "eth0")
         for link in ("lo", "eth0"):
             self._ip("-n", here, "link", "set", link, "up")
@@ -41,8 +42,9 @@ class Lan:
         return ("ip", "netns", "exec", self._name(name))
 
     def cut(self, name: str, *, is_up: bool) -> None:
-        """Cuts a computer off the LAN, or plugs it in again."""
-        self._ip("-n", self._name(name), "link", "set", "eth0", "up" if is_up else "down")
+        """Lets nothing to and from a computer pass, as a radio out of range does, or lets it pass again."""
+        to = ("master", "br0") if is_up else ("nomaster",)
+        self._ip("-n", self._name(_SWITCH), "link", "set", self._ports[name], *to)
 
     def _name(self, name: str) -> str:
         return f"{self._tag}-{name}"

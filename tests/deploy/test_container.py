@@ -172,7 +172,7 @@ def test_the_image_flies() -> None:
     subprocess.run(["make", "dist"], cwd=ROOT, check=True)
     subprocess.run([CONTAINER / "build"], env={**os.environ, "ENGINE": run}, check=True)
     listen = f"127.0.0.1:{free_port()}"
-    confined = ["--read-only", "--tmpfs", "/tmp", "--tmpfs", "/run/ual", "--cap-drop", "ALL"]
+    confined = ["--read-only", "--tmpfs", "/tmp", "--volume", "/run/ual", "--cap-drop", "ALL"]
     confined += ["--security-opt", "no-new-privileges", "--network", "host", "--stop-timeout", str(GRACE_S)]
     started = [run, "run", "--detach", "--rm", *confined, IMAGE, "--auto-arm", "--listen", listen]
     name = subprocess.run(started, capture_output=True, text=True, check=True).stdout.strip()

@@ -58,6 +58,13 @@ class Board:
             self._seen[ns] = replace(self._seen[ns], gone_s=time.monotonic())
         self.changed.set()
 
+    def forget(self, ns: str) -> None:
+        """Drops a UAV at once: it is shown by another name, or was gone for long."""
+        with self._lock:
+            self._seen.pop(ns, None)
+            self._new.pop(ns, None)
+        self.changed.set()
+
     def put(self, ns: str, telemetry: Telemetry) -> None:
         """Stores a sample."""
         with self._lock:

@@ -50,6 +50,18 @@ def test_with_a_certificate_nothing_goes_without_encryption() -> None:
     assert (link["tls"]["enable_mtls"], link["tls"]["verify_name_on_connect"]) == (True, True)
 
 
+def test_an_attempt_to_connect_ends_before_tcp_waits_for_seconds() -> None:
+    """TCP asks at 0, 1 and 3 s: whoever comes back at 1.1 s is reached by a new attempt at 2 s."""
+    transport = configuration.transport(NetworkSettings())
+    assert transport["unicast"] == {"open_timeout": 2000}
+    assert (
+        json.loads(zenoh.Config.from_json5(json.dumps({"transport": transport})).get_json("transport/unicast"))[
+            "open_timeout"
+        ]
+        == 2000
+    )
+
+
 @pytest.fixture
 def team(tmp_path: Path) -> Iterator[dict[str, Any]]:
     """Peers as on a LAN, but on loopback."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -23,6 +25,10 @@ from ual.network.session import RouterSession, open_session
 from ual_tools.main import cli
 
 pytest.importorskip("zenoh", reason="ZENOH IS MISSING, the network is NOT TESTED: pip install 'ual-tools[network]'")
+
+
+SHOW_REFUSED = {"RUST_LOG": "zenoh::net::routing::interceptor::access_control=trace"}
+REFUSED = re.compile(r"CertCommonName\(uav_2\)\S* is unauthorized to Put \(ingress\) on ual/farm/uav_1/")
 
 
 def run(directory: Path, *words: str) -> Result:
@@ -117,6 +123,20 @@ def test_each_does_what_its_certificate_allows_and_nothing_else(team: Team) -> N
     ]
     assert spying == []
     spy.close()  # type: ignore[no-untyped-call]
+
+
+def test_a_router_shows_what_it_refuses_where_it_is_asked_to(tmp_path: Path) -> None:
+    """Zenoh has a line for it, which nothing shows by itself."""
+    with ExitStack() as stack:
+        team = Team(tmp_path, stack)
+        log = tmp_path / "router.log"
+        command = [str(Path(sys.executable).with_name("ual")), "router", str(tmp_path / "router_1.router.json5")]
+        out = stack.enter_context(log.open("wb"))
+        process = subprocess.Popen(command, env={**os.environ, **SHOW_REFUSED}, stdout=out)
+        stack.callback(process.wait)
+        stack.callback(process.terminate)
+        forging = team.publication("uav_2", "uav_1", 1)
+        until(lambda: REFUSED.search(log.read_text()), between=saying(forging, report()), seen=log.read_text)
 
 
 def _present(network: Network) -> list[NetworkUav]:

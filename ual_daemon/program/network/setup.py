@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ual.errors import UalError
 from ual.network import keys, session, settings
+from ual_daemon.program.network import identity
 from ual_daemon.server import tls
 from ual_daemon.settings import ConfigError
 
@@ -21,15 +22,18 @@ def publisher(config: str | None, names: Sequence[str]) -> Publisher | None:
     """Returns what tells the network of a daemon with these UAVs; None where no network is wanted.
 
     Raises:
-        ConfigError: The settings are not valid, a certificate cannot be used, or the extra is not installed.
+        ConfigError: The settings are not valid, the certificate cannot be used or is another's, or the extra is
+            not installed.
 
     """
     if config is None:
         return None
-    found = _read(config)
+    found, name = _read(config), keys.publisher(names)
+    if found.has_certificate:
+        identity.require(found, name)
     from ual_daemon.program.network.publisher import Publisher  # imported late: it loads Zenoh
 
-    return Publisher(found, keys.publisher(names))
+    return Publisher(found, name)
 
 
 def _read(config: str) -> NetworkSettings:

@@ -13,6 +13,8 @@ LEASE_MS = 2000
 """A process that is stopped, or whose computer is cut off, is gone after this time."""
 _KEEP_ALIVE_COUNT = 4
 """Signs of life in a lease."""
+_OPEN_MS = 2000
+"""How long a connection may take. TCP asks at 0 and 1 s, then ever more seldom: a new attempt is sooner there."""
 _MULTICAST_GROUP = "224.0.0.224"
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
 _MOST_BYTES = 4 << 20
@@ -73,7 +75,7 @@ def transport(settings: NetworkSettings) -> Json:
     }
     if settings.has_certificate:
         link["tls"] = _tls(settings)
-    return {"link": link, "shared_memory": _OFF}
+    return {"link": link, "unicast": {"open_timeout": _OPEN_MS}, "shared_memory": _OFF}
 
 
 def _tls(settings: NetworkSettings) -> Json:

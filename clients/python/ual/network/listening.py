@@ -16,6 +16,7 @@ from typing_extensions import Self
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.network import keys, settings
 from ual.network.followed import Followed, conflict
+from ual.network.lost_links import LostLinks
 from ual.network.roster import Roster
 from ual.network.session import close_session, has_router, open_session, queue, require, ring
 from ual.network.settings import LOOPBACK, NetworkSettings
@@ -188,7 +189,9 @@ class Network:
 
     def _keep_asking(self) -> None:
         """Asks who is there where signs of life and reports contradict each other."""
+        links = LostLinks(self._session.info.links)
         while not self._closing.wait(_ASK_S):
+            links.look()
             with self._changed:
                 is_doubtful = self._roster.is_doubtful(time.monotonic())
             if is_doubtful:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zenoh
 
 from ual.network.keys import Source
+from ual.network.lost_links import LostLinks
 from ual.network.session import close_session, has_router, open_session
 from ual.network.settings import NetworkSettings
 from ual.network.values import Report
@@ -24,6 +25,7 @@ class Publication:
         self._settings = settings
         self._key = source.telemetry
         self._session = open_session(settings, timeout_s)
+        self._links = LostLinks(self._session.info.links)
         try:
             self._token = self._session.liveliness().declare_token(source.alive)
         except BaseException:
@@ -37,6 +39,7 @@ class Publication:
 
     def put(self, report: Report) -> None:
         """Tells. What cannot be sent at once is dropped: the next report is newer."""
+        self._links.look()
         self._session.put(
             self._key,
             wire.report_to_bytes(report),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from typing_extensions import Self
 
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.network import configuration
+from ual.network.lost_links import LostLinks
 from ual.network.settings import NetworkSettings
 from ual.shared import extras
 
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     import zenoh
 
 _MOST_SIGNS, _MOST_REPORTS = 1024, 512
+_LOOK_S = 0.5
 
 
 def require(what: str, extra: str) -> None:
@@ -100,14 +103,26 @@ class RouterSession:
     def __init__(self, file: Path) -> None:
         import zenoh
 
+        zenoh.try_init_log_from_env()  # type: ignore[no-untyped-call]  # RUST_LOG shows what is refused, as in zenohd
         try:
             config = zenoh.Config.from_file(file)
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
             raise InvalidArgumentError(f"{file}: the router cannot run: {error}", {"field": "file"}) from None
+        self._links = LostLinks(self._session.info.links)
         self.identifier = str(self._session.zid())
         endpoints = json.loads(config.get_json("listen/endpoints"))
         self.listen: Sequence[str] = endpoints
+
+    def run(self) -> None:
+        """Runs until it is interrupted."""
+        while True:
+            self.look()
+            time.sleep(_LOOK_S)
+
+    def look(self) -> None:
+        """Sees to it that connections without an answer end; to be called again and again."""
+        self._links.look()
 
     def __enter__(self) -> Self:
         return self

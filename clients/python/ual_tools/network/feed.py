@@ -43,7 +43,7 @@ class Feed:
         self._board.lost_after_s = max((uav.old_after_s for uav in found.values()), default=LOST_S)
         for name in self._heard_s.keys() - found.keys():  # forgotten, or shown by another name
             del self._heard_s[name]
-            self._board.remove(name)
+            self._board.forget(name)
         for name, uav in found.items():
             self._take(name, uav, now_s)
 

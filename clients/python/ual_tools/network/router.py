@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from pathlib import Path
 
 import click
@@ -29,7 +28,7 @@ def router(session: Session, file: Path) -> None:
     os.chdir(path.parent)  # the file names certificates beside it
     with RouterSession(path) as running:
         session.emit({"router": running.identifier, "listen": running.listen}, f"routes at {', '.join(running.listen)}")
-        threading.Event().wait()
+        running.run()
 
 
 COMMANDS = (router,)
