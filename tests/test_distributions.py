@@ -99,11 +99,27 @@ def test_the_wheels_carry_types_and_contract(installed: Path) -> None:
 def test_the_wheels_carry_all_modules_and_nothing_else(installed: Path) -> None:
     for source, package in ((ROOT, "ual_daemon"), (CLIENTS, "ual"), (CLIENTS, "ual_tools")):
         of_source, of_wheel = (
-            {str(path.relative_to(root)) for path in (root / package).rglob("*.py")} for root in (source, installed)
+            {str(path.relative_to(root)) for path in (root / package).rglob("*.py") if "packages" not in path.parts}
+            for root in (source, installed)
         )
         assert of_wheel == of_source
     packages = {path.name for path in installed.iterdir() if path.is_dir() and not path.name.endswith(".dist-info")}
     assert packages == {"dist", "ual", "ual_tools", "ual_daemon"}
+
+
+@pytest.mark.parametrize("package", ["ual_msgs", "ual_ros2/ual_ros2"])
+def test_the_tools_carry_what_runs_as_a_node_of_ros(installed: Path, package: str) -> None:
+    of_wheel, of_source = (
+        {
+            path.relative_to(root): path.read_bytes()
+            for path in root.rglob("*")
+            if path.is_file() and path.suffix != ".pyc"
+        }
+        for root in (installed / "ual_tools" / "ros2" / "packages" / package, ROOT / "clients" / "ros2" / package)
+    )
+    assert of_wheel == of_source
+    for name in ("unite.cmake", "tf2_msgs/CMakeLists.txt", "tf2_msgs/package.xml", "tf2_msgs/msg/TFMessage.msg"):
+        assert (installed / "ual_tools" / "ros2" / name).is_file()
 
 
 FIRST_FLIGHT = ("takeoff 3", "goto 4 2 3 --yaw 90deg", "velocity 1 0 0 --for 2", "land")

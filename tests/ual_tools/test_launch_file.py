@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -224,6 +225,21 @@ def test_print_shows_the_command_lines(file: Path) -> None:
         "--set 'home_pose=[0, 0, 0]' --set allow_arming=true --set 'limits={\"climb_speed_m_s\": 2}' "
         '--set \'log_format="json"\' --set \'frames=[{"frame_id": "uav_3/arm", "x": 1e-1}]\'',
     ]
+
+
+def test_print_tells_a_program_the_same(file: Path) -> None:
+    result = CliRunner().invoke(cli, ["--json", "launch", "--print", str(file)])
+    assert result.exit_code == 0, result.output
+    told = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [each["ns"] for each in told if each["ns"]] == ["uav_3", "uav_4", "boat"]
+    assert told[1] == {
+        "name": "px4-3",
+        "ns": "",
+        "command": ["px4", "-i", "3", "--model", "iris", "--grpc", "50053"],
+        "directory": str(file.parent),
+        "variables": {"PX4_ID": "3"},
+        "needs": ["world"],
+    }
 
 
 def test_without_the_daemon_it_says_what_to_install(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -51,7 +51,8 @@ def launch(session: Session, file: Path, is_shown: bool, systemd: Path | None, c
     if is_shown:
         from ual_tools.launch import shown
 
-        click.echo(shown.text(team))
+        for program in team.programs:
+            session.emit(shown.values(program), shown.text(program))
     elif systemd is not None or compose is not None:
         _write(team, systemd, compose)
     else:

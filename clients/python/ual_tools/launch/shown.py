@@ -5,12 +5,24 @@ from __future__ import annotations
 import os
 import shlex
 
-from ual_tools.launch.team import Condition, Program, Team
+from ual_tools.launch.team import Condition, Program
 
 
-def text(team: Team) -> str:
-    """Returns the command lines of a team in the order of its file, and above each what it waits for."""
-    return "\n".join(f"# {_about(each)}\n{command_line(each)}" for each in team.programs)
+def text(program: Program) -> str:
+    """Returns a command line, and above it what it waits for."""
+    return f"# {_about(program)}\n{command_line(program)}"
+
+
+def values(program: Program) -> dict[str, object]:
+    """Returns the same for a program; `ns` is empty where it is not the daemon of a UAV."""
+    return {
+        "name": program.name,
+        "ns": program.ns,
+        "command": list(program.argv),
+        "directory": str(program.cwd),
+        "variables": dict(program.env),
+        "needs": list(program.needs),
+    }
 
 
 def command_line(program: Program) -> str:
