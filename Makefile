@@ -19,7 +19,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist release run test coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
+.PHONY: help install dev dist release run test coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -106,6 +106,13 @@ test-newest: $(DEV)  ## All tests, on PyPI's newest version of each package that
 test-newest-grpc: $(DEV)  ## What uses gRPC, on PyPI's newest grpcio and protobuf
 	$(call LAY_OVER,build/newest-grpc) --no-deps $(GRPC_FAMILY) 'protobuf<8'
 	$(call WITH,build/newest-grpc) -m pytest $(IN_PARALLEL) $(GRPC_TESTS)
+
+# What flies and serves, without the programs and the simulated autopilots: the part whose coverage this prints by room.
+test-newest-python:  ## A part of the tests on the newest Python of Debian's testing and the newest grpcio, with its coverage
+	COVERAGE_CORE=sysmon tools/newest_python.sh -m pytest $(IN_PARALLEL) --cov --cov-report=json:build/coverage.json \
+		tests/ual_daemon/backends/engine tests/ual_daemon/flight tests/ual_daemon/frames tests/ual_daemon/tracker \
+		tests/ual_daemon/trajectory tests/ual_daemon/vehicle $(GRPC_TESTS)
+	python3 tools/coverage_by_room.py build/coverage.json
 
 test-oldest-grpc: $(DEV)  ## What uses gRPC, on the oldest grpcio that pyproject.toml allows
 	$(call LAY_OVER,build/oldest-grpc) --no-deps $(addsuffix ==1.76.0,$(GRPC_FAMILY))

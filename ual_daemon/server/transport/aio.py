@@ -68,6 +68,7 @@ class AioServer(TransportServer):
         self._replaced: list[grpc.aio.Server] = []
         self._opened: list[tuple[str, grpc.ServerCredentials | None]] = []
         self._watching: asyncio.Task[None] | None = None
+        self._stopping: list[asyncio.Task[None]] = []
 
     @override
     def listen(self, address: str, credentials: grpc.ServerCredentials | None = None) -> int:
@@ -86,10 +87,11 @@ class AioServer(TransportServer):
     async def stop(self, grace_s: float) -> bool:
         if self._watching is not None:
             self._watching.cancel()
-        servers = (self._server, *self._replaced)
-        stopping = [asyncio.create_task(server.stop(grace_s)) for server in servers]
-        await asyncio.wait(stopping, timeout=2.0 * grace_s)
-        return all(each.done() for each in stopping)
+        if not self._stopping:  # once: the second of two stops at a time would use a server that the first has freed
+            servers = (self._server, *self._replaced)
+            self._stopping = [asyncio.create_task(server.stop(grace_s)) for server in servers]
+        await asyncio.wait(self._stopping, timeout=2.0 * grace_s)
+        return all(each.done() for each in self._stopping)
 
     def _make(self) -> grpc.aio.Server:
         return grpc.aio.server(handlers=self._handlers, options=self._options)

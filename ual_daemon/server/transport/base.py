@@ -102,6 +102,7 @@ class TransportServer(Protocol):
         """Takes no more calls, and waits for those that were taken.
 
         Those that still run after `grace_s` are cancelled, and waited for as long again. Returns whether all ended.
+        Where they have not, it may be called again, only to wait longer.
         """
 
 

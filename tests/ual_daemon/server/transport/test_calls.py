@@ -304,6 +304,31 @@ def test_servers_of_one_transport_stop_each_by_itself(loop: Loop, transport: Cho
     made.close()
 
 
+def test_a_server_that_is_stopped_again_while_it_stops_is_stopped_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """gRPC's second stop of two at a time used a server that the first had freed: Python 3.14 crashed."""
+    stops: list[float | None] = []
+
+    async def run() -> None:
+        kind: Any = type(grpc.aio.server())
+        stop = kind.stop
+
+        async def recorded(server: grpc.aio.Server, grace: float | None) -> None:
+            stops.append(grace)
+            await stop(server, grace)
+
+        monkeypatch.setattr(kind, "stop", recorded)
+        made = await selection.choose("aio")
+        server = made.server([], lambda _: None)
+        server.listen("127.0.0.1:0")
+        await server.start()
+        await server.stop(0.0)
+        assert await server.stop(LIMIT_S)
+        made.close()
+
+    asyncio.run(run())
+    assert stops == [0.0]
+
+
 def test_an_address_that_cannot_be_had_is_an_error_and_the_server_can_still_be_left(transport: Choice) -> None:
     async def run() -> None:
         made = await selection.choose(transport)
