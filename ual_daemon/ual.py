@@ -7,11 +7,12 @@ import logging
 import math
 import os
 import time
+import weakref
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from typing_extensions import Self, override
 
@@ -68,7 +69,8 @@ _THIS_PROCESS = "this process"
 class UAL(Uav):
     """One UAV in this process, without a server and without delay. Its members are those of `ual.interface.Uav`.
 
-    `close`, or the end of its ``with`` block, hands the UAV over to its autopilot.
+    `close`, or the end of its ``with`` block, hands the UAV over to its autopilot. It belongs to this process: in a
+    forked one each call raises `UalError`.
 
     Args:
         backend: The name of a backend, such as ``light`` or ``mavlink``, or a `Backend`.
@@ -129,6 +131,7 @@ class UAL(Uav):
 
     def _begin_with(self, vehicle: ServedVehicle, extensions: Mapping[str, Any]) -> None:
         self.vehicle = vehicle
+        _alive.add(self)
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
         self._external_pose_s = -math.inf
@@ -148,6 +151,8 @@ class UAL(Uav):
         If that takes more than 60 s, the UAV is left in motion; the log says so, and what the UAV was doing.
         """
         self._is_closed = True
+        if isinstance(self.vehicle, _OfParent):
+            return
         try:
             self.vehicle.prepare_shutdown().result(_CLOSE_PATIENCE_S)
         except concurrent.futures.TimeoutError:
@@ -462,6 +467,32 @@ class _Subscription(Subscription):
 
     def __exit__(self, *exc: object) -> None:
         self.close()
+
+
+class _OfParent:
+    """Stands for the vehicle in a forked process, which has the socket of the autopilot's link, but none of the threads
+    that watch it.
+    """
+
+    def __init__(self, ns: str) -> None:
+        self.ns = ns
+
+    def __getattr__(self, name: str) -> NoReturn:
+        raise UalError(
+            f"the process from which this one was forked flies {self.ns}: fly it there, or by a daemon (ual.Uav), "
+            "which several processes can call"
+        )
+
+
+_alive: weakref.WeakSet[UAL] = weakref.WeakSet()
+
+
+def _leave_to_parent() -> None:
+    for uav in list(_alive):
+        uav.vehicle = cast("ServedVehicle", _OfParent(uav.vehicle.ns))
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 def _warn_of_unknown_variables() -> None:
