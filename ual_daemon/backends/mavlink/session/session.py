@@ -51,6 +51,7 @@ from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Message, mavlink
 from ual_daemon.backends.mavlink.wire.sender import Sender
+from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING
 from ual_daemon.backends.values import Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
@@ -109,6 +110,7 @@ class Session:
         self.setpoint_encoder = SetpointEncoder(dialect, source, self.telemetry.parameters, self._feed_forward)
         self._own_ids = (self.system_id, settings.component_id)
         self._pose_rate_hz = settings.pose_rate_hz
+        self._has_key, self._signs = settings.signing_key_file is not None, False
         self._sender = sender
         self._payload_messages = payload_messages or PayloadMessages()
         self._supervision = supervision
@@ -179,6 +181,7 @@ class Session:
     ) -> None:
         """Takes a frame of this autopilot, and its content where that is decoded."""
         self._supervision.on_frame(frame.sequence, now_s)
+        self._signs = frame.is_signed
         self._identify(frame, message, address, now_s)
         if self.identity.conflict or self.successor is not None:
             self.telemetry.on_frame(frame.sequence, now_s)
@@ -497,8 +500,9 @@ class Session:
 
     @property
     def refused(self) -> str:
-        """Which requests for streams were refused, human-readable; empty if none was."""
-        return ", ".join(f"{name} ({result})" for name, result in self._setup.refused.items())
+        """Which requests for streams were refused, human-readable, and why it may not hear them; empty if none was."""
+        refused = ", ".join(f"{name} ({result})" for name, result in self._setup.refused.items())
+        return f"{refused}; it {KEY_MISSING}" if refused and self._signs and not self._has_key else refused
 
     def _new_setup(self) -> SetupRequests:
         return SetupRequests(

@@ -10,7 +10,7 @@ from typing import Protocol
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader, Source
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
-from ual_daemon.backends.mavlink.wire.signing import KEY, Signer, Verdict
+from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING, Signer, Verdict
 from ual_daemon.backends.mavlink.wire.untaken import Untaken
 
 _log = logging.getLogger(__name__)
@@ -202,7 +202,7 @@ class Receiver:
         """Whether its signature is right, where one is required."""
         if self._signer is None:
             if frame.is_signed:
-                self._log_once(f"system {frame.system_id} signs its messages and may not listen to ours: set {KEY}")
+                self._log_once(f"system {frame.system_id} {KEY_MISSING}")
             return True
         verdict = self._signer.check(frame)
         if verdict is Verdict.GOOD:

@@ -17,6 +17,7 @@ from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.settings import ConfigError
 
 KEY = f"{SECTION}.signing_key_file"
+KEY_MISSING = f"signs its messages and may not listen to ours: set {KEY}"
 KEY_SIZE = 32
 _HASH_SIZE = 6
 _TIMESTAMP_SIZE = 6

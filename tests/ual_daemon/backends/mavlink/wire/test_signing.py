@@ -223,3 +223,15 @@ def test_signed_messages_are_heard_without_a_key_and_that_it_is_missing_is_told_
     assert [record.message for record in caplog.records] == [
         "system 1 signs its messages and may not listen to ours: set mavlink.signing_key_file"
     ]
+
+
+def test_that_a_key_may_be_missing_is_told_where_no_request_is_answered() -> None:
+    harness, vehicle = Harness(), Vehicle()
+    for _ in range(80):
+        harness.receive(data=vehicle.pack(heartbeat()))
+        harness.run(0.1)
+    refused = harness.snapshot().link.refused
+    assert refused.startswith("CURRENT_MODE (no answer)")
+    assert refused.endswith("; it signs its messages and may not listen to ours: set mavlink.signing_key_file")
+    harness.receive(heartbeat())  # not signed
+    assert "signs" not in harness.snapshot().link.refused
