@@ -136,6 +136,7 @@ lint: $(DEV) tools/node_modules  ## Style, types, import contracts, the contract
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy --platform darwin --cache-dir .mypy_cache/darwin $(CLIENT)/ual $(CLIENT)/ual_tools
 	$(BIN)/lint-imports
 	tools/node_modules/.bin/buf lint
 	tools/node_modules/.bin/buf breaking --against proto/baseline.binpb

@@ -58,7 +58,7 @@ def read_file(path: Path) -> FileSource:
         data = bounded_file.read(path)
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
-    node, values = _read_data(data, str(path))
+    node, values = _read_data(data, f"{path}:")
     return FileSource(values, path, node)
 
 
@@ -66,21 +66,21 @@ def read_text(data: bytes) -> dict[str, Any]:
     """Returns the values of the content of a YAML file.
 
     Raises:
-        ConfigurationError: It is not valid; the message begins with ``line:`` and its number.
+        ConfigurationError: It is not valid; the message begins with ``line`` and its number.
     """
-    return _read_data(data, "line")[1]
+    return _read_data(data, "line ")[1]
 
 
-def _read_data(data: bytes, path: str) -> tuple[yaml.Node | None, dict[str, Any]]:
+def _read_data(data: bytes, before_line: str) -> tuple[yaml.Node | None, dict[str, Any]]:
     try:
         node = strict_yaml.read(data)
         values = strict_yaml.value(node)
     except strict_yaml.YamlError as error:
-        raise ConfigurationError(f"{path}:{error.line}: {error}") from None
+        raise ConfigurationError(f"{before_line}{error.line}: {error}") from None
     if values is None:
         values = {}
     if not isinstance(values, dict):
-        raise ConfigurationError(f"{path}:1: expected settings as 'key: value' lines, got {values!r:.60}")
+        raise ConfigurationError(f"{before_line}1: expected settings as 'key: value' lines, got {values!r:.60}")
     return node, values
 
 

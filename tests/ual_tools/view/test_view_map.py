@@ -67,6 +67,7 @@ def test_the_nearest_tiles_come_first_and_none_twice() -> None:
     ("options", "why"),
     [
         (("http://localhost/{z}/{x}.png", 17, None, None), "it needs {z}, {x}, {y}"),
+        (("ftp://localhost/{z}/{x}/{y}.png", 17, None, None), "http, https or a path"),
         (("a{z}{x}{y}", 17, Path("a.png"), ("0,0",) * 4), "give one of them"),
         ((None, 17, Path("a.png"), None), "give both or none"),
         ((None, 17, Path("a.png"), ("0,0", "0,0", "0,0", "north")), "LAT,LON in degrees"),

@@ -10,7 +10,6 @@ import urllib.request
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import urlsplit
 
 from ual.errors import InvalidArgumentError
 from ual_tools.view.earth import Place, Tile
@@ -19,6 +18,7 @@ ZOOM, MOST_ZOOM = 17, 22
 _LARGEST = 8 << 20
 _TIMEOUT_S = 10.0
 _PARTS = ("{z}", "{x}", "{y}")
+_SCHEMES = ("http", "https", "file")
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Tiles:
 
         """
         where = self.url.format(z=tile.z, x=tile.x, y=tile.y)
-        if urlsplit(where).scheme not in ("http", "https"):
+        if not where.startswith(("http://", "https://")):
             return Path(where.removeprefix("file://")).read_bytes()
         request = urllib.request.Request(where, headers={"User-Agent": "ual view"})  # noqa: S310 (http or https)
         with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as answer:  # noqa: S310 (the same)
@@ -71,6 +71,9 @@ def ground(tiles: str | None, zoom: int, picture: Path | None, corners: Sequence
         return None
     if not all(part in tiles for part in _PARTS):
         raise InvalidArgumentError(f"--map-tiles {tiles}: it needs {', '.join(_PARTS)}", {"field": "map_tiles"})
+    scheme, marked, _ = tiles.partition("://")
+    if marked and scheme not in _SCHEMES:
+        raise InvalidArgumentError(f"--map-tiles {tiles}: http, https or a path", {"field": "map_tiles"})
     return Tiles(tiles, zoom)
 
 

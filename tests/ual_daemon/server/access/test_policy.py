@@ -59,7 +59,7 @@ def test_the_roles_file() -> None:
         ("local: Pilot", "local: there is no role 'Pilot'"),
         ("people: {}", "people"),
         ("certificates: [laptop]", "certificates"),
-        ("a: [", "line:1"),
+        ("a: [", "line 1"),
     ],
 )
 def test_why_a_roles_file_is_refused_is_said(text: str, why: str) -> None:
