@@ -220,7 +220,18 @@ def test_a_command_that_is_given_in_a_stall_is_not_executed_once_the_pilot_has_i
     flight.uav.recover_from_manual()
 
 
-def test_a_daemon_that_is_killed_in_flight_is_followed_by_one_that_orders_nothing(
+@pytest.fixture
+def landed_in_the_end(url: str, pilot: Transmitter) -> Iterator[None]:
+    """It lands when the daemons are gone, however they ended."""
+    yield
+    with UAL("mavros", "uav_1", url=url) as uav:
+        flight = Flight(uav, pilot)
+        flight.wait_for(uav.is_ready, "a state")
+        flight.end()
+
+
+@pytest.mark.usefixtures("landed_in_the_end")
+def test_a_daemon_that_is_killed_in_flight_is_followed_by_one_that_takes_control_back(
     url: str, pilot: Transmitter, simulator: Simulator, start_daemon: StartDaemon
 ) -> None:
     daemon = start_daemon("--url", url, backend="mavros")
@@ -241,9 +252,10 @@ def test_a_daemon_that_is_killed_in_flight_is_followed_by_one_that_orders_nothin
             flight.wait_for(lambda: uav.state() is not State.UNINITIALIZED, "a state")
             known_s = time.monotonic() - started_s
             print(f"{simulator.autopilot}: killed, dead for {dead_s:g} s: {uav.state().name} in {known_s:.2f} s")
+            assert known_s < KNOWN_S
             time.sleep(1.5)
             if uav.state() is State.FLYING_MANUAL:
                 uav.recover_from_manual()
             assert uav.state() is State.FLYING_AUTO
-    with ual.Uav(address=daemon.address) as uav:
-        Flight(uav, pilot).end()
+    daemon.signal(signal.SIGKILL)
+    daemon.wait()

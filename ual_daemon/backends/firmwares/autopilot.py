@@ -101,6 +101,8 @@ class Autopilot(ABC):
     """Whether accelerations are sent to it at all."""
     pilots_modes: frozenset[str] = frozenset()
     """Names of the modes that are flown by sticks."""
+    fallback_mode = ""
+    """The name of the mode of a pilot that a failsafe enters only where setpoints are missing."""
     stays_without_setpoints = False
     """Whether it stays in the mode that takes setpoints when none come, and reports its target there."""
     unarmable_modes: frozenset[str] = frozenset()

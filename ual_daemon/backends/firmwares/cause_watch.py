@@ -251,7 +251,8 @@ class CauseWatch:
     def _unnamed(self) -> Cause:
         """Returns the cause of a failsafe of which nothing was said: setpoints, where none of ours came before it."""
         is_ill = self.failing_sensors & self._healthy_once & _SUSPICIOUS
-        return Cause.SETPOINTS if self._has_paused and not is_ill else Cause.FAILSAFE
+        are_missing = self._has_paused or self._mode_name == self._autopilot.fallback_mode
+        return Cause.SETPOINTS if are_missing and not is_ill else Cause.FAILSAFE
 
     @property
     def _has_paused(self) -> bool:

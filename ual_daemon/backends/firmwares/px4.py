@@ -117,6 +117,7 @@ class Px4(Autopilot):
     takes_acceleration = True
     unarmable_modes = _UNARMABLE
     pilots_modes = frozenset({"MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "POSCTL.SLOW", "ALTITUDE_CRUISE"})
+    fallback_mode = "POSCTL"  # COM_OBL_RC_ACT 0; without a transmitter it returns
     parameters = (
         "MPC_XY_VEL_MAX",
         "MPC_Z_VEL_MAX_UP",

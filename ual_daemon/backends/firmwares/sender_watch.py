@@ -75,8 +75,10 @@ class SenderWatch:
             self._flies_since_s, self._found = math.inf, ""
             return ""
         self._flies_since_s = min(self._flies_since_s, now_s)
-        is_quiet = now_s - max(self._flies_since_s, self._sent.last_s) > QUIET_S
-        if is_quiet and not self._stays:
+        ours_s = max(self._flies_since_s, self._sent.last_s)
+        is_quiet = now_s - ours_s > QUIET_S
+        stays_s = 0.0 if mode is None else mode.time_s - ours_s  # a link that is lost says nothing of it
+        if stays_s > QUIET_S and not self._stays:
             self._find("the autopilot stays in a mode that it leaves without setpoints, and UAL sends none", now_s)
         if self._found and not is_quiet and now_s - self._found_s > QUIET_S:
             self._found = ""  # UAL flies now, and the other one has been silent

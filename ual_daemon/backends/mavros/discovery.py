@@ -56,7 +56,8 @@ class Discovery:
         self._on_message = on_message
         self._utc_s = utc_s
         self._trouble = "MAVROS was not asked yet"
-        self._said = ""
+        self._said: set[str] = set()
+        """What was logged since all was well."""
         self._question: Future[Message] | None = None
         self._ask_s = -math.inf
         self._graph: Graph | None = None
@@ -194,15 +195,18 @@ class Discovery:
             self._link.subscribe(name, how.kind, take, how.throttle_ms, how.queue_length, silence_s)
 
     def _set_trouble(self, why: str) -> None:
+        if self._trouble and not why:
+            self._said.clear()
         self._trouble = why
         if why:
             self._say(why)
 
     def _say(self, why: str) -> None:
-        """Logs a trouble, once until there is another one."""
-        if why != self._said:
-            self._said = why
+        """Logs a trouble, once until all is well again: several services fail in turn while MAVROS is gone."""
+        if why not in self._said and len(self._said) < _MOST_SAID:
+            self._said.add(why)
             logs.event(_log, logging.WARNING, "mavros_trouble", why=why)
 
 
+_MOST_SAID = 100
 _UNHEARD = "MAVROS hears no autopilot: is its fcu_url right, and its target system (tgt_system) that of the autopilot?"

@@ -195,6 +195,20 @@ def test_ardupilot_has_no_failsafe_for_missing_setpoints() -> None:
     assert watch.pass_s(1.0, is_sending=False) is Cause.FAILSAFE
 
 
+@pytest.mark.parametrize(
+    ("mode", "failing", "cause"),
+    [(POSCTL, 0, Cause.SETPOINTS), (POSCTL, Sensor.BATTERY, Cause.FAILSAFE), (RTL, 0, Cause.FAILSAFE)],
+)
+def test_a_px4_that_is_found_in_its_fallback_has_missed_setpoints(mode: int, failing: int, cause: Cause) -> None:
+    """ROS 1 does not tell which mode it was asked for. Of its failsafes only that one leads to POSCTL."""
+    watch = Px4Watch(names_intended_mode=False)
+    watch.mode = mode
+    watch.causes.on_sensors(Sensor.BATTERY, Sensor.BATTERY, 0.0)
+    watch.causes.on_sensors(Sensor.BATTERY, Sensor.BATTERY & ~failing, 0.0)
+    watch.causes.on_system_status(SystemStatus.CRITICAL, 0.0)
+    assert watch.pass_s(2.0, is_sending=False) is cause
+
+
 def test_the_longest_gap_between_setpoints() -> None:
     sent = SetpointMonitor()
     assert sent.longest_gap_s(0.0, 5.0) == float("inf")

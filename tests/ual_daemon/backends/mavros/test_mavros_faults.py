@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
 
@@ -13,7 +14,7 @@ from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.lockstep_mavros import LockstepMavros
 from tests.simulators.mavros import Mavros
 from tests.simulators.ports import MemoryPort
-from tests.simulators.px4 import Px4
+from tests.simulators.px4 import OFFBOARD, Px4
 from tests.simulators.rosbridge import Message, Service
 from tests.waiting import until
 from ual.errors import LinkLostError, TaskAbortedError, UalError
@@ -106,15 +107,41 @@ def test_a_bridge_that_goes_in_flight_is_told_and_heals_by_itself(flight: Flight
     assert flight.backend.link().lost_count == 1
 
 
-def test_a_mavros_that_is_killed_and_started_again_is_found_again(flight: Flight) -> None:
+def test_a_mavros_that_is_killed_and_started_again_is_found_again(
+    flight: Flight, caplog: pytest.LogCaptureFixture
+) -> None:
     flight.fly()
     gone = flight.mark()
     flight.backend.node.is_gone = True
     assert flight.until_state(State.UNINITIALIZED, since=gone) < LOST_S
+    flight.until(lambda: flight.now_s() > gone[1] + 8.0)
+    assert flight.backend.snapshot().control.other_sender == ""
     back = flight.mark()
     flight.backend.node.restart()
     flight.backend.node.is_gone = False
     assert flight.until_state(*IN_THE_AIR, since=back) < 2.0 * HEALED_S
+    troubles = [
+        getattr(each, "ual_fields", {})["why"]
+        for each in caplog.records
+        if getattr(each, "ual_event", "") == "mavros_trouble"
+    ]
+    assert len(troubles) == len(set(troubles))
+
+
+def test_a_daemon_that_finds_a_px4_without_setpoints_takes_control_back() -> None:
+    """The daemon before was killed. ROS 1 does not tell that PX4 was asked for OFFBOARD."""
+    port = MemoryPort()
+    autopilot = Px4(port, is_terse=True)
+    first = LockstepMavros(BackendOptions("uav_1"), autopilot, port)
+    with UAL(first, allow_arming=True) as uav:
+        Flight(first, uav).fly()
+    backend = LockstepMavros(BackendOptions("uav_1"), autopilot, port)
+    autopilot.intention, autopilot.sticks_s = OFFBOARD, math.inf  # a daemon that is killed leaves it there
+    until(lambda: autopilot.failsafe is not None, between=backend.advance)
+    with UAL(backend) as uav:
+        Flight(backend, uav).until(lambda: "failsafe" in uav.telemetry().state_reason)
+        uav.recover_from_manual()
+        assert uav.state() is State.FLYING_AUTO
 
 
 @pytest.mark.parametrize(
