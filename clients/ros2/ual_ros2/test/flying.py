@@ -92,8 +92,12 @@ class Client:
 
     def end_of(self, goal: Any) -> tuple[int, Any]:
         """Waits for the end of a goal; returns its status and result."""
-        ended = self._result(self._on_executor(goal.get_result_async))
+        ended = self._result(self.end_soon(goal))
         return ended.status, ended.result
+
+    def end_soon(self, goal: Any) -> Any:
+        """Asks for the end of a goal; returns the future of it."""
+        return self._on_executor(goal.get_result_async)
 
     def cancel(self, goal: Any) -> bool:
         """Cancels a goal; returns whether that is accepted."""

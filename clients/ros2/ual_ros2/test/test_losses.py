@@ -93,10 +93,12 @@ def test_a_node_that_is_killed_leaves_no_goal_flying(client: Client, processes: 
 def test_a_node_that_ends_says_so_to_who_waits(client: Client, processes: Processes, flying: ual.Uav) -> None:
     node = processes.node("ns:=uav_1")
     goal = client.begin(action.GoToWaypoint, f"{UAL}/go_to_waypoint", lambda _: None, waypoint=pose(90.0, 0.0, 3.0))
+    ended = client.end_soon(goal)
     waited(lambda: flying.telemetry().task)
     node.terminate()
-    status, result = client.end_of(goal)
-    assert (status, result.reason, result.message) == (ABORTED, "TASK_ABORTED", "cancelled: the node has ended")
+    waited(ended.done)
+    assert (ended.result().status, ended.result().result.reason) == (ABORTED, "TASK_ABORTED")
+    assert ended.result().result.message == "cancelled: the node has ended"
     assert node.wait(60.0) == 0
     waited(lambda: flying.telemetry().task is None)
 
