@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -20,7 +20,7 @@ from flying import Client, waited
 import ual
 from ual import discovery
 
-os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 4))
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 ARMED_FAST = ("--auto-arm", "--set", "light.speed_factor=4")
 
@@ -83,29 +83,37 @@ def end(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
+@contextmanager
+def registry(directory: Path) -> Iterator[Processes]:
+    """Starts daemons and nodes with a registry in a directory."""
+    directory.chmod(0o700)
+    with pytest.MonkeyPatch.context() as patch, ExitStack() as stack:
+        patch.setenv("UAL_RUNTIME_DIR", str(directory))
+        yield Processes(stack, directory)
+
+
 @pytest.fixture(scope="module")
 def processes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
     """Starts daemons and nodes in a registry of their own."""
-    directory = tmp_path_factory.mktemp("run")
-    directory.chmod(0o700)
-    before = os.environ.get("UAL_RUNTIME_DIR")
-    os.environ["UAL_RUNTIME_DIR"] = str(directory)
-    with ExitStack() as stack:
-        yield Processes(stack, directory)
-    if before is None:
-        del os.environ["UAL_RUNTIME_DIR"]
-    else:
-        os.environ["UAL_RUNTIME_DIR"] = before
+    with registry(tmp_path_factory.mktemp("run")) as processes:
+        yield processes
 
 
-@pytest.fixture(scope="module")
-def client() -> Iterator[Client]:
+@contextmanager
+def in_ros() -> Iterator[Client]:
     """A program in ROS."""
     rclpy.init()
     client = Client()
     yield client
     client.close()
     rclpy.try_shutdown()
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    """A program in ROS."""
+    with in_ros() as client:
+        yield client
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from typing import Any
 
 import rclpy
 from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.action import ActionClient
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
@@ -27,6 +28,22 @@ def waited(condition: Callable[[], Any], limit_s: float = LIMIT_S) -> Any:
         assert time.monotonic() < deadline_s, "it did not come"
         time.sleep(0.01)
     return found
+
+
+def pose(x: float, y: float, z: float, frame_id: str = "") -> PoseStamped:
+    """A pose that keeps the heading."""
+    message = PoseStamped()
+    message.header.frame_id = frame_id
+    message.pose.position.x, message.pose.position.y, message.pose.position.z = x, y, z
+    message.pose.orientation.w = 0.0
+    return message
+
+
+def velocity(x: float, frame_id: str = "") -> TwistStamped:
+    message = TwistStamped()
+    message.header.frame_id = frame_id
+    message.twist.linear.x = x
+    return message
 
 
 class Client:
@@ -75,8 +92,12 @@ class Client:
 
     def end_of(self, goal: Any) -> tuple[int, Any]:
         """Waits for the end of a goal; returns its status and result."""
-        ended = self._result(self._on_executor(goal.get_result_async))
+        ended = self._result(self.end_soon(goal))
         return ended.status, ended.result
+
+    def end_soon(self, goal: Any) -> Any:
+        """Asks for the end of a goal; returns the future of it."""
+        return self._on_executor(goal.get_result_async)
 
     def cancel(self, goal: Any) -> bool:
         """Cancels a goal; returns whether that is accepted."""

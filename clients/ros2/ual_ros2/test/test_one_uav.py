@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 from conftest import ARMED_FAST, Processes
 from diagnostic_msgs.msg import DiagnosticArray
-from flying import ABORTED, CANCELED, LATCHED, SUCCEEDED, Client, waited
+from flying import ABORTED, CANCELED, LATCHED, SUCCEEDED, Client, pose, velocity, waited
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -32,22 +32,6 @@ def uav(processes: Processes) -> Iterator[ual.Uav]:
     processes.node("ns:=uav_1", "rate_hz:=50.0")
     with ual.Uav("uav_1") as uav:
         yield uav
-
-
-def pose(x: float, y: float, z: float, frame_id: str = "") -> PoseStamped:
-    """A pose that keeps the heading."""
-    message = PoseStamped()
-    message.header.frame_id = frame_id
-    message.pose.position.x, message.pose.position.y, message.pose.position.z = x, y, z
-    message.pose.orientation.w = 0.0
-    return message
-
-
-def velocity(x: float, frame_id: str = "") -> TwistStamped:
-    message = TwistStamped()
-    message.header.frame_id = frame_id
-    message.twist.linear.x = x
-    return message
 
 
 def is_near(uav: ual.Uav, x: float, y: float, z: float) -> bool:

@@ -108,7 +108,7 @@ class UavInterface:
         for subscription in self._subscriptions:
             node.destroy_subscription(subscription)
         self._topics.destroy()
-        self._run(self._uav.close()).result()
+        self._run(self.close()).result()
 
     def _on_pose(self, message: Message) -> None:
         self._put(self._setpoints, values.pose_stamped(message))
@@ -164,6 +164,10 @@ class UavInterface:
             self._lease = None
         self._topics.tell_unknown(why, self._said)
         self._newest = None
+
+    async def close(self) -> None:
+        """Ends the connection."""
+        await self._uav.close()
 
     @property
     def newest(self) -> ual.Telemetry | None:

@@ -31,6 +31,8 @@ LOOK_S = 1.0
 NAMING_S = 2.0
 """How long a daemon may take to say its name, where only an address is given."""
 ENDING_S = 10.0
+ANSWERS_S = 0.2
+"""How long ROS' executor still runs in the end, so that the results of goals leave."""
 
 
 class UalNode(LifecycleNode):
@@ -80,11 +82,15 @@ class UalNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ends all, from any state."""
+        """Ends what it flies, from any state. Services and actions stay until the process ends, for their answers."""
         self._is_starting = False
         self._end("the node has ended")
-        self._destroy_all()
         return TransitionCallbackReturn.SUCCESS
+
+    async def close(self) -> None:
+        """Ends the connections."""
+        for uav in self._uavs.values():
+            await uav.close()
 
     def _named(self, settings: Settings) -> list[tuple[str, str]]:
         if not settings.uavs:
@@ -172,6 +178,7 @@ async def run(argv: Sequence[str] | None, stop: asyncio.Event) -> None:
     await _finish(node, executor)
     rclpy.try_shutdown()
     spinning.join(ENDING_S)
+    await node.close()
 
 
 def _spin(executor: Entity, loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
@@ -191,6 +198,7 @@ async def _finish(node: Entity, executor: Entity) -> None:
     ended.add_done_callback(lambda _: loop.call_soon_threadsafe(has_ended.set))
     with suppress(asyncio.TimeoutError):
         await asyncio.wait_for(has_ended.wait(), ENDING_S)
+    await asyncio.sleep(ANSWERS_S)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
