@@ -17,6 +17,7 @@ from benchmarks.network.site import ROUTERS, Site
 _DAEMONS = 5
 _LISTED_S, _KILLED_S, _STOPPED_S, _RIGHT_S = 3.0, 1.0, 3.0, 3.0
 _CUT_S = 60.0
+_STEADY_S = 6.0
 _START_LIMIT_S = 120.0
 
 
@@ -133,7 +134,9 @@ def _cut_off(lan: namespaces.Lan, name: str, listener: Child, uavs: int, each: i
     on_s = time.monotonic()
     lan.cut(name, is_up=True)
     back = listener.ask("until", count=uavs, is_exact=True)
+    steady = listener.ask("steady", seconds=_STEADY_S)
     return [
         Found(f"a computer is cut off: its {each} are gone", gone["at_s"] - at_s, "s", _STOPPED_S),
         Found("it is back after a minute: presence is right", back["at_s"] - on_s, "s", _RIGHT_S),
+        Found("in the seconds after that: UAVs that are missing", float(uavs - steady["count"]), "", 0.0),
     ]
