@@ -1002,6 +1002,14 @@ def test_check_asks_before_anything_moves(daemon: DaemonProcess) -> None:
     assert not [event for event in daemon.events if event.get("event") == "command"]
 
 
+def test_check_without_an_answer_flies_nothing_and_says_how_to_answer(daemon: DaemonProcess) -> None:
+    result = run("check", stdin="")
+    assert result.exit_code == 1
+    assert "Aborted" not in result.stderr
+    assert result.stderr.endswith("no answer came; with --yes it flies without asking\n")
+    assert not [event for event in daemon.events if event.get("event") == "command"]
+
+
 def test_check_runs_what_was_chosen_and_tells_how_it_ended(daemon: DaemonProcess) -> None:
     wait_for_state(State.LANDED_ARMED)
     results = done_json("check", "--yes", "--only", "takes_off", "--only", "arming_belongs_to_the_pilot")

@@ -78,8 +78,19 @@ def _confirm(flight: Flight, checks: Sequence[Check]) -> None:
         note(f"  {each.name.replace('_', ' ')}: {each.moves}")
     if not flight.has_pilot and not flight.info.is_arming_allowed:
         note("You will be asked to arm it. Keep the transmitter at hand: taking over ends the running check.")
-    if not click.confirm("Is the space free, and may it fly?", default=False, err=True):
+    if not _is_granted():
         raise click.exceptions.Exit(REFUSED)
+
+
+def _is_granted() -> bool:
+    try:
+        return click.confirm("Is the space free, and may it fly?", default=False, err=True)
+    except click.Abort:  # click's, for Ctrl-C and for the end of the input
+        click.echo(err=True)
+        if sys.stdin.isatty():
+            raise KeyboardInterrupt from None
+        note("ual: no answer came; with --yes it flies without asking")
+        return False
 
 
 def _ask_operator(what: str) -> None:
