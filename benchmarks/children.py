@@ -108,9 +108,16 @@ class Process:
 class Child(Process):
     """A module of this package as a process, which answers each line of JSON with a line of JSON."""
 
-    def __init__(self, module: str, *arguments: str, prefix: Sequence[str] = ()) -> None:
-        command = [*prefix, sys.executable, "-m", module, *arguments]
-        super().__init__(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    def __init__(
+        self,
+        module: str,
+        *arguments: str,
+        prefix: Sequence[str] = (),
+        python: str = sys.executable,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        command = [*prefix, python, "-m", module, *arguments]
+        super().__init__(command, environment=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._name = " ".join((module, *arguments))
 
     def ask(self, do: str, *, limit_s: float = LIMIT_S, **values: object) -> dict[str, Any]:
