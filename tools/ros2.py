@@ -87,6 +87,24 @@ def environment(name: str) -> tuple[Path, dict[str, str]]:
         return python, _variables(python)
 
 
+def package(requirement: str) -> Path:
+    """Returns a directory for `PYTHONPATH` with a package of PyPI that is in none of the environments.
+
+    Raises:
+        CalledProcessError: It cannot be installed.
+
+    """
+    place = _directory() / requirement
+    with _alone(place.with_name(f"{requirement}.lock")):
+        if not place.is_dir():
+            scratch = place.with_name(f"{requirement}.part")
+            _run(
+                sys.executable, "-m", "pip", "install", "--quiet", "--no-compile", "--target", str(scratch), requirement
+            )
+            scratch.rename(place)
+    return place
+
+
 def _directory() -> Path:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return cache / "ual" / f"test-ros2-{sys.version_info[0]}{sys.version_info[1]}"
