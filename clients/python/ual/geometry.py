@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 
 _set = object.__setattr__
+_NUMBERS = (float, int)
+"""The usual classes of a component. Others are asked whether they are several: that takes three calls."""
 
 
 class _Components:
@@ -61,7 +63,7 @@ class Vector3(_Components):
     @overload
     def __init__(self, x: Iterable[SupportsFloat]) -> None: ...
     def __init__(self, x: float | Iterable[SupportsFloat] = 0.0, y: float = 0.0, z: float = 0.0) -> None:
-        if x.__class__ is not float and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
+        if x.__class__ not in _NUMBERS and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
             x, y, z = _numbers(x, (y, z), (0.0, 0.0), "three")
         _set(self, "x", x)
         _set(self, "y", y)
@@ -129,7 +131,7 @@ class Quaternion(_Components):
     def __init__(
         self, x: float | Iterable[SupportsFloat] = 0.0, y: float = 0.0, z: float = 0.0, w: float = 1.0
     ) -> None:
-        if x.__class__ is not float and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
+        if x.__class__ not in _NUMBERS and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
             x, y, z, w = _numbers(x, (y, z, w), (0.0, 0.0, 1.0), "four")
         _set(self, "x", x)
         _set(self, "y", y)
