@@ -133,8 +133,8 @@ def _holder(port: int) -> str | None:
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if any(str(link.readlink()) in sockets for link in (process / "fd").iterdir()):
-                words = (process / "cmdline").read_bytes().rstrip(b"\0").split(b"\0")
-                return f"pid {process.name} ({os.fsdecode(b' '.join(words)):.120})"
+                words = os.fsdecode((process / "cmdline").read_bytes()).replace("\0", " ").split()
+                return f"pid {process.name} ({' '.join(words):.120})"
         except OSError:
             continue  # another user's, or gone meanwhile
     return None

@@ -4,6 +4,8 @@ import asyncio
 import os
 import socket
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -87,6 +89,19 @@ def test_a_port_in_use_says_by_whom(transport: Choice) -> None:
             ListenError, match=rf"cannot listen on 127\.0\.0\.1:{port}: the port is in use by pid {os.getpid()} \("
         ):
             try_to_bind(transport, Address("127.0.0.1", port))
+
+
+def test_a_holder_whose_command_has_several_lines_is_named_in_one(transport: Choice) -> None:
+    program = (
+        "import socket\ns = socket.create_server(('127.0.0.1', 0))\nprint(s.getsockname()[1], flush=True)\ns.accept()"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None
+        port = int(holder.stdout.readline())
+        with pytest.raises(ListenError, match=rf"by pid {holder.pid} \(") as refused:
+            try_to_bind(transport, Address("127.0.0.1", port))
+        holder.kill()
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(
