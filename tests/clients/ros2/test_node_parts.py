@@ -60,6 +60,17 @@ def test_what_is_wrong_is_named(parameters: dict[str, Any], wrong: dict[str, Any
         settings.settings_of(parameters | wrong)
 
 
+@pytest.mark.parametrize("name", ["uav_1", "_a", "Uav22"])
+def test_a_name_that_ros_can_have(name: str) -> None:
+    assert settings.require_name(name) == name
+
+
+@pytest.mark.parametrize("name", ["", "1uav", "uav-1", "uav 1", "uav/1", "ü"])
+def test_a_name_that_ros_cannot_have_is_refused(name: str) -> None:
+    with pytest.raises(ual.InvalidArgumentError, match="cannot be in a name of ROS"):
+        settings.require_name(name)
+
+
 def test_credentials_are_those_of_the_parameters_or_of_the_environment(
     parameters: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
