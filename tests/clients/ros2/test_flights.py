@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -27,11 +28,10 @@ def test_it_flies(name: str, file: str) -> None:
     found = environment(name)
     if isinstance(found, str):
         pytest.skip(found)
-    domain = 1 + NAMES.index(name) * len(FILES) + FILES.index(file)  # the tests also use 20 times this, and those after
     settings = ("-p", "no:cacheprovider", "-c", "/dev/null", "--rootdir", str(FLIGHTS), "-W", _OF_A_DEPENDENCY)
     done = subprocess.run(
         [str(found.python), "-m", "pytest", *settings, "--timeout", "300", "-q", str(FLIGHTS / file)],
-        env=found.in_domain(domain) | {"DAEMON_PYTHON": sys.executable},
+        env={**os.environ, **found.variables, "DAEMON_PYTHON": sys.executable},
         capture_output=True,
         text=True,
         timeout=LIMIT_S,

@@ -60,6 +60,17 @@ def test_what_is_wrong_is_named(parameters: dict[str, Any], wrong: dict[str, Any
         settings.settings_of(parameters | wrong)
 
 
+@pytest.mark.parametrize("name", ["uav_1", "_a", "Uav22"])
+def test_a_name_that_ros_can_have(name: str) -> None:
+    assert settings.require_name(name) == name
+
+
+@pytest.mark.parametrize("name", ["", "1uav", "uav-1", "uav 1", "uav/1", "ü"])
+def test_a_name_that_ros_cannot_have_is_refused(name: str) -> None:
+    with pytest.raises(ual.InvalidArgumentError, match="cannot be in a name of ROS"):
+        settings.require_name(name)
+
+
 def test_credentials_are_those_of_the_parameters_or_of_the_environment(
     parameters: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -88,8 +99,26 @@ def test_a_frame_is_given_below_the_nearest_one_that_is_known() -> None:
         tf.put(each)
     found = tf.to_known("pad", {"map", "ship"})
     assert found is not None
-    assert (found.frame_id, found.child_frame_id) == ("ship", "pad")
-    assert found.translation.x == pytest.approx(2.5)
+    assert (found.link.frame_id, found.link.child_frame_id) == ("ship", "pad")
+    assert found.link.translation.x == pytest.approx(2.5)
+
+
+def test_a_transform_that_is_told_again_is_seen_and_one_of_others_is_not() -> None:
+    tf = TfBuffer()
+
+    def told_count() -> int:
+        found = tf.to_known("pad", {"map", "ship"})
+        assert found is not None
+        return found.told_count
+
+    for each in (link("map", "ship", 10.0), link("ship", "deck", 2.0), link("deck", "pad", 0.5)):
+        tf.put(each)
+    before = told_count()
+    tf.put(link("map", "ship", 11.0))
+    tf.put(link("map", "tower", 1.0))
+    assert told_count() == before
+    tf.put(link("ship", "deck", 2.0))
+    assert told_count() == before + 1
 
 
 def test_a_frame_beside_the_known_ones_is_given_below_map() -> None:
@@ -98,8 +127,8 @@ def test_a_frame_beside_the_known_ones_is_given_below_map() -> None:
     tf.put(link("earth", "ship", 130.0))
     found = tf.to_known("ship", {"map"})
     assert found is not None
-    assert (found.frame_id, found.child_frame_id) == ("map", "ship")
-    assert found.translation.x == pytest.approx(30.0)
+    assert (found.link.frame_id, found.link.child_frame_id) == ("map", "ship")
+    assert found.link.translation.x == pytest.approx(30.0)
 
 
 def test_what_tf_does_not_know_or_where_it_leads_round_is_none() -> None:
@@ -119,7 +148,7 @@ def test_a_chain_is_the_product_of_its_links(steps: list[tuple[float, float]]) -
         whole = whole.compose(step)
     found = tf.to_known(f"f{len(steps)}", {"map"})
     assert found is not None
-    assert (found.translation - whole.translation).norm() < 1e-9
+    assert (found.link.translation - whole.translation).norm() < 1e-9
 
 
 # --- Times ------------------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,7 +21,31 @@ from flying import Client, waited
 import ual
 from ual import discovery
 
-os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 4))
+MOST_DOMAINS = 100
+_RESERVED_AT = 5300
+_reserved: list[socket.socket] = []
+
+
+def reserve_domain() -> None:
+    """Lets ROS use a domain that no other run of these tests on this computer uses: they would fly each other's UAVs.
+
+    A domain is reserved by a port of its own, for as long as this process lives.
+    """
+    for number in range(MOST_DOMAINS):
+        domain = 1 + (os.getpid() + number) % MOST_DOMAINS
+        reserving = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            reserving.bind(("127.0.0.1", _RESERVED_AT + domain))
+        except OSError:
+            reserving.close()
+            continue
+        _reserved.append(reserving)
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        return
+    raise RuntimeError("all domains of ROS are reserved")
+
+
+reserve_domain()
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 ARMED_FAST = ("--auto-arm", "--set", "light.speed_factor=4")
 

@@ -9,10 +9,11 @@ from typing import Any
 
 import rclpy
 from action_msgs.msg import GoalStatus
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
 from rclpy.action import ActionClient
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from tf2_msgs.msg import TFMessage
 
 LIMIT_S = 90.0
 """How long is waited at most: a busy machine needs it."""
@@ -44,6 +45,14 @@ def velocity(x: float, frame_id: str = "") -> TwistStamped:
     message.header.frame_id = frame_id
     message.twist.linear.x = x
     return message
+
+
+def place(x: float, frame_id: str, child_frame_id: str) -> TFMessage:
+    """A transform along x."""
+    link = TransformStamped()
+    link.header.frame_id, link.child_frame_id = frame_id, child_frame_id
+    link.transform.translation.x = x
+    return TFMessage(transforms=[link])
 
 
 class Client:

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import itertools
-import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import ARMED_FAST, Processes, in_ros, registry
+from conftest import ARMED_FAST, Processes, in_ros, registry, reserve_domain
 from diagnostic_msgs.msg import DiagnosticArray
-from flying import ABORTED, LATCHED, Client, pose, velocity, waited
+from flying import ABORTED, LATCHED, Client, place, pose, velocity, waited
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 from ual_msgs import action, srv
 from ual_msgs.msg import State
 
 import ual
 
 UAL = "/uav_1/ual"
-DOMAINS = itertools.count(20 * int(os.environ["ROS_DOMAIN_ID"]))
 BRAKES_AT_M_S2 = 2.0
 """A light UAV's horizontal acceleration."""
 
@@ -37,9 +35,9 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
 
 
 @pytest.fixture
-def client(monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
+def client() -> Iterator[Client]:
     """A program in ROS, in a domain of its own: one that was killed before is thought to be there for a while."""
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(next(DOMAINS)))
+    reserve_domain()
     with in_ros() as client:
         yield client
 
@@ -117,6 +115,23 @@ def test_a_daemon_that_dies_is_told_and_found_again(client: Client, processes: P
     processes.daemon(*ARMED_FAST)
     is_told(client, State.LANDED_ARMED)
     take_off(client)
+
+
+def test_a_daemon_that_was_started_anew_gets_the_frames_of_tf_again(client: Client, processes: Processes) -> None:
+    daemon = processes.daemon(*ARMED_FAST)
+    processes.node("ns:=uav_1")
+    publisher = client.node.create_publisher(TFMessage, "/tf_static", LATCHED)
+    publisher.publish(place(5.0, "map", "tower"))
+    for _ in range(2):
+        is_told(client, State.LANDED_ARMED)
+        take_off(client)
+        waypoint = pose(-1.0, 0.0, 3.0, "tower")
+        gone = client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=waypoint, blocking=True)
+        assert gone.success, gone.message
+        daemon.kill()
+        daemon.wait()
+        is_told(client, State.UNINITIALIZED, "tells nothing")
+        daemon = processes.daemon(*ARMED_FAST)
 
 
 def test_a_daemon_that_hangs_delays_no_other_uav(client: Client, processes: Processes) -> None:

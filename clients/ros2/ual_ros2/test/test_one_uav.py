@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import pytest
 from conftest import ARMED_FAST, Processes
 from diagnostic_msgs.msg import DiagnosticArray
-from flying import ABORTED, CANCELED, LATCHED, SUCCEEDED, Client, pose, velocity, waited
-from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, TwistStamped
+from flying import ABORTED, CANCELED, LATCHED, SUCCEEDED, Client, place, pose, velocity, waited
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import BatteryState, NavSatFix
@@ -36,13 +36,6 @@ def uav(processes: Processes) -> Iterator[ual.Uav]:
 
 def is_near(uav: ual.Uav, x: float, y: float, z: float) -> bool:
     return (uav.pose().pose.position - ual.Vector3(x, y, z)).norm() < 0.3
-
-
-def place(x: float, frame_id: str, child_frame_id: str) -> TFMessage:
-    link = TransformStamped()
-    link.header.frame_id, link.child_frame_id = frame_id, child_frame_id
-    link.transform.translation.x = x
-    return TFMessage(transforms=[link])
 
 
 # --- Services ---------------------------------------------------------------------------------------------------------
@@ -303,9 +296,11 @@ def test_a_goal_in_a_frame_of_tf_that_moves_is_followed(client: Client, flying: 
     xs = (min(6.0, 0.005 * i) for i in itertools.count())
     places = client.repeat(0.02, TFMessage, "/tf", lambda: place(next(xs), "map", "deck"))
     goals = client.repeat(0.1, PoseStamped, f"{UAL}/set_pose", lambda: pose(0.0, 2.0, 4.0, "deck"))
-    waited(lambda: flying.transform("map", "uav_1/base_link").translation.x > 5.5)
-    for each in (goals, places):
-        client.node.destroy_timer(each)
+    waited(lambda: flying.transform("map", "uav_1/base_link").translation.x > 3.0)
+    assert client.node.destroy_timer(goals), "a goal that was given once is followed, too"
+    there = ual.Vector3(6.0, 2.0, 4.0)
+    waited(lambda: (flying.transform("map", "uav_1/base_link").translation - there).norm() < 0.1)
+    client.node.destroy_timer(places)
 
 
 # --- Malformed goals --------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import ual
 from ual_ros2 import topics, values
 from ual_ros2.messages import Entity, Message
 from ual_ros2.ros_time import RosTime
-from ual_ros2.tf_buffer import TfBuffer
+from ual_ros2.tf_buffer import Found, TfBuffer
 
 _log = logging.getLogger(__name__)
 
@@ -91,14 +91,18 @@ class Frames:
         self._body = f"{ns}/base_link"
         self._tf = tf
         self._known: frozenset[str] = frozenset()
-        self._given: dict[str, ual.Transform] = {}
+        self._given: dict[str, Found] = {}
         """The frames that this daemon has from tf, as it was told last."""
+        self._moving: set[str] = set()
+        """Those of them that have moved."""
         self.has_moving = False
         """Whether the daemon has frames that move, beside the body."""
 
     async def publish(self) -> None:
         """Publishes the daemon's frames, but for the body, which each sample tells, and those that tf has anyway."""
         frames = await self._uav.frames()
+        listed = {frame.frame_id for frame in frames}  # a daemon that was started anew has none of tf's
+        self._given = {frame_id: found for frame_id, found in self._given.items() if frame_id in listed}
         self._known = frozenset(frame.frame_id for frame in frames) - self._given.keys() | {"map"}
         told = [frame for frame in frames if frame.transform is not None and frame.frame_id not in self._given]
         links = {frame.frame_id: _link(frame) for frame in told if frame.frame_id != self._body}
@@ -114,18 +118,25 @@ class Frames:
         One that neither knows is left to the daemon: its refusal lists the frames that there are.
         """
         for frame_id in set(frame_ids) - self._known - self._given.keys() - {"", self._body}:
-            link = await self._appears(frame_id)
-            if link is not None:
-                await self._give(frame_id, link)
+            found = await self._appears(frame_id)
+            if found is not None:
+                await self._give(frame_id, found)
 
     async def feed(self) -> None:
-        """Tells the daemon for ever where the frames of tf are."""
+        """Tells the daemon for ever where the frames of tf are.
+
+        One that has moved is told as often as tf tells it, so that the daemon sees when it stands.
+        """
         while True:
             await asyncio.sleep(FEED_S)
             for frame_id, before in list(self._given.items()):
-                link = self._tf.listened().to_known(frame_id, self._known)
-                if link is not None and link != before:
-                    await self._give_again(frame_id, link)
+                found = self._tf.listened().to_known(frame_id, self._known)
+                if found is None or found.told_count == before.told_count:
+                    continue
+                if found.link != before.link:
+                    self._moving.add(frame_id)
+                if frame_id in self._moving:
+                    await self._give_again(frame_id, found)
 
     async def take_back(self) -> None:
         """Removes the frames of tf from the daemon. A UAV that follows a goal in one of them stops."""
@@ -136,22 +147,22 @@ class Frames:
             except ual.UalError as error:
                 _log.warning("the frame %s was not removed: %s", frame_id, error)
 
-    async def _appears(self, frame_id: str) -> ual.Transform | None:
+    async def _appears(self, frame_id: str) -> Found | None:
         tf = self._tf.listened()
         until_s = self._tf.complete_s()
         while True:
-            link = tf.to_known(frame_id, self._known)
-            if link is not None or asyncio.get_running_loop().time() > until_s:
-                return link
+            found = tf.to_known(frame_id, self._known)
+            if found is not None or asyncio.get_running_loop().time() > until_s:
+                return found
             await asyncio.sleep(FEED_S)
 
-    async def _give(self, frame_id: str, link: ual.Transform) -> None:
-        await self._uav.add_frame(link)
-        self._given[frame_id] = link
+    async def _give(self, frame_id: str, found: Found) -> None:
+        await self._uav.add_frame(found.link)
+        self._given[frame_id] = found
 
-    async def _give_again(self, frame_id: str, link: ual.Transform) -> None:
+    async def _give_again(self, frame_id: str, found: Found) -> None:
         try:
-            await self._give(frame_id, link)
+            await self._give(frame_id, found)
         except ual.UalError as error:
             _log.warning("the daemon does not take the frame %s any more: %s", frame_id, error)
             self._given.pop(frame_id, None)

@@ -146,6 +146,16 @@ class UavInterface:
             self._not_leased = ual.LeaseLostError("the node has not acquired its lease yet", {"by": "nothing"})
             works.append(self._acquire())
         self._watching = [self._loop.create_task(work) for work in works]
+        for each in self._watching:
+            each.add_done_callback(self._on_work_ended)
+
+    def _on_work_ended(self, work: asyncio.Task[None]) -> None:
+        """A mistake in this program ends no flight, but it is said loudly: what is told may be old from now on."""
+        error = None if work.cancelled() else work.exception()
+        if error is not None:
+            _log.error("%s: the node does not work any more: start it again", self._ns, exc_info=error)
+            self._said.refused = f"INTERNAL: {error!r}"
+            self._tell_unknown(f"the node failed: {error!r}")
 
     async def end(self, why: str) -> None:
         """Ends what it has begun: a go-to or path ends, and the UAV holds; a take-off or a landing goes on."""
@@ -159,9 +169,7 @@ class UavInterface:
         await asyncio.gather(*self._watching, *(run.task for run in self._commands), return_exceptions=True)
         self._watching = []
         await self._frames.take_back()
-        if self._lease is not None:
-            await self._lease.release()
-            self._lease = None
+        await self._release()
         self._topics.tell_unknown(why, self._said)
         self._newest = None
 
@@ -235,6 +243,15 @@ class UavInterface:
             except ual.UalError as error:
                 self._not_leased = error
             await asyncio.sleep(RETRY_S)
+
+    async def _release(self) -> None:
+        lease, self._lease = self._lease, None
+        self._not_leased = None
+        try:
+            if lease is not None:
+                await lease.release()
+        except ual.UalError as error:
+            _log.warning("%s: the lease is not released: %s", self._ns, error)
 
     async def _watch(self) -> None:
         """Publishes each sample. A daemon that ends or is not there yet is waited for."""

@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Coroutine, Sequence
+from concurrent.futures import TimeoutError  # noqa: A004 (Python's own from 3.11 on)
 from contextlib import suppress
 from typing import Any
 
@@ -46,6 +47,7 @@ class UalNode(LifecycleNode):
         self._uavs: dict[str, UavInterface] = {}
         self._is_active = False
         self._failure = ""
+        self._nameless: set[str] = set()
         # Not ROS' clock, which may stand still or jump.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._is_starting = bool(self.get_parameter("autostart").value)
@@ -60,7 +62,7 @@ class UalNode(LifecycleNode):
             return self._failed(error)
         time = RosTime(self.get_clock())
         self._shared = Shared(self, self._loop, settings, time, Tf(self, time))
-        for ns, address in named:
+        for ns, address in named.items():
             self._add(ns, address)
         return TransitionCallbackReturn.SUCCESS
 
@@ -92,10 +94,26 @@ class UalNode(LifecycleNode):
         for uav in self._uavs.values():
             await uav.close()
 
-    def _named(self, settings: Settings) -> list[tuple[str, str]]:
+    def _named(self, settings: Settings) -> dict[str, str]:
+        """Returns the addresses of the UAVs by their names, which the daemons are asked for where none are given."""
         if not settings.uavs:
-            return [(daemon.ns, daemon.address) for daemon in discovery.list_daemons()]
-        return [(ns or self._ask_name(settings, address), address) for ns, address in settings.uavs]
+            return dict.fromkeys(self._found(), "")
+        pairs = [(ns or self._ask_name(settings, address), address) for ns, address in settings.uavs]
+        named = {parameters.require_name(ns): address for ns, address in pairs}
+        if len(named) < len(pairs):
+            raise ual.InvalidArgumentError("address: two daemons fly UAVs of one name", {"field": "address"})
+        return named
+
+    def _found(self) -> set[str]:
+        """Returns the UAVs of this computer whose names ROS can have; says once of each other that it cannot."""
+        found = {daemon.ns for daemon in discovery.list_daemons()} - self._nameless
+        for ns in tuple(found):
+            try:
+                parameters.require_name(ns)
+            except ual.InvalidArgumentError as error:
+                self.get_logger().error(error.message)
+                self._nameless.add(ns)
+        return found - self._nameless
 
     def _ask_name(self, settings: Settings, address: str) -> str:
         with ual.Uav(address=address, tls_ca=settings.tls_ca, credentials=settings.credentials) as uav:
@@ -111,11 +129,10 @@ class UalNode(LifecycleNode):
         if self._is_starting:
             self._start()
         if self._shared is not None and not self._shared.settings.uavs:
-            for daemon in discovery.list_daemons():
-                if daemon.ns not in self._uavs:
-                    self._add(daemon.ns, "")
-                    if self._is_active:
-                        self._wait(self._uavs[daemon.ns].begin())
+            for ns in self._found() - self._uavs.keys():
+                self._add(ns, "")
+                if self._is_active:
+                    self._wait(self._uavs[ns].begin())
 
     def _start(self) -> None:
         if self._shared is None and self.trigger_configure() is not TransitionCallbackReturn.SUCCESS:
@@ -132,8 +149,11 @@ class UalNode(LifecycleNode):
 
     def _end(self, why: str) -> None:
         self._is_active = False
-        for uav in self._uavs.values():
-            self._wait(uav.end(why))
+        self._wait(self.end_all(why))
+
+    async def end_all(self, why: str) -> None:
+        """Ends all at once: a daemon that hangs delays no other."""
+        await asyncio.gather(*(uav.end(why) for uav in self._uavs.values()))
 
     def _destroy_all(self) -> None:
         for uav in self._uavs.values():
@@ -144,7 +164,10 @@ class UalNode(LifecycleNode):
             self._shared = None
 
     def _wait(self, coroutine: Coroutine[Any, Any, None]) -> None:
-        asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(ENDING_S)
+        try:
+            asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(ENDING_S)
+        except TimeoutError:
+            self.get_logger().warning(f"a daemon has not answered within {ENDING_S:g} s")
 
 
 class _RosLog(logging.Handler):
@@ -163,8 +186,8 @@ class _RosLog(logging.Handler):
             self._log.info(self.format(record))
 
 
-async def run(argv: Sequence[str] | None, stop: asyncio.Event) -> None:
-    """Runs the node until `stop` is set."""
+async def run(argv: Sequence[str] | None, stop: asyncio.Event) -> bool:
+    """Runs the node until `stop` is set. Returns False where it failed before."""
     loop = asyncio.get_running_loop()
     rclpy.init(args=None if argv is None else list(argv), signal_handler_options=SignalHandlerOptions.NO)
     node = UalNode(loop)
@@ -172,23 +195,29 @@ async def run(argv: Sequence[str] | None, stop: asyncio.Event) -> None:
         logging.getLogger(name).addHandler(_RosLog(node))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    spinning = threading.Thread(target=_spin, args=(executor, loop, stop), name="ros", daemon=True)
+    has_failed = threading.Event()
+    spinning = threading.Thread(target=_spin, args=(executor, loop, stop, has_failed), name="ros", daemon=True)
     spinning.start()
     await stop.wait()
-    await _finish(node, executor)
+    if has_failed.is_set():
+        await node.end_all("the node has failed")
+    else:
+        await _finish(node, executor)
     rclpy.try_shutdown()
     spinning.join(ENDING_S)
     await node.close()
+    return not has_failed.is_set()
 
 
-def _spin(executor: Entity, loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
+def _spin(executor: Entity, loop: asyncio.AbstractEventLoop, stop: asyncio.Event, has_failed: threading.Event) -> None:
     try:
         executor.spin()
     except ExternalShutdownException:
-        pass
-    finally:
-        with suppress(RuntimeError):  # the loop has ended
-            loop.call_soon_threadsafe(stop.set)
+        return
+    except BaseException:
+        has_failed.set()
+        loop.call_soon_threadsafe(stop.set)
+        raise
 
 
 async def _finish(node: Entity, executor: Entity) -> None:
@@ -204,11 +233,10 @@ async def _finish(node: Entity, executor: Entity) -> None:
 def main(argv: Sequence[str] | None = None) -> None:
     """Runs the node until SIGINT or SIGTERM."""
 
-    async def until_signal() -> None:
+    async def until_signal() -> bool:
         stop = asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, stop.set)
-        await run(argv, stop)
+        return await run(argv, stop)
 
-    asyncio.run(until_signal())
-    sys.exit(0)
+    sys.exit(0 if asyncio.run(until_signal()) else 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -72,6 +73,18 @@ def settings_of(given: dict[str, Any]) -> Settings:
         slow_rate_hz=_rate(given, "slow_rate_hz"),
         feedback_rate_hz=_rate(given, "feedback_rate_hz"),
     )
+
+
+def require_name(ns: str) -> str:
+    """Returns a namespace that ROS can have in the names of topics.
+
+    Raises:
+        InvalidArgumentError: ROS allows letters, digits, underscores and no digit at the beginning.
+
+    """
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", ns):
+        raise _invalid("ns", f"{ns!r} cannot be in a name of ROS: only letters, digits and underscores can")
+    return ns
 
 
 def _listed(value: str | list[str]) -> list[str]:
