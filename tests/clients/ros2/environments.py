@@ -15,6 +15,9 @@ from tools import ros2
 
 ROOT = Path(__file__).parents[3]
 NAMES = tuple(ros2.VERSIONS)
+_ALONE = (
+    'mount -t tmpfs tmpfs /dev/shm && ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "$@"'
+)
 _SOURCES = (ROOT / "clients" / "python", ROOT / "clients" / "ros2" / "ual_ros2")
 
 
@@ -43,3 +46,15 @@ def environment(name: str) -> Environment | str:
         return f"ROS 2 is not flown here: `{' '.join(map(str, error.cmd[:4]))} …` ended with {error.returncode}"
     ours = os.pathsep.join([variables["PYTHONPATH"], *map(str, _SOURCES)])
     return Environment(python, {**variables, "PYTHONPATH": ours})
+
+
+@functools.cache
+def alone() -> tuple[str, ...]:
+    """Returns the words before a command that give it a network and a shared memory of its own.
+
+    Loopback has multicast there. So neither another computer nor another test of this one is heard. No words: the
+    machine does not allow it (`unshare`, `ip`).
+    """
+    words = ("unshare", "--map-root-user", "--net", "--mount", "sh", "-c", _ALONE, "sh")
+    is_there = shutil.which("unshare") is not None
+    return words if is_there and subprocess.run([*words, "true"], capture_output=True).returncode == 0 else ()

@@ -11,7 +11,7 @@ import sys
 
 import pytest
 
-from tests.clients.ros2.environments import NAMES, ROOT, environment
+from tests.clients.ros2.environments import NAMES, ROOT, alone, environment
 
 FLIGHTS = ROOT / "clients" / "ros2" / "ual_ros2" / "test"
 FILES = sorted(path.name for path in FLIGHTS.glob("test_*.py"))
@@ -30,7 +30,7 @@ def test_it_flies(name: str, file: str) -> None:
         pytest.skip(found)
     settings = ("-p", "no:cacheprovider", "-c", "/dev/null", "--rootdir", str(FLIGHTS), "-W", _OF_A_DEPENDENCY)
     done = subprocess.run(
-        [str(found.python), "-m", "pytest", *settings, "--timeout", "300", "-q", str(FLIGHTS / file)],
+        [*alone(), str(found.python), "-m", "pytest", *settings, "--timeout", "300", "-q", str(FLIGHTS / file)],
         env={**os.environ, **found.variables, "DAEMON_PYTHON": sys.executable},
         capture_output=True,
         text=True,

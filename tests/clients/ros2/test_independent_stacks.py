@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.clients.ros2.environments import NAMES, ROOT, Environment, environment
+from tests.clients.ros2.environments import NAMES, ROOT, Environment, alone, environment
 from tests.conftest import LIMIT_S, daemon_environment
 from tests.waiting import until
 from tools import ros2
@@ -25,7 +25,7 @@ from ual import discovery
 HERE = Path(__file__).parent
 DOMAIN = 36
 NO_NETWORK = "no network of its own can be made here: `unshare -rn` (util-linux) and `ip` (iproute2) are needed"
-NETWORK = "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && echo ready && exec sleep 3600"
+HOLD = ("sh", "-c", "echo ready && exec sleep 3600")
 ON_LOOPBACK = "<Domain><General><Interfaces><NetworkInterface name='lo'/></Interfaces></General></Domain>"
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
@@ -38,13 +38,12 @@ class Network:
         self._stack = stack
         self._directory = directory
         of_ros = {**ros.in_domain(DOMAIN), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-        holder = subprocess.Popen(["unshare", "-rn", "sh", "-c", NETWORK], stdout=subprocess.PIPE, text=True)
+        holder = subprocess.Popen([*alone(), *HOLD], stdout=subprocess.PIPE, text=True)
         stack.callback(self._end, holder)
         assert holder.stdout is not None
         with holder.stdout as said:
-            if said.readline() != "ready\n":
-                pytest.skip(NO_NETWORK)
-        self._inside = ["nsenter", "--preserve-credentials", "-U", "-n", "-t", str(holder.pid)]
+            assert said.readline() == "ready\n"
+        self._inside = ["nsenter", "--preserve-credentials", "-U", "-n", "-m", "-t", str(holder.pid)]
         registry = daemon_environment(directory)
         flags = ["--backend", "light", "--ns", "uav_1", "--auto-arm", "--listen", "127.0.0.1:0"]
         self._start(registry, sys.executable, "-m", "ual_daemon", *flags, "--set", "light.speed_factor=4")
@@ -81,7 +80,7 @@ def flying(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Network]:
     found = environment(request.param)
     if isinstance(found, str):
         pytest.skip(found)
-    if shutil.which("unshare") is None:
+    if not alone():
         pytest.skip(NO_NETWORK)
     with network(found, tmp_path) as made:
         yield made
