@@ -100,9 +100,10 @@ class Frames:
 
     async def publish(self) -> None:
         """Publishes the daemon's frames, but for the body, which each sample tells, and those that tf has anyway."""
+        given = set(self._given)
         frames = await self._uav.frames()
-        listed = {frame.frame_id for frame in frames}  # a daemon that was started anew has none of tf's
-        self._given = {frame_id: found for frame_id, found in self._given.items() if frame_id in listed}
+        for frame_id in given - {frame.frame_id for frame in frames}:
+            self._given.pop(frame_id, None)  # a daemon that was started anew has none of tf's
         self._known = frozenset(frame.frame_id for frame in frames) - self._given.keys() | {"map"}
         told = [frame for frame in frames if frame.transform is not None and frame.frame_id not in self._given]
         links = {frame.frame_id: _link(frame) for frame in told if frame.frame_id != self._body}
