@@ -520,7 +520,8 @@ def test_a_state_that_is_not_known_has_its_reason_on_stderr(start_daemon: StartD
     daemon.wait_for("state", new="UNINITIALIZED")
     result = run("state")
     assert (result.exit_code, result.stdout) == (1, "UNINITIALIZED\n")
-    assert result.stderr.startswith("ual: nothing heard from the autopilot")
+    assert result.stderr.startswith("ual: ")  # on a starved computer that this one did not run UAL comes first
+    assert "nothing heard from the autopilot yet" in result.stderr
 
 
 def test_wait_prints_the_state_that_came_and_fails_without_it(daemon: DaemonProcess) -> None:

@@ -30,7 +30,7 @@ class AutopilotCommand:
         """The place in a trace of the call that wants it."""
 
     def send(self, sender: Callable[[], Future[None]]) -> None:
-        """Sends it, unless it was withdrawn before. An error that the backend raises counts as a refusal."""
+        """Sends it, unless it was withdrawn before. A `UalError` that the backend raises counts as a refusal."""
         if self._is_withdrawn:
             return
         end_trace = traces.begin(f"autopilot: {self.what}", self._trace)
@@ -38,6 +38,10 @@ class AutopilotCommand:
             self._ack = sender()
         except UalError as error:
             self._ack = futures.failed(error)
+        except BaseException as error:  # a defect is the caller's to handle; the trace ends all the same
+            if end_trace is not None:
+                end_trace(futures.failed(error))
+            raise
         if end_trace is not None:
             self._ack.add_done_callback(end_trace)
         if self._is_withdrawn:  # by another thread during `sender()`, when there was no future to cancel yet

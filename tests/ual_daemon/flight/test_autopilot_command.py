@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import nullcontext
+from typing import Any
 
 import pytest
 
 from tests.ual_daemon.flight.hand_made import Autopilot, sent
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
+from ual_daemon import traces
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import COMMAND_PATIENCE_S, AutopilotCommand
 
@@ -48,6 +52,33 @@ def test_an_error_of_the_backend_is_a_refusal(autopilot: Autopilot) -> None:
     command = AutopilotCommand("do it", 0.0)
     command.send(refuse)
     assert isinstance(command.failure(autopilot.snapshot()), LinkLostError)
+
+
+class Spans:
+    """A tracer that notes how each part ends."""
+
+    def __init__(self) -> None:
+        self.ended: list[tuple[str, str]] = []
+
+    def current(self) -> object:
+        return self
+
+    def begin(self, name: str, above: object) -> Callable[[Future[Any]], None]:
+        assert above is self
+        return lambda future: self.ended.append((name, str(future.exception(0))))
+
+
+@pytest.mark.parametrize("error", [LinkLostError("the port is gone"), OSError("the port is gone")])
+def test_its_trace_ends_whatever_the_backend_raises(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def fail() -> Future[None]:
+        raise error
+
+    spans = Spans()
+    monkeypatch.setattr(traces, "tracer", spans)
+    command = AutopilotCommand("land", 0.0)
+    with nullcontext() if isinstance(error, LinkLostError) else pytest.raises(OSError, match="the port is gone"):
+        command.send(fail)
+    assert spans.ended == [("autopilot: land", "the port is gone")]
 
 
 def test_a_command_that_is_withdrawn_before_it_is_sent_is_not_sent() -> None:
