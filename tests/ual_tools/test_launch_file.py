@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,11 +16,15 @@ from click.testing import CliRunner, Result
 
 import ual_tools
 from tests.conftest import LIMIT_S
+from ual.types import State, Telemetry
 from ual_tools.launch import team_file
+from ual_tools.launch.boot import landing_of
+from ual_tools.launch.flying import SENDS_NOTHING
 from ual_tools.launch.systemd import HARDENING
 from ual_tools.launch.team import AtEnd, Condition, Ready, Restart
 from ual_tools.launch.team_file import load
 from ual_tools.main import cli
+from ual_tools.output import to_json
 from ual_tools.strict_yaml.loading import YamlFileError
 from ual_tools.strict_yaml.placeholders import PlaceholderError, fill
 
@@ -297,6 +303,32 @@ def test_systemd_takes_the_units(file: Path, tmp_path: Path, monkeypatch: pytest
     )
     assert not [line for line in done.stderr.splitlines() if "ual-survey" in line], done.stderr
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("state", "reason", "is_landed"),
+    [
+        ("FLYING_AUTO", "mode OFFBOARD", True),
+        ("FLYING_AUTO", f"mode OFFBOARD; {SENDS_NOTHING}", False),
+        ("FLYING_MANUAL", "mode AUTO.MISSION does not take our references", False),
+        ("LANDED_DISARMED", "not armed", False),
+    ],
+)
+def test_only_a_uav_that_ual_flies_is_landed_at_the_end(
+    file: Path, tmp_path: Path, state: str, reason: str, is_landed: bool
+) -> None:
+    """`land` would end a ground station's mission, too."""
+    sample = json.dumps(to_json(Telemetry(State[state], state_reason=reason)))
+    ual, calls = tmp_path / "ual", tmp_path / "calls"
+    ual.write_text(f'#!/bin/sh\ncase "$*" in *watch*) echo {shlex.quote(sample)};; *) echo "$*" >>{calls};; esac\n')
+    ual.chmod(0o755)
+    team = load(file)
+    command = landing_of(replace(team, at_end=AtEnd.LAND), team.daemons[0], str(ual))
+    assert command is not None
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=LIMIT_S)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert calls.exists() == is_landed
+    assert not is_landed or calls.read_text() == "--ns uav_3 --take --timeout 120 land\n"
 
 
 def test_the_compose_file_has_the_same_programs(file: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 
+from ual.types import State
 from ual_tools.launch.flying import SENDS_NOTHING
 from ual_tools.launch.team import AtEnd, Condition, Program, Team
 
@@ -37,9 +38,13 @@ def test_of(program: Program, ual: str) -> str | None:
 
 
 def landing_of(team: Team, program: Program, ual: str) -> str | None:
-    """Returns the command of a shell that lands a UAV that UAL flies, if the team is to land at its end."""
+    """Returns the command of bash that lands a UAV that UAL flies, if the team is to land at its end.
+
+    In FLYING_MANUAL the safety pilot, a ground station or a failsafe has it: `land` would take it from them.
+    """
     if not program.is_daemon or team.at_end is not AtEnd.LAND:
         return None
     words = f"{shlex.quote(ual)} --ns {program.ns}"
     land = f"{words} --take --timeout {team.land_limit_s:g} land"
-    return f"{words} --json watch --once | grep -q '{SENDS_NOTHING}' || {land}"
+    looked = f'{words} --json watch --once | grep -F \'"state": "{State.FLYING_AUTO.name}"\''
+    return f"! {looked} | grep -qv '{SENDS_NOTHING}' || {land}"
