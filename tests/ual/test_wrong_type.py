@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+import numpy as np
 import pytest
 
 import ual
@@ -79,6 +80,7 @@ PARTS: list[tuple[str, tuple[Any, ...], Mapping[str, Any], str, str]] = [
     ("take_off", ((3,),), {}, "height_m", "(3,) is not a number"),
     ("take_off", (None,), {}, "height_m", "None is not a number"),
     ("take_off", (10**400,), {}, "height_m", "inf is not a finite number"),
+    ("take_off", (np.zeros(2),), {}, "height_m", "array([0., 0.]) is not a number"),
     ("go_to_waypoint_geo", (37.4, None, 20), {}, "longitude_deg", "None is not a number"),
     ("set_velocity", (ual.Twist(ual.Vector3(10**400)),), {}, "velocity.twist.linear.x", "inf is not a finite number"),
     ("go_to_waypoint", (ual.Pose.at("1", 2, 3),), {}, "waypoint.pose.position.x", "'1' is not a number"),  # type: ignore[arg-type]

@@ -21,11 +21,11 @@ class AutopilotCommand:
     (docs/decisions/0041): after it was withdrawn, in a silence, or over a mode that others chose, it does not.
     """
 
-    def __init__(self, what: str, now_s: float) -> None:
-        self.sent_s = now_s
+    def __init__(self, what: str) -> None:
         self.what = what
         self._ack: Future[None] | None = None
         self._is_withdrawn = False
+        self._awaited_s: float | None = None
         self._trace = traces.current()
         """The place in a trace of the call that wants it."""
 
@@ -38,9 +38,10 @@ class AutopilotCommand:
             self._ack = sender()
         except UalError as error:
             self._ack = futures.failed(error)
-        except BaseException as error:  # a defect is the caller's to handle; the trace ends all the same
+        except BaseException as error:  # a defect is the caller's to handle; what waits for an answer ends all the same
+            self._ack = futures.failed(error)
             if end_trace is not None:
-                end_trace(futures.failed(error))
+                end_trace(self._ack)
             raise
         if end_trace is not None:
             self._ack.add_done_callback(end_trace)
@@ -63,6 +64,17 @@ class AutopilotCommand:
         """Whether the autopilot has accepted it."""
         return self.is_answered and self.refusal() is None
 
+    def waited_s(self, snapshot: Snapshot) -> float:
+        """Returns for how long its effect is awaited: since the first snapshot that was looked at after it was sent.
+
+        Between plan and command a caller may have to wait for the processor. That says nothing of the autopilot.
+        """
+        if self._ack is None:
+            return 0.0
+        if self._awaited_s is None:
+            self._awaited_s = snapshot.time_s
+        return snapshot.time_s - self._awaited_s
+
     def left_behind(self, lost: UalError) -> UalError:
         """Returns the error of a command whose vehicle is not seen any more before it has shown its effect."""
         if self._ack is None or self.is_answered:
@@ -80,7 +92,7 @@ class AutopilotCommand:
         refusal = self.refusal()
         if refusal is not None:
             return refusal
-        if snapshot.time_s - self.sent_s <= COMMAND_PATIENCE_S:
+        if self.waited_s(snapshot) <= COMMAND_PATIENCE_S:
             return None
         status = f"; it says: {snapshot.condition.status_text}" if snapshot.condition.status_text else ""
         status += f"; {snapshot.link.trouble}" if snapshot.link.trouble else ""

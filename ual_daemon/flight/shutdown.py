@@ -41,9 +41,9 @@ class Shutdown:
             return True
         state = self._state(snapshot)
         if state is State.FLYING_AUTO:
-            if snapshot.time_s - self._hold.sent_s < _HOLD_PATIENCE_S:
-                return False
             failure = self._hold.failure(snapshot)
+            if self._hold.waited_s(snapshot) <= _HOLD_PATIENCE_S:
+                return False
             logs.event(_log, logging.ERROR, "hold_failed", why=str(failure or "its mode did not change"))
         return True
 
@@ -57,7 +57,7 @@ class Shutdown:
         with self._lock:  # the caller of the shutdown and the updates come from different threads
             if self._hold is not None:
                 return False
-            hold = self._hold = AutopilotCommand("hold its position", snapshot.time_s)
+            hold = self._hold = AutopilotCommand("hold its position")
         logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")
         hold.send(self._backend.hold)
         return True

@@ -143,7 +143,7 @@ class Stepper:
 
         It must not be repeated after that: the safety pilot may have taken over.
         """
-        hold = AutopilotCommand("hold its position", snapshot.time_s)
+        hold = AutopilotCommand("hold its position")
         logs.event(_log, logging.WARNING, "hold_by_autopilot", why=f"{during} was stopped")
         with suppress(WrongStateError):  # UAL is shutting down
             self._watched.add(hold, is_control_given_up)

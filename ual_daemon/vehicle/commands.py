@@ -152,7 +152,7 @@ class Commands:
             plan = Plan(line.length_m, line.duration_s if on_setpoints else None)
 
         def climb_from(start: Snapshot, task: VehicleTask) -> Handover:
-            command = AutopilotCommand("take off", start.time_s)
+            command = AutopilotCommand("take off")
             climb = TakeOff(
                 task,
                 command,
@@ -244,7 +244,7 @@ class Commands:
 
         def begin() -> Future[None]:
             with self._preconditions.logging_refusal("recover_from_manual"):
-                command = AutopilotCommand("take our references", snapshot.time_s)
+                command = AutopilotCommand("take our references")
                 recover = Recover(command, self._flight.limits.get(), self._backend.take_control, refusal)
                 self._flight.begin(recover, Order(lease_id))
                 if snapshot.control.held_by is not Cause.OPEN or force:
@@ -298,7 +298,7 @@ class Commands:
 
     def _take_back(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
         """Takes the control back from the autopilot's own landing or take-off."""
-        command = AutopilotCommand("take our references", snapshot.time_s)
+        command = AutopilotCommand("take our references")
         state = self._flight.raw_estimate(snapshot).state
         limits, take_control = self._flight.limits.get(), self._backend.take_control
         recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=state)
@@ -383,10 +383,10 @@ class Commands:
                     f"{name}: arming belongs to the safety pilot; this daemon may arm only when started with "
                     "--allow-arming"
                 )
-            snapshot = self._preconditions.require_state(name, lease_id, needed)
+            self._preconditions.require_state(name, lease_id, needed)
             if not is_armed:
                 self._flight.require_replaceable(name)  # a take-off that has begun
-            command = AutopilotCommand(name, snapshot.time_s)
+            command = AutopilotCommand(name)
             future = self._flight.watch(
                 command, lambda newer: newer.control.armed is not None and newer.control.armed.value is is_armed
             )

@@ -59,7 +59,7 @@ class Landings:
         name: str = "land",
         on_height: OnHeight = ignore_height,
     ) -> Handover:
-        command = AutopilotCommand("land", snapshot.time_s)
+        command = AutopilotCommand("land")
         has_pilot = self._flight.has_safety_pilot
         landing = Land(task, command, reference, snapshot, name, on_height, has_safety_pilot=has_pilot)
         return Handover(landing, partial(command.send, self._send))
@@ -73,7 +73,7 @@ class Landings:
         def onward(now: Snapshot) -> Manoeuvre:
             return self.after(task, now, self._flight.brake(now)).manoeuvre
 
-        command = AutopilotCommand("take our references", snapshot.time_s)
+        command = AutopilotCommand("take our references")
         limits, control = self._flight.limits.get(), self._backend.take_control
         recover = RecoverFirst(task, "land", command, limits, control, lambda _: None, onward)
         return Handover(recover, _nothing if snapshot.control.held_by is Cause.OPEN else recover.send)

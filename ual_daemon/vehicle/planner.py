@@ -295,7 +295,7 @@ class Planner:
         with self._preconditions.logging_refusal(name):
             snapshot = self._preconditions.require_no_pilot(name, order.lease_id)
             task = self._tasks.new(kind, what)
-            command = AutopilotCommand("take our references", snapshot.time_s)
+            command = AutopilotCommand("take our references")
             limits, control = self._flight.limits.get(), backend.take_control
             recover = RecoverFirst(task, name, command, limits, control, self._failsafe_refusal, partial(onward, task))
             self._flight.begin(recover, order)

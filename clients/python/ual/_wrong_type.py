@@ -51,7 +51,8 @@ def wrong_part(request: object, field: str, error: Exception) -> InvalidArgument
     for name, part, kind in _parts(request, root):
         if not _fits(part, kind):
             return InvalidArgumentError(f"{name}: {_shown(part)} is not {_KINDS[kind]}", {"field": name})
-        if kind.startswith("float") and part is not None and not math.isfinite(number := _as_float(part)):
+        number = _as_float(part) if kind.startswith("float") else None
+        if number is not None and not math.isfinite(number):
             return InvalidArgumentError(f"{name}: {number} is not a finite number", {"field": name})
     return InvalidArgumentError(f"{field}: {error}", {"field": field})
 
@@ -87,14 +88,18 @@ def _fits(value: object, kind: str) -> bool:
         return isinstance(value, Enum) and type(value).__name__ == kind
     if value is None:
         return kind.endswith("None")
-    return kind.startswith("float") and isinstance(value, (SupportsFloat, SupportsIndex))
+    is_number = kind.startswith("float") and isinstance(value, (SupportsFloat, SupportsIndex))
+    return is_number and _as_float(value) is not None
 
 
-def _as_float(value: Any) -> float:  # noqa: ANN401 (what `_fits` takes for a number)
+def _as_float(value: Any) -> float | None:  # noqa: ANN401 (whatever may be one number)
+    """Returns a number; None where it only looks like one, as an array of several does."""
     try:
         return float(value)
     except OverflowError:  # an integer that no float can be
         return math.inf
+    except (TypeError, ValueError):
+        return None
 
 
 def _shown(value: object) -> str:

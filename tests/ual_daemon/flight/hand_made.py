@@ -83,6 +83,7 @@ class Autopilot:
 
 
 def sent(ack: Future[None], autopilot: Autopilot) -> AutopilotCommand:
-    command = AutopilotCommand("do it", autopilot.time_s)
+    command = AutopilotCommand("do it")
     command.send(lambda: ack)
+    command.waited_s(autopilot.snapshot())  # the update in which it was sent
     return command

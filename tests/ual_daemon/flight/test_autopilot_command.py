@@ -22,14 +22,26 @@ def later(autopilot: Autopilot, seconds: float) -> Snapshot:
 
 def test_a_command_has_time_to_show_its_effect(autopilot: Autopilot, ack: Future[None]) -> None:
     command = sent(ack, autopilot)
+    assert command.failure(autopilot.snapshot()) is None
     assert command.failure(later(autopilot, COMMAND_PATIENCE_S)) is None
     assert isinstance(command.failure(later(autopilot, COMMAND_PATIENCE_S + 0.1)), UalTimeoutError)
+
+
+def test_the_time_in_which_it_was_not_sent_yet_is_not_the_autopilots(autopilot: Autopilot, ack: Future[None]) -> None:
+    """The caller planned it, and then waited for the processor of a busy computer."""
+    command = AutopilotCommand("do it")
+    assert command.failure(later(autopilot, 60.0)) is None
+    command.send(lambda: ack)
+    assert command.failure(later(autopilot, 60.0)) is None
+    assert command.failure(later(autopilot, 60.0 + COMMAND_PATIENCE_S)) is None
+    assert isinstance(command.failure(later(autopilot, 60.1 + COMMAND_PATIENCE_S)), UalTimeoutError)
 
 
 def test_an_accepted_command_without_effect_is_a_refusal_with_the_status_text(
     autopilot: Autopilot, ack: Future[None]
 ) -> None:
     command = sent(ack, autopilot)
+    assert command.failure(autopilot.snapshot()) is None
     ack.set_result(None)
     autopilot.status_text = "Preflight Fail: heading"
     failure = command.failure(later(autopilot, COMMAND_PATIENCE_S + 0.1))
@@ -49,7 +61,7 @@ def test_an_error_of_the_backend_is_a_refusal(autopilot: Autopilot) -> None:
     def refuse() -> Future[None]:
         raise LinkLostError("the port is gone")
 
-    command = AutopilotCommand("do it", 0.0)
+    command = AutopilotCommand("do it")
     command.send(refuse)
     assert isinstance(command.failure(autopilot.snapshot()), LinkLostError)
 
@@ -75,21 +87,21 @@ def test_its_trace_ends_whatever_the_backend_raises(monkeypatch: pytest.MonkeyPa
 
     spans = Spans()
     monkeypatch.setattr(traces, "tracer", spans)
-    command = AutopilotCommand("land", 0.0)
+    command = AutopilotCommand("land")
     with nullcontext() if isinstance(error, LinkLostError) else pytest.raises(OSError, match="the port is gone"):
         command.send(fail)
     assert spans.ended == [("autopilot: land", "the port is gone")]
 
 
 def test_a_command_that_is_withdrawn_before_it_is_sent_is_not_sent() -> None:
-    command = AutopilotCommand("arm", 0.0)
+    command = AutopilotCommand("arm")
     command.withdraw()
     command.send(lambda: pytest.fail("it was sent"))
     assert not command.is_answered
 
 
 def test_a_command_that_is_withdrawn_while_it_is_sent_is_cancelled(ack: Future[None]) -> None:
-    command = AutopilotCommand("arm", 0.0)
+    command = AutopilotCommand("arm")
 
     def send() -> Future[None]:
         command.withdraw()  # by another thread, before there is a future

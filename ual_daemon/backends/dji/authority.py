@@ -37,6 +37,13 @@ class Authority:
         self._is_granted = self._has_followed = self._is_taking_off = False
         self._sent_s = self._lifted_s = self._idle_followed_s = None
 
+    def note_silence(self) -> None:
+        """Notes that nothing was heard for a moment. In the air the pilot may have taken over: with authority that has
+        not shown yet, P_GPS looks the same.
+        """
+        if self._is_in_air and not self._has_followed and not self._is_taking_off:
+            self._is_granted = False
+
     def note_setpoint(self, now_s: float) -> None:
         """Notes that a setpoint was sent."""
         if self._sent_s is None:

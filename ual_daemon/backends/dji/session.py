@@ -20,6 +20,7 @@ from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
 from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Topic, Wrapper
 from ual_daemon.backends.engine.command import Command, Verdict
 from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
+from ual_daemon.backends.engine.limits import SILENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.rosbridge import LinkState, Message, RosbridgeLink
 from ual_daemon.backends.values import Snapshot, VelocitySetpoint
@@ -168,7 +169,10 @@ class Session:
 
     def _on_message(self, telemetry: Telemetry, name: str, message: Message, now_s: float) -> None:
         """Takes the message of a topic that the wrapper alone publishes."""
-        self._note_gap(self.watch.on_heard(now_s), now_s)
+        silence_s = self.watch.on_heard(now_s)
+        self._note_gap(silence_s, now_s)
+        if silence_s > SILENT_S:
+            telemetry.authority.note_silence()
         poses_count = telemetry.poses_count
         telemetry.on_message(name, message, now_s)
         self.has_news = self.has_news or telemetry.poses_count != poses_count

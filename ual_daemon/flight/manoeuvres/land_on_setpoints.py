@@ -175,7 +175,7 @@ class LandOnSetpoints(Landing):
         if self.command is not None:
             self.command.withdraw()
         self._stops_count, self._stopped_s = self._stops_count + 1, now_s
-        self.command = AutopilotCommand("stop its motors", now_s)
+        self.command = AutopilotCommand("stop its motors")
         self.command.send(self._disarm)
 
     def _why_motors_run(self) -> UalError:

@@ -149,7 +149,7 @@ class TakeOff(Manoeuvre):
         """Whether the autopilot is in the right mode and has accepted the command, or its acknowledgement was lost."""
         if not _is_ours(snapshot):
             return False
-        is_ack_lost = not self._command.is_answered and snapshot.time_s - self._command.sent_s > _LOST_ACK_S
+        is_ack_lost = not self._command.is_answered and self._command.waited_s(snapshot) > _LOST_ACK_S
         return self._command.is_accepted or is_ack_lost
 
     def _step_climb(self, snapshot: Snapshot, estimate: Estimate, since_s: float) -> Step:

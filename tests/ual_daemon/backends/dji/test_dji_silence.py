@@ -11,9 +11,9 @@ import pytest
 from tests.simulators.dji import RC, Psdk
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from tests.simulators.rosbridge import Message, Service
-from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, wait
+from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, record_states, wait
 from tests.waiting import until
-from ual.errors import LinkLostError, UalTimeoutError
+from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
 from ual.geometry import Pose
 from ual.types import State
 
@@ -118,6 +118,31 @@ def called(backend: LockstepDji) -> list[str]:
 
     backend.bridge.call = note  # type: ignore[method-assign]
     return names
+
+
+@pytest.mark.parametrize("kind", [LockstepOsdk, LockstepOsdkVehicle])
+def test_authority_that_the_pilot_took_back_unseen_is_not_ours(kind: type[LockstepDji]) -> None:
+    """These wrappers do not publish it, and P_GPS shows with it, before the first setpoint, and without it."""
+    with ready(kind) as (uav, backend):
+        fly(uav)
+        backend.simulation().pilot_take_over()
+        until(lambda: uav.state() is State.FLYING_MANUAL)
+        told = record_states(uav, backend)
+
+        def give_and_lose() -> None:
+            obtain()
+            silence(backend)
+            backend.aircraft.pilot_takes_over()
+
+        obtain = backend.aircraft.obtain
+        backend.aircraft.obtain = give_and_lose  # type: ignore[method-assign]
+        answer = uav.vehicle.commands.recover_from_manual().begin()
+        until(lambda: backend.bridge.faults.silent_topics)
+        wait(backend, 0.5)
+        silence(backend, is_silent=False)
+        with pytest.raises(RejectedByAutopilotError, match="accepted to take our references, but has not"):
+            answer.result(LIMIT_S)
+        assert {state for _, state in told} == {State.FLYING_MANUAL}
 
 
 @pytest.mark.parametrize("kind", KINDS)
