@@ -155,8 +155,9 @@ class UAL(Uav):
             return
         try:
             self.vehicle.prepare_shutdown().result(_CLOSE_PATIENCE_S)
-        except concurrent.futures.TimeoutError:
-            why = f"the UAV was not at rest after {_CLOSE_PATIENCE_S:g} s"
+        except (concurrent.futures.TimeoutError, UalError) as error:
+            slow = f"the UAV was not at rest after {_CLOSE_PATIENCE_S:g} s"
+            why = str(error) if isinstance(error, UalError) else slow
             logs.event(_log, logging.ERROR, "closed_in_motion", why=why, **self.vehicle.doing())
         self.release()
         self.vehicle.close()

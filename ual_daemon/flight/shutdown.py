@@ -8,20 +8,24 @@ from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 
+from ual.errors import LinkLostError, UalError
 from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.state import estimate
 
 _log = logging.getLogger(__name__)
 
 _HOLD_PATIENCE_S = 5.0
+_BLIND_PATIENCE_S = 5.0
+"""How long a state is waited for that is not known: after a stall of this computer it is known within a second."""
 
 
 class Shutdown:
-    """One handover to the autopilot. `future` ends when the UAV needs no more references from UAL.
+    """One handover to the autopilot. `future` ends when the UAV needs no more references from UAL, or with a
+    LinkLostError when it is not known for too long whether it does.
 
     `is_flown_by_us` returns whether UAL flies it: the flight of others is left alone.
     """
@@ -31,12 +35,16 @@ class Shutdown:
         self._backend = backend
         self._is_flown_by_us = is_flown_by_us
         self._hold: AutopilotCommand | None = None
+        self._blind_since_s: float | None = None
+        self._error: UalError | None = None
         self._lock = threading.Lock()
 
     def step(self, snapshot: Snapshot) -> bool:
         """Sends the hold command, once, if UAL flies the UAV. Returns whether the handover is over."""
         if self._begin_hold(snapshot):
             snapshot = self._backend.snapshot()  # a simulation obeys at once, even while its time stands still
+        if self._is_blind(snapshot):
+            return self._has_waited(snapshot)
         if self._hold is None:
             return True
         state = self._state(snapshot)
@@ -49,6 +57,22 @@ class Shutdown:
 
     def _state(self, snapshot: Snapshot) -> State:
         return estimate(snapshot, self._backend.freshness).state
+
+    def _is_blind(self, snapshot: Snapshot) -> bool:
+        """Returns whether UAL flies it, but does not know its state now: it may be in the air, and needs the hold."""
+        landed = snapshot.control.landed
+        is_on_ground = landed is not None and landed.value is LandedState.ON_GROUND
+        is_heard = snapshot.heard_s is not None and not is_on_ground
+        return is_heard and self._is_flown_by_us() and self._state(snapshot) is State.UNINITIALIZED
+
+    def _has_waited(self, snapshot: Snapshot) -> bool:
+        """Returns whether the state has stayed unknown for too long."""
+        if self._blind_since_s is None:
+            self._blind_since_s = snapshot.time_s
+        if snapshot.time_s - self._blind_since_s < _BLIND_PATIENCE_S:
+            return False
+        self._error = LinkLostError(f"its state is not known: {estimate(snapshot, self._backend.freshness).why}")
+        return True
 
     def _begin_hold(self, snapshot: Snapshot) -> bool:
         """Sends the hold command if that is still to do. Returns whether this call sent it."""
@@ -70,4 +94,7 @@ class Shutdown:
         if self._hold is not None:
             self._hold.withdraw()
         with suppress(InvalidStateError):
-            self.future.set_result(None)
+            if self._error is None:
+                self.future.set_result(None)
+            else:
+                self.future.set_exception(self._error)

@@ -180,7 +180,8 @@ class Vehicle(ReportedVehicle):
         """Hands the UAV over to its autopilot, and refuses new commands from now on.
 
         A take-off or landing ends first, any other task and reference is cancelled, and the autopilot is commanded to
-        hold the position by itself. The future ends when this is done.
+        hold the position by itself. The future ends when this is done. It ends with a LinkLostError where UAL flies the
+        UAV, and its state stays unknown for 5 s.
         """
         return self._flight.prepare_shutdown()
 
