@@ -45,6 +45,7 @@ class Shutdown:
             snapshot = self._backend.snapshot()  # a simulation obeys at once, even while its time stands still
         if self._is_blind(snapshot):
             return self._has_waited(snapshot)
+        self._blind_since_s = None
         if self._hold is None:
             return True
         state = self._state(snapshot)

@@ -81,6 +81,18 @@ def test_a_state_that_stays_unknown_is_waited_for_5_s(autopilot: Autopilot) -> N
         shutdown.future.result()
 
 
+def test_each_time_in_which_the_state_is_not_known_is_waited_for_anew(autopilot: Autopilot) -> None:
+    autopilot.control, autopilot.landed, autopilot.silent_s = Control.REFERENCES, LandedState.IN_AIR, 2.3
+    shutdown = Shutdown(cast("Backend", Holding(autopilot)), lambda: True)
+    assert not shutdown.step(autopilot.snapshot())
+    autopilot.silent_s = 0.0
+    autopilot.time_s += 1.0
+    assert not shutdown.step(autopilot.snapshot())  # the hold is sent, and shows no effect yet
+    autopilot.silent_s = 2.3
+    autopilot.time_s += 4.5
+    assert not shutdown.step(autopilot.snapshot())
+
+
 @pytest.mark.parametrize(("landed", "is_ours"), [(LandedState.ON_GROUND, True), (LandedState.IN_AIR, False)])
 def test_an_unknown_state_on_the_ground_or_of_others_is_not_waited_for(
     autopilot: Autopilot, landed: LandedState, is_ours: bool
