@@ -41,6 +41,10 @@ def root(tmp_path: Path) -> Path:
         (tmp_path / folder).mkdir(parents=True)
         (tmp_path / folder / "__init__.py").write_text('"""A package."""\n\n__version__ = "1.2.0"\n')
     (tmp_path / "pyproject.toml").write_text('dependencies = [\n    "ual-client==1.2.0",\n    "numpy>=1.2.0",\n]\n')
+    ros = tmp_path / "clients" / "ros2" / "node"
+    ros.mkdir(parents=True)
+    (ros / "package.xml").write_text('<package format="3">\n  <version>1.2.0</version>\n</package>\n')
+    (ros / "setup.py").write_text('setup(\n    name="node",\n    version="1.2.0",\n)\n')
     (tmp_path / "CHANGELOG.md").write_text(CHANGELOG)
     git(tmp_path, "init", "--quiet")
     commit(tmp_path)
@@ -74,6 +78,8 @@ def test_what_is_ready_is_released(root: Path) -> None:
     [
         ("ual_daemon/__init__.py", "1.2.0", "1.2.1", "the versions differ"),
         ("pyproject.toml", "client==1.2.0", "client==1.1.0", "the versions differ"),
+        ("clients/ros2/node/package.xml", "1.2.0", "1.1.0", "the versions differ"),
+        ("clients/ros2/node/setup.py", "1.2.0", "1.1.0", "the versions differ"),
         ("CHANGELOG.md", "2026-11-25", "unreleased", "write the day of the release for 'unreleased' of 1.2.0"),
         ("CHANGELOG.md", "## 1.2.0 - 2026-11-25\n", "", "the first section of CHANGELOG.md is not that of 1.2.0"),
         ("CHANGELOG.md", "### Added\n\n- A.\n", "", "no notes of 1.2.0"),

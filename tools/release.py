@@ -16,6 +16,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 _PINNED = re.compile(r'(?<="ual-client==)[^"]+')
 _VERSION = re.compile(r'(?<=^__version__ = ")[^"]+', re.MULTILINE)
+_ROS_VERSIONS = {
+    "package.xml": re.compile(r"(?<=<version>)[^<]+"),
+    "setup.py": re.compile(r'(?<=^    version=")[^"]+', re.MULTILINE),
+}
+"""Files of the packages for ROS."""
 _SECTION = re.compile(r"^## (?P<version>\S+) - (?P<when>\S+)$", re.MULTILINE)
 _UNRELEASED = "unreleased"
 
@@ -33,6 +38,8 @@ def version_files(root: Path) -> Iterator[tuple[Path, re.Pattern[str]]]:
     for path in (root / "pyproject.toml", *sorted(root.glob("clients/python/**/pyproject.toml"))):
         if _PINNED.search(path.read_text(encoding="utf-8")):
             yield path, _PINNED
+    for name, form in _ROS_VERSIONS.items():
+        yield from ((path, form) for path in sorted(root.glob(f"clients/ros2/*/{name}")))
 
 
 def version_of(root: Path) -> str:
