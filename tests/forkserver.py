@@ -80,16 +80,15 @@ def start(flags: Sequence[str], environment: Mapping[str, str]) -> ForkedProcess
 
 def can_fork(environment: Mapping[str, str]) -> bool:
     """Whether a daemon with this environment is as one that is forked off this process' server."""
-    return sys.platform == "linux" and _of_start(environment) == _of_start(os.environ) == _first_environment()
-
-
-@cache
-def _first_environment() -> dict[str, str]:
-    return _of_start(os.environ)
+    return sys.platform == "linux" and _of_start(environment) == _of_start(os.environ) == _FIRST_ENVIRONMENT
 
 
 def _of_start(environment: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in environment.items() if name.startswith(_AT_START)}
+
+
+_FIRST_ENVIRONMENT = _of_start(os.environ)
+"""That of this process, before any test has changed it."""
 
 
 class _Server(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from functools import partial
+from typing import TypeVar
 
 import pytest
 
@@ -16,6 +17,8 @@ from tests.waiting import until
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
 from ual.geometry import Pose
 from ual.types import State
+
+T = TypeVar("T")
 
 LIMIT_S = 60.0
 KINDS = (LockstepPsdk, LockstepOsdk, LockstepOsdkVehicle)
@@ -92,18 +95,23 @@ def in_silence(backend: LockstepDji, after_s: float, command: Callable[[Lockstep
     """Lets the wrapper stall, and commands something so long after it, in the thread that steps the aircraft."""
     with backend.lock:
         silence(backend)
-        begun_s = backend.bridge.now_s
-    answers: list[Future[None]] = []
-    pace_wait = backend._pace.wait
-
-    def wait_and_command() -> None:
-        pace_wait()
-        if not answers and backend.bridge.now_s >= begun_s + after_s:
-            answers.append(command(backend))
-
-    backend._pace.wait = wait_and_command  # type: ignore[method-assign]
+        answers = in_its_thread(backend, after_s, lambda: command(backend))
     until(lambda: answers)
     return answers[0]
+
+
+def in_its_thread(backend: LockstepDji, after_s: float, work: Callable[[], T]) -> list[T]:
+    """Works so much later, in the thread that steps the aircraft: it is never late. The list gets the result."""
+    results: list[T] = []
+    begun_s, pace_wait = backend.bridge.now_s, backend._pace.wait
+
+    def wait_and_work() -> None:
+        pace_wait()
+        if not results and backend.bridge.now_s >= begun_s + after_s:
+            results.append(work())
+
+    backend._pace.wait = wait_and_work  # type: ignore[method-assign]
+    return results
 
 
 def called(backend: LockstepDji) -> list[str]:
@@ -133,13 +141,11 @@ def test_authority_that_the_pilot_took_back_unseen_is_not_ours(kind: type[Lockst
             obtain()
             silence(backend)
             backend.aircraft.pilot_takes_over()
+            in_its_thread(backend, 0.5, lambda: silence(backend, is_silent=False))
 
         obtain = backend.aircraft.obtain
         backend.aircraft.obtain = give_and_lose  # type: ignore[method-assign]
         answer = uav.vehicle.commands.recover_from_manual().begin()
-        until(lambda: backend.bridge.faults.silent_topics)
-        wait(backend, 0.5)
-        silence(backend, is_silent=False)
         with pytest.raises(RejectedByAutopilotError, match="accepted to take our references, but has not"):
             answer.result(LIMIT_S)
         assert {state for _, state in told} == {State.FLYING_MANUAL}

@@ -302,8 +302,9 @@ def test_a_smaller_fence_that_is_told_ends_the_task_before_the_breach(flight: Fl
 
 
 def taken_back_from_its_return(flight: Flight, new_fence: tuple[bool, list[tuple[float, float]], float | None]) -> None:
-    """Sets a fence that it breaches by where it is, and takes it back with force in the update that shows its return: a
-    test that only looked at times would be late on a busy computer, when it has come home.
+    """Sets a fence that it breaches by where it is, and takes it back with force in the update that shows its return.
+
+    A test that only looked at times would be late on a busy computer: it would have come home.
     """
     taken: list[Future[None]] = []
 
