@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+import pkgutil
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -12,13 +14,13 @@ import pytest
 
 from tests.waiting import until_state
 from ual import conformance
-from ual.conformance import CheckFailedError, Flight, Outcome, Tolerances
+from ual.conformance import Check, CheckFailedError, Flight, Outcome, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.conformance.runner import LONGEST_GAP_S
 from ual.errors import PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Task, Uav
-from ual.types import Capability, Plan, State, Telemetry
+from ual.types import Capability, Geofence, Plan, State, Telemetry
 from ual_daemon import UAL
 
 CHECKS = {check.name: check for check in conformance.CHECKS}
@@ -380,6 +382,21 @@ def test_an_operator_is_asked_to_arm_what_nobody_else_may(sabotaged: Sabotaged) 
     flight.has_pilot, flight.info = False, replace(flight.info, is_arming_allowed=False)
     conformance.run_check(flight, CHECKS["bad_heights_are_refused"])
     assert asked == ["arm the UAV"]
+
+
+def test_each_check_that_is_defined_is_in_the_list() -> None:
+    modules = [
+        importlib.import_module(f"ual.conformance.{each.name}") for each in pkgutil.iter_modules(conformance.__path__)
+    ]
+    defined = {each.name for module in modules for each in vars(module).values() if isinstance(each, Check)}
+    assert defined == CHECKS.keys()
+
+
+@pytest.mark.parametrize("wrong", [Geofence("odom"), Geofence("map", min_z_m=3.0, max_z_m=2.0)])
+def test_a_geofence_that_makes_no_sense_is_found(sabotaged: Sabotaged, wrong: Geofence) -> None:
+    sabotaged.replaced["geofence"] = lambda: wrong
+    with pytest.raises(CheckFailedError, match="geofence"):
+        run(sabotaged, "the_geofence_is_told")
 
 
 def test_checks_have_names_and_descriptions_of_their_own() -> None:

@@ -296,6 +296,15 @@ def test_who_has_cancelled_is_told() -> None:
     assert asyncio.run(check()) == Outcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
 
 
+def test_one_that_is_cancelled_before_it_begins_never_begins() -> None:
+    async def check() -> Outcome:
+        run = Run(lambda: pytest.fail("it has begun"))
+        run.cancel("the ROS client")
+        return await run.task
+
+    assert asyncio.run(check()) == Outcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
+
+
 def test_answers_have_reason_words_and_metadata() -> None:
     refused = Outcome("GEOFENCE", "too far", {"setting": "radius"})
     filled = outcome.fill(SimpleNamespace(), refused, lambda **fields: fields)

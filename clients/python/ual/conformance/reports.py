@@ -184,6 +184,7 @@ CHECKS = (
     a_slow_rate_leaves_out_samples,
     members_agree_with_telemetry,
     frames_form_a_tree,
+    the_geofence_is_told,
     a_new_frame_can_be_used,
     bad_frames_are_refused,
     an_unknown_task_is_refused,

@@ -151,6 +151,14 @@ def test_a_cancelled_goal_leaves_the_uav_holding(client: Client, flying: ual.Uav
     assert flying.telemetry().task is None
 
 
+def test_a_goal_that_is_cancelled_at_once_ends(client: Client, flying: ual.Uav) -> None:
+    for _ in range(20):
+        goal = client.begin(action.GoToWaypoint, f"{UAL}/go_to_waypoint", lambda _: None, waypoint=pose(50.0, 0.0, 3.0))
+        assert client.cancel(goal)
+        assert client.end_of(goal)[0] == CANCELED
+    waited(lambda: flying.telemetry().task is None)
+
+
 @pytest.mark.usefixtures("flying")
 def test_a_refused_goal_is_aborted_with_words(client: Client) -> None:
     status, result = client.fly(

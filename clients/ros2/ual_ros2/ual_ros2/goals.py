@@ -60,10 +60,11 @@ class Goals:
         is_landing = newest is not None and newest.state is ual.State.LANDING
         if is_landing or not self._action.can_be_cancelled:
             return CancelResponse.REJECT
-        self._loop.call_soon_threadsafe(self._cancel, _key(goal_handle))
+        asyncio.run_coroutine_threadsafe(self._cancel(_key(goal_handle)), self._loop)
         return CancelResponse.ACCEPT
 
-    def _cancel(self, key: bytes) -> None:
+    async def _cancel(self, key: bytes) -> None:
+        """A task of the loop, as the flight is: so it begins after the flight, however busy the loop is."""
         if (flying := self._flying.get(key)) is not None:
             flying.cancel(CANCELLED_BY)
 

@@ -45,24 +45,32 @@ class Run:
 
     def __init__(self, begin: Callable[[], Awaitable[object]]) -> None:
         self._by = ""
+        self._has_begun = False
         self.task: asyncio.Task[Outcome] = asyncio.ensure_future(self._run(begin))
 
     def cancel(self, by: str) -> None:
-        """Ends it, and with it the call of the daemon."""
+        """Ends it, and with it the call of the daemon. One that has not begun yet never begins."""
         self._by = by
-        self.task.cancel()
+        if self._has_begun:  # asyncio would end the task without an outcome before that
+            self.task.cancel()
 
     async def _run(self, begin: Callable[[], Awaitable[object]]) -> Outcome:
+        self._has_begun = True
+        if self._by:
+            return self._cancelled()
         try:
             await begin()
         except ual.UalError as error:
             return Outcome.of(error)
         except asyncio.CancelledError:
-            return Outcome("TASK_ABORTED", f"cancelled: {self._by}", {"by": self._by})
+            return self._cancelled()
         except Exception as error:  # noqa: BLE001 (a mistake in the node: the caller must not wait for ever)
             _log.exception("a command failed in the node")
             return Outcome("INTERNAL", f"the node failed: {error!r}")
         return DONE
+
+    def _cancelled(self) -> Outcome:
+        return Outcome("TASK_ABORTED", f"cancelled: {self._by}", {"by": self._by})
 
 
 def fill(message: Message, outcome: Outcome, key_value: Callable[..., Message]) -> Message:

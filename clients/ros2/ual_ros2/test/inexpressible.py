@@ -1,0 +1,59 @@
+"""The conformance checks that cannot be done over ROS, each with its reason. It needs no ROS.
+
+docs/clients/ros2.md lists them, too; a test compares both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+class InexpressibleError(Exception):
+    """The interface in ROS has nothing for a member of `ual.interface.Uav`. The message names the member."""
+
+
+@dataclass(frozen=True)
+class Inexpressible:
+    """Why a check cannot be done, and what it says then, as a regular expression."""
+
+    why: str
+    says: str
+
+
+_NO_ANSWER = Inexpressible("a refused setpoint is told in `health` and in the log: a topic has no answer", "accepted$")
+_NO_METADATA = Inexpressible("the answer of a `Trigger` has no metadata", "metadata says None")
+_NO_DRY_RUN = Inexpressible("there are no dry runs", "^dry_run$")
+_NO_TASK = Inexpressible("no task is found by its identifier", "^task$")
+_NO_FRAME = Inexpressible("frames are added by tf, which refuses none and removes none", "^add_frame$")
+_NO_ROUTE = Inexpressible("the way of the running task is not told", "^route$")
+_NO_GEOFENCE = Inexpressible("where the UAV may fly is not told", "^geofence$")
+_NO_INFO = Inexpressible("who the UAV is, what it can do, and its limits are not told", "^info has no backend$")
+_NO_RATE = Inexpressible("the node has one `rate_hz` for all subscribers", "^rate_hz$")
+
+INEXPRESSIBLE: Mapping[str, Inexpressible] = {
+    "says_who_it_is": _NO_INFO,
+    "a_slow_rate_leaves_out_samples": _NO_RATE,
+    "the_geofence_is_told": _NO_GEOFENCE,
+    "a_new_frame_can_be_used": _NO_FRAME,
+    "bad_frames_are_refused": _NO_FRAME,
+    "an_unknown_task_is_refused": _NO_TASK,
+    "a_handle_reports_its_task": _NO_TASK,
+    "arms_and_disarms": _NO_METADATA,
+    "takes_off_only_when_armed": _NO_DRY_RUN,
+    "flies_nothing_on_the_ground": _NO_ANSWER,
+    "bad_poses_from_outside_are_refused": _NO_ANSWER,
+    "a_take_off_is_not_aborted": _NO_ANSWER,
+    "a_dry_take_off_stays_on_the_ground": _NO_DRY_RUN,
+    "a_dry_run_moves_nothing": _NO_DRY_RUN,
+    "a_dry_run_refuses_what_is_refused": _NO_DRY_RUN,
+    "keeps_below_a_speed": _NO_DRY_RUN,
+    "holds_at_a_waypoint": _NO_DRY_RUN,
+    "returns_home_and_lands": _NO_DRY_RUN,
+    "a_goal_below_the_ground_is_refused": _NO_DRY_RUN,
+    "bad_poses_are_refused": _NO_ANSWER,
+    "bad_velocities_are_refused": _NO_ANSWER,
+    "ground_commands_are_refused_in_flight": _NO_METADATA,
+    "the_pilot_takes_over": _NO_ANSWER,
+    "a_paused_task_holds_on_its_way_and_goes_on": _NO_ROUTE,
+}
