@@ -44,12 +44,17 @@ class VehicleParameters:
     def get(self, name: str) -> Future[Parameter]:
         """See `ual.interface.Parameters`."""
         offer = self._offer()
-        return then(offer.read(_checked_name(name)), lambda found: _marked(found, offer))
+        return then(offer.read(_checked_name(name)), lambda found: _marked(found, offer.relied_on))
 
     def get_all(self) -> Future[list[Parameter]]:
         """See `ual.interface.Parameters`."""
         offer = self._offer()
-        return then(offer.read_all(), lambda found: [_marked(each, offer) for each in found])
+
+        def marked(found: list[Parameter]) -> list[Parameter]:
+            relied_on = offer.relied_on
+            return [_marked(each, relied_on) for each in found]
+
+        return then(offer.read_all(), marked)
 
     def set(self, name: str, value: float, lease_id: str, *, force: bool) -> Future[Parameter]:
         """See `ual.interface.Parameters`. Reads the parameter first, as its type is the autopilot's."""
@@ -63,7 +68,7 @@ class VehicleParameters:
         def write(before: Parameter) -> Future[Parameter]:
             wanted = _fitted(before, value)
             require()  # again: it may have been armed meanwhile
-            return then(offer.write(wanted), lambda found: _written(before, _marked(found, offer)))
+            return then(offer.write(wanted), lambda found: _written(before, _marked(found, offer.relied_on)))
 
         require()
         return then_wait(offer.read(name), write)
@@ -155,8 +160,8 @@ def _checked_name(name: str) -> str:
     return name
 
 
-def _marked(found: Parameter, offer: AutopilotParameters) -> Parameter:
-    return replace(found, is_relied_on=found.name in offer.relied_on)
+def _marked(found: Parameter, relied_on: frozenset[str]) -> Parameter:
+    return replace(found, is_relied_on=found.name in relied_on)
 
 
 def _fitted(before: Parameter, value: float) -> Parameter:

@@ -81,11 +81,7 @@ class ParameterTransfers:
 
     def read(self, name: str, future: Future[Parameter]) -> None:
         """Reads one parameter."""
-        if len(name) > LONGEST_NAME or not name.isascii():
-            text = f"name: {name!r:.80} is none that MAVLink has: they have up to {LONGEST_NAME} letters"
-            _fail(future, InvalidArgumentError(text, {"field": "name"}))
-            return
-        self._add(future, lambda requests: Reading(future, requests, name))
+        self._add(future, name, lambda requests: Reading(future, requests, name))
 
     def write(self, wanted: Parameter, future: Future[Parameter]) -> None:
         """Writes one parameter, and reads it back."""
@@ -95,7 +91,7 @@ class ParameterTransfers:
         except InvalidArgumentError as error:
             _fail(future, error)
             return
-        self._add(future, lambda requests: Writing(future, requests, wanted))
+        self._add(future, wanted.name, lambda requests: Writing(future, requests, wanted))
 
     def read_all(self, future: Future[list[Parameter]]) -> None:
         """Lists all, or waits for the list that is under way."""
@@ -108,9 +104,13 @@ class ParameterTransfers:
             self._listing = Listing(listed, requests)
         self._listeners.append(future)
 
-    def _add(self, future: Future[Parameter], make: Callable[[Requests], Exchange[Parameter]]) -> None:
+    def _add(self, future: Future[Parameter], name: str, make: Callable[[Requests], Exchange[Parameter]]) -> None:
         requests = self._usable(future)
         if requests is None:
+            return
+        if len(name) > LONGEST_NAME or not name.isascii():
+            text = f"name: {name!r:.80} is none that MAVLink has: they have up to {LONGEST_NAME} letters"
+            _fail(future, InvalidArgumentError(text, {"field": "name"}))
             return
         if len(self._waiting) >= MOST_WAITING:
             text = f"{MOST_WAITING} reads and writes of parameters wait already, which is the limit"
