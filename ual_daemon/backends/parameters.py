@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from concurrent.futures import Future
 
+from ual.errors import UalError
 from ual.parameters.values import Parameter
+
+Refusal = Callable[[], UalError | None]
+"""Why a value may not be written now: the UAV may have been armed meanwhile. None while it may."""
 
 
 class AutopilotParameters(ABC):
@@ -32,8 +37,11 @@ class AutopilotParameters(ABC):
         """Reads all, in the order of the autopilot. Where that is under way already, the result is of that."""
 
     @abstractmethod
-    def write(self, parameter: Parameter) -> Future[Parameter]:
+    def write(self, parameter: Parameter, refusal: Refusal) -> Future[Parameter]:
         """Writes one, which has the type and the name that were read, and reads it back.
+
+        `refusal` is called before each time that the value is sent, also again: once it returns an error, the value is
+        not sent any more, and the future ends with that error. It is called from any thread, and does not wait.
 
         The future ends with a `RejectedByAutopilotError` where the autopilot has kept another value.
         """

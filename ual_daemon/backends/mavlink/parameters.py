@@ -13,7 +13,7 @@ from ual.parameters.values import Parameter
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.session.session import Session
-from ual_daemon.backends.parameters import AutopilotParameters
+from ual_daemon.backends.parameters import AutopilotParameters, Refusal
 
 T = TypeVar("T")
 
@@ -46,8 +46,8 @@ class MavlinkParameters(AutopilotParameters):
         return self._give("read its parameters", ParameterTransfers.read_all)
 
     @override
-    def write(self, parameter: Parameter) -> Future[Parameter]:
-        return self._give("write a parameter", lambda transfers, future: transfers.write(parameter, future))
+    def write(self, parameter: Parameter, refusal: Refusal) -> Future[Parameter]:
+        return self._give("write a parameter", lambda transfers, future: transfers.write(parameter, refusal, future))
 
     def _give(self, what: str, begin: Callable[[ParameterTransfers, Future[T]], None]) -> Future[T]:
         future: Future[T] = Future()

@@ -12,6 +12,7 @@ from typing import TypeVar
 from typing_extensions import override
 
 from ual import interface
+from ual.errors import UalError
 from ual.parameters.values import Parameter, real32
 from ual_daemon import logs, validation
 from ual_daemon.backends.parameters import AutopilotParameters
@@ -65,10 +66,18 @@ class VehicleParameters:
             require_change(self._vehicle, _SET, lease_id)
             self._require_ground(name, offer, force=force)
 
+        def refusal() -> UalError | None:
+            try:
+                require()
+            except UalError as error:
+                return error
+            return None
+
         def write(before: Parameter) -> Future[Parameter]:
-            wanted = _fitted(before, value)
-            require()  # again: it may have been armed meanwhile
-            return then(offer.write(wanted), lambda found: _written(before, _marked(found, offer.relied_on)))
+            return then(
+                offer.write(_fitted(before, value), refusal),
+                lambda found: _written(before, _marked(found, offer.relied_on)),
+            )
 
         require()
         return then_wait(offer.read(name), write)

@@ -7,14 +7,13 @@ are read, whatever the file is called; the end of its name says which one is wri
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ual.errors import InvalidArgumentError
-from ual.parameters.values import Parameter, is_same
+from ual.parameters.values import Parameter, is_equal, is_same
 
 QGC_ENDING = ".params"
 ENDINGS = (QGC_ENDING, ".param", ".parm")
@@ -74,7 +73,7 @@ def read(path: Path) -> dict[str, float]:
             name, value = _parameter(line)
         except ValueError as error:
             raise InvalidArgumentError(f"{path}, line {number}: {error}", {"field": "file"}) from None
-        if found.setdefault(name, value) != value:
+        if not is_equal(found.setdefault(name, value), value):
             what = f"{path}, line {number}: {name} was {found[name]:g} before, and is {value:g} here"
             raise InvalidArgumentError(what, {"field": "file"})
     return found
@@ -105,9 +104,6 @@ def _parameter(line: str) -> tuple[str, float]:
     if not _NAME.fullmatch(fields[0]):
         raise ValueError(f"{fields[0]!r:.40} is no name of a parameter")
     try:
-        value = float(fields[1])
+        return fields[0], float(fields[1])  # PX4 has some that are NaN
     except ValueError:
         raise ValueError(f"{fields[0]}: {fields[1]!r:.40} is no number") from None
-    if not math.isfinite(value):
-        raise ValueError(f"{fields[0]}: {fields[1]} is not finite")
-    return fields[0], value

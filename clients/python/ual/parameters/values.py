@@ -87,4 +87,9 @@ def real32_text(value: float) -> str:
 
 def is_same(parameter: Parameter, value: float) -> bool:
     """Whether a value, as written by hand or in a file, is that of a parameter."""
-    return parameter.value == (value if parameter.type.is_whole else real32(value))
+    return is_equal(parameter.value, value if parameter.type.is_whole else real32(value))
+
+
+def is_equal(one: float, other: float) -> bool:
+    """Whether two values are the same; NaN is the same as NaN."""
+    return one == other or (math.isnan(one) and math.isnan(other))

@@ -16,6 +16,7 @@ from typing_extensions import override
 
 from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual.parameters.values import Parameter, ParameterType
+from ual_daemon.backends.parameters import Refusal
 
 T = TypeVar("T")
 
@@ -168,11 +169,15 @@ class Reading(_OfName):
 
 
 class Writing(_OfName):
-    """Writes one value, and reads it back once the autopilot has confirmed it."""
+    """Writes one value, and reads it back once the autopilot has confirmed it. Stops once `refusal` has an error."""
 
-    def __init__(self, future: Future[Parameter], requests: Requests, wanted: Parameter) -> None:
+    def __init__(
+        self, future: Future[Parameter], requests: Requests, wanted: Parameter, refusal: Refusal = lambda: None
+    ) -> None:
         super().__init__(future, requests, wanted.name)
         self._wanted = wanted
+        self._refusal = refusal
+        self._is_sent = False
         self._is_confirmed = False
         self._kept: Parameter | None = None
         """Another value that has come since the last request."""
@@ -182,8 +187,16 @@ class Writing(_OfName):
     def _request(self) -> None:
         if self._is_confirmed:
             self._requests.read(self._name)
-        else:
+            return
+        error = self._refusal()
+        if error is None:
+            self._is_sent = True
             self._requests.write(self._wanted)
+        elif self._is_sent:
+            text = f"{error.message}; it is not known whether {self._name} is {self._wanted.text} now"
+            self.fail(type(error)(text, error.metadata))
+        else:
+            self.fail(error)
 
     @override
     def _on_own_value(self, found: Parameter, now_s: float) -> None:

@@ -31,6 +31,7 @@ from ual_daemon.backends.mavlink.session.parameter_exchanges import (
 )
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.parameters import Refusal
 
 LONGEST_NAME = 16
 MOST_WAITING = 100
@@ -83,15 +84,15 @@ class ParameterTransfers:
         """Reads one parameter."""
         self._add(future, name, lambda requests: Reading(future, requests, name))
 
-    def write(self, wanted: Parameter, future: Future[Parameter]) -> None:
-        """Writes one parameter, and reads it back."""
+    def write(self, wanted: Parameter, refusal: Refusal, future: Future[Parameter]) -> None:
+        """Writes one parameter, and reads it back; see `AutopilotParameters.write`."""
         try:
             if self._codec is not None:
                 self._codec.encode(wanted)  # so that it is refused here, and not when it is its turn
         except InvalidArgumentError as error:
             _fail(future, error)
             return
-        self._add(future, wanted.name, lambda requests: Writing(future, requests, wanted))
+        self._add(future, wanted.name, lambda requests: Writing(future, requests, wanted, refusal))
 
     def read_all(self, future: Future[list[Parameter]]) -> None:
         """Lists all, or waits for the list that is under way."""

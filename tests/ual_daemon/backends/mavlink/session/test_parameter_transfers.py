@@ -17,6 +17,7 @@ from ual.errors import (
     ResourceExhaustedError,
     UalError,
     UalTimeoutError,
+    WrongStateError,
 )
 from ual.parameters.values import Parameter, ParameterType
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
@@ -48,6 +49,8 @@ class Bench:
         self.sent: list[Any] = []
         self.now_s = 100.0
         self.is_up = True
+        self.refusal: UalError | None = None
+        """Why nothing may be written now."""
         self.transfers = ParameterTransfers(self.sent.append, lambda _: self.is_up)
         self.transfers.attach(Source(7, 1), dialect or Px4())
 
@@ -70,7 +73,7 @@ class Bench:
 
     def write(self, wanted: Parameter = X5) -> Future[Parameter]:
         future: Future[Parameter] = Future()
-        self.transfers.write(wanted, future)
+        self.transfers.write(wanted, lambda: self.refusal, future)
         self.tick()
         return future
 
@@ -218,6 +221,26 @@ def test_a_write_without_an_answer_says_that_nothing_is_known(bench: Bench) -> N
     bench.value("X", 5.0)
     bench.tick(TRIES_COUNT)
     assert "not read back" in error_of(future).message
+
+
+def test_a_write_is_not_sent_again_once_it_may_not_be_any_more(bench: Bench) -> None:
+    future = bench.write()
+    bench.refusal = WrongStateError("set a parameter: the UAV is armed", {"needed": "disarmed"})
+    bench.tick(3)
+    assert bench.requests() == [("X", 5.0)]
+    error = error_of(future)
+    assert isinstance(error, WrongStateError)
+    assert "it is not known whether X is 5 now" in error.message
+    assert error_of(bench.write()) is bench.refusal
+    assert bench.requests() == []
+
+
+def test_a_write_that_arrived_before_is_read_back_all_the_same(bench: Bench) -> None:
+    future = bench.write()
+    bench.refusal = WrongStateError("set a parameter: the UAV is armed")
+    bench.value("X", 5.0)
+    bench.value("X", 5.0)
+    assert future.result(0) == X5
 
 
 @pytest.mark.parametrize(
