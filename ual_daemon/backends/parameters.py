@@ -40,7 +40,7 @@ class AutopilotParameters(ABC):
     def write(self, parameter: Parameter, refusal: Refusal) -> Future[Parameter]:
         """Writes one, which has the type and the name that were read, and reads it back.
 
-        `refusal` is called before each time that the value is sent, also again: once it returns an error, the value is
+        `refusal` is called each time before the value is sent, first and again. Once it returns an error, the value is
         not sent any more, and the future ends with that error. It is called from any thread, and does not wait.
 
         The future ends with a `RejectedByAutopilotError` where the autopilot has kept another value.
