@@ -61,10 +61,10 @@ class MavlinkBackend(Backend):
         self._setpoints = SetpointMonitor()
         self._payload_messages = PayloadMessages()
         self._payload = MavlinkPayload(lambda what, make: self._command(what, lambda _: make()), self._payload_messages)
-        self._offers = (MavlinkParameters(self._reach, self._post),)
         self._discovery: Discovery | None = None
         self._loop: ReceiveLoop | None = None
         self._desk: CommandDesk[CommandLong] | None = None
+        self._offers = (MavlinkParameters(self._last_session, self._reach, self._post),)
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
@@ -160,6 +160,9 @@ class MavlinkBackend(Backend):
     @override
     def offer(self, kind: type[T]) -> T | None:
         return next((each for each in self._offers if isinstance(each, kind)), None)
+
+    def _last_session(self) -> Session | None:
+        return None if self._discovery is None else self._discovery.session
 
     def _post(self, request: Callable[[Discovery], None]) -> None:
         """Has something done on the thread that receives."""

@@ -19,21 +19,30 @@ T = TypeVar("T")
 
 
 class MavlinkParameters(AutopilotParameters):
-    """The parameters of one backend. `reach` returns the session that is in reach, or why none is. `post` has something
-    done on the thread that receives.
+    """The parameters of one backend.
+
+    Args:
+        session: Returns the session, in reach or not; None before there was one.
+        reach: Returns the session that is in reach, or why none is.
+        post: Has something done on the thread that receives.
+
     """
 
     def __init__(
-        self, reach: Callable[[str], Session | UalError], post: Callable[[Callable[[Discovery], None]], None]
+        self,
+        session: Callable[[], Session | None],
+        reach: Callable[[str], Session | UalError],
+        post: Callable[[Callable[[Discovery], None]], None],
     ) -> None:
+        self._session = session
         self._reach = reach
         self._post = post
 
     @property
     @override
     def relied_on(self) -> frozenset[str]:
-        session = self._reach("read its parameters")
-        if isinstance(session, UalError):
+        session = self._session()
+        if session is None:
             return frozenset()
         return session.dialect.failsafe_parameters.union(session.dialect.parameters)
 

@@ -7,6 +7,7 @@ from concurrent.futures import Future
 from typing import Protocol, TypeVar
 
 from ual.errors import NotSupportedError, UalTimeoutError, WrongStateError
+from ual.types import State
 from ual_daemon.flight.refusals import only_watching
 
 T = TypeVar("T")
@@ -26,6 +27,9 @@ class ServedVehicle(Protocol):
     @property
     def is_watch_only(self) -> bool:
         """Whether it is only watched."""
+
+    def state(self) -> State:
+        """Its state."""
 
     def offer(self, kind: type[T]) -> T | None:
         """See `ual_daemon.backends.base.Backend.offer`."""
@@ -75,7 +79,8 @@ def require_disarmed(vehicle: ServedVehicle, command: str, what_then: str) -> No
     is_armed = vehicle.is_armed()
     if is_armed is not False:
         why = "it is not known whether the UAV is armed" if is_armed is None else "the UAV is armed"
-        raise WrongStateError(f"{command}: {why}; {what_then}", {"needed": "disarmed"})
+        metadata = {"state": vehicle.state().name, "needed": State.LANDED_DISARMED.name}
+        raise WrongStateError(f"{command}: {why}; {what_then}", metadata)
 
 
 def wait(future: Future[T], limit_s: float, what: str) -> T:

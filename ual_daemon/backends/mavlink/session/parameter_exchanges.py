@@ -7,6 +7,7 @@ Each ends by itself, whatever comes or does not come.
 
 from __future__ import annotations
 
+import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -19,6 +20,8 @@ from ual.parameters.values import Parameter, ParameterType
 from ual_daemon.backends.parameters import Refusal
 
 T = TypeVar("T")
+
+_log = logging.getLogger(__name__)
 
 RETRY_S = 0.6
 """After so long without an answer a request is sent again, ..."""
@@ -275,7 +278,16 @@ class Listing(Exchange[list[Parameter]]):
             self._new_s = now_s
         self._found[received.place] = received
         if len(self._found) == received.total:
-            self._end([Parameter(each.name, *each.value) for _, each in sorted(self._found.items()) if each.value])
+            self._end(self._known())
+
+    def _known(self) -> list[Parameter]:
+        ordered = [each for _, each in sorted(self._found.items())]
+        unknown = ", ".join(each.name for each in ordered if each.value is None)
+        if unknown:
+            _log.warning(
+                "of these parameters UAL does not know the type or the value, so they are not listed: %s", unknown
+            )
+        return [Parameter(each.name, *each.value) for each in ordered if each.value is not None]
 
     def _begin_count(self, count: int, now_s: float) -> bool:
         """Takes the number of parameters. If it has changed, all indices are others. Returns whether it goes on."""

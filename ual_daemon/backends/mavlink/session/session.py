@@ -159,7 +159,7 @@ class Session:
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self._on_parameter,
-            mavlink.MAVLINK_MSG_ID_PARAM_ERROR: lambda message, *_: self._parameters.on_error(message),
+            mavlink.MAVLINK_MSG_ID_PARAM_ERROR: self._on_parameter_error,
             **(
                 {mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target}
                 if dialect.stays_without_setpoints
@@ -447,6 +447,10 @@ class Session:
         self._parameters.on_value(message, now_s)
         if self._fence_download is not None and message.param_id == self.dialect.zones_parameter:
             self._fence_download.want()
+
+    def _on_parameter_error(self, message: Message, _now_s: float, _: float) -> None:
+        if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
+            self._parameters.on_error(message)
 
     def _on_timesync(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if message.tc1:  # an answer

@@ -306,6 +306,14 @@ def test_one_that_comes_of_its_own_accord_is_none_of_the_list(bench: Bench) -> N
     assert not future.done()
 
 
+def test_what_is_not_known_is_told_and_not_listed(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
+    future = bench.read_all()
+    bench.value("A", 1.0, 0, 2)
+    bench.value("B", 1.0, 1, 2, kind=10)
+    assert [each.name for each in future.result(0)] == ["A"]
+    assert "not listed: B" in caplog.text
+
+
 def test_missing_ones_are_requested_a_few_at_a_time(bench: Bench) -> None:
     future = bench.read_all()
     bench.value("N0", 0.0, 0, 30)
