@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat, position
 from ual.errors import (
     InvalidArgumentError,
     LinkLostError,
@@ -416,3 +417,53 @@ def test_each_exchange_ends_whatever_comes(seed: int) -> None:
         bench.tick(1, noise.choice((0.0, 0.0, 0.05, 0.5)))
     bench.tick(2000, 0.5)
     assert all(each.done() for each in futures)
+
+
+# --- With the session -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def harness() -> Harness:
+    harness = Harness()
+    harness.receive(heartbeat(), position(0.0))
+    return harness
+
+
+def begin(harness: Harness) -> Future[Parameter]:
+    future: Future[Parameter] = Future()
+    harness.discovery.parameters.read("X", future)
+    harness.run(0.1)
+    return future
+
+
+def test_a_request_leaves_through_the_session_and_its_answer_comes_back(harness: Harness) -> None:
+    future = begin(harness)
+    assert [each.param_id for each in harness.link.take("PARAM_REQUEST_READ") if each.param_id == "X"] == ["X"]
+    harness.receive(mavlink.MAVLink_param_value_message(b"X", 2.5, mavlink.MAV_PARAM_TYPE_REAL32, 3, 0))
+    assert future.result(0).value == 2.5
+
+
+def test_a_refusal_for_another_ground_station_is_none_for_us(harness: Harness) -> None:
+    future = begin(harness)
+    missing = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+    harness.receive(mavlink.MAVLink_param_error_message(255, 190, b"X", -1, missing))
+    assert not future.done()
+    harness.receive(mavlink.MAVLink_param_error_message(1, 191, b"X", -1, missing))
+    assert isinstance(error_of(future), InvalidArgumentError)
+
+
+def test_a_boot_ends_what_is_under_way(harness: Harness) -> None:
+    harness.now_s = 60.0
+    harness.receive(heartbeat(), position(60.0))
+    future = begin(harness)
+    for boot_ms in (1000, 1100, 1200, 1300):  # a boot is believed when several messages agree
+        harness.receive(mavlink.MAVLink_local_position_ned_message(boot_ms, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        harness.run(0.1)
+    assert isinstance(error_of(future), LinkLostError)
+    assert "has booted" in str(future.exception())
+
+
+def test_the_end_of_the_daemon_ends_what_is_under_way(harness: Harness) -> None:
+    future = begin(harness)
+    harness.discovery.release()
+    assert isinstance(error_of(future), LinkLostError)
