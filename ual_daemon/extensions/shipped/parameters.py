@@ -130,11 +130,14 @@ def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
     running: list[Future[S] | Future[T]] = [first]
 
     def on_last(last: Future[T]) -> None:
-        if not last.cancelled() and result.set_running_or_notify_cancel():
+        if last.cancelled():
+            result.cancel()
+        elif not result.done() and result.set_running_or_notify_cancel():
             _copy(last, result)
 
     def on_first(done: Future[S]) -> None:
         if done.cancelled() or result.cancelled():
+            result.cancel()
             return
         try:
             last = step(done.result())

@@ -172,7 +172,11 @@ class Reading(_OfName):
 
 
 class Writing(_OfName):
-    """Writes one value, and reads it back once the autopilot has confirmed it. Stops once `refusal` has an error."""
+    """Writes one value, and reads it back once the autopilot has confirmed it. Stops once `refusal` has an error.
+
+    The confirmation is awaited, not only the value read: ArduPilot confirms what it has stored (AP_Param::save_sync),
+    and without room for it sends nothing. PX4 confirms at once.
+    """
 
     def __init__(
         self, future: Future[Parameter], requests: Requests, wanted: Parameter, refusal: Refusal = lambda: None
