@@ -11,10 +11,12 @@ import ast
 import inspect
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
+from ual import _parameter_calls
 from ual._calls import MEMBERS, Kind
 from ual.shared import views
 
@@ -39,6 +41,10 @@ _WAYS = {
     Kind.EXTERNAL_POSE: _Way("_external_poses.send"),
     Kind.SIMULATION: _Way("_connection.run"),
 }
+PARTS: Mapping[str, ModuleType] = {"Parameters": _parameter_calls}
+"""The services beside that of the UAV, by the class of their interface: the module with their calls. A member of the
+UAV returns each of them (`ual.Uav.parameters`).
+"""
 _OF_UAV_BY_HAND = {"wait_for": "ask"}
 """Members that each client has of its own, and how a team gives them to its UAVs."""
 
@@ -96,7 +102,66 @@ def sources() -> dict[Path, str]:
         "aio/_derived.py": (_AIO, [_AIO_UAV, *map(_aio_call, of_aio), _AIO_SIMULATION, *map(_aio_call, of_simulation)]),
         "aio/_derived_team.py": (_AIO_TEAM_HEAD, [_AIO_TEAM, *map(_aio_team_member, of_team)]),
     }
+    parts = [(owner, calls, _members_of_part(tree, owner, calls)) for owner, calls in PARTS.items()]
+    imports = "".join(f"from ual import {_name(calls)}\n" for calls in PARTS.values())
+    for name, head, part in (
+        ("_derived_parts.py", _PARTS, _sync_part),
+        ("aio/_derived_parts.py", _AIO_PARTS, _aio_part),
+    ):
+        modules[name] = head + imports, [part(*each) for each in parts]
     return {CLIENT / name: _module(tree, head, "".join(body)) for name, (head, body) in modules.items()}
+
+
+def _members_of_part(tree: ast.Module, owner: str, calls: ModuleType) -> list[_Member]:
+    members = _members(tree, owner)
+    if {each.name for each in members} != set(calls.MEMBERS):
+        sys.exit(f"tools/clients.py: ual.interface.{owner} and {calls.__name__} have other members")
+    return members
+
+
+def _name(calls: ModuleType) -> str:
+    return calls.__name__.rpartition(".")[2]
+
+
+def _part_call(calls: ModuleType, member: _Member) -> str:
+    return f"self._connection.run({_name(calls)}.{calls.MEMBERS[member.name].__name__}({member.passed()}))"
+
+
+def _sync_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
+    body = [
+        f"""
+    @override
+    def {member.signature} -> {member.returned}:
+        {member.returning(_part_call(calls, member))}
+"""
+        for member in members
+    ]
+    return _part_head(owner, f"(interface.{owner})") + "".join(body)
+
+
+def _aio_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
+    body = [
+        f"""
+    async def {member.signature} -> {member.returned}:
+{_documented(_without_example(member.documentation))}
+        {member.returning(f"await {_part_call(calls, member)}")}
+"""
+        for member in members
+    ]
+    return _part_head(owner, "") + "".join(body)
+
+
+def _part_head(owner: str, bases: str) -> str:
+    return f"""
+class {owner}{bases}:
+    \"\"\"`ual.interface.{owner}`, over gRPC.\"\"\"
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<{owner} of {{self._connection.described}}>"
+"""
 
 
 def _members(tree: ast.Module, owner: str) -> list[_Member]:
@@ -246,6 +311,23 @@ class SimulationMembers(interface.Simulation):
     """Those of `ual.Uav.simulation`."""
 
     _connection: Connection
+'''
+_PARTS = '''"""The services beside that of the UAV. ``make clients`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from typing_extensions import override
+
+from ual import interface
+from ual._connection import Connection
+# imports
+'''
+_AIO_PARTS = '''"""The services beside that of the UAV, for asyncio. ``make clients`` writes it: do not edit."""
+
+from __future__ import annotations
+
+from ual.aio._connection import Connection
+# imports
 '''
 _SYNC_TEAM_HEAD = '''"""A team's members that are one call each. ``make clients`` writes this file: do not edit it."""
 

@@ -51,6 +51,7 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.choice import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
+from ual_daemon.extensions.shipped.parameters import Parameters
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
@@ -352,6 +353,11 @@ class UAL(Uav):
     @override
     def simulation(self) -> Simulation:
         return self.vehicle.simulation()
+
+    @property
+    @override
+    def parameters(self) -> Parameters:
+        return Parameters(self.vehicle, lambda: self._lease_id)
 
 
 class _Task(Task):

@@ -122,6 +122,8 @@ class Autopilot(ABC):
         """Whether it knows no commands for single messages."""
         self.fence = FenceStore(is_strict=self.is_fence_strict)
         self.parameters = dict(self.default_parameters())
+        self.kept_parameters: set[str] = set()
+        """Names of parameters that it keeps as they are, whatever is written."""
         self.builders: dict[int, Callable[[], Message | None]] = self._builders()
         self._handlers: dict[int, Callable[[Message, Sender], None]] = {
             mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self._on_command_long,
@@ -129,6 +131,7 @@ class Autopilot(ABC):
             mavlink.MAVLINK_MSG_ID_SET_MODE: self._on_set_mode,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._on_param_request_read,
+            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._on_param_request_list,
             mavlink.MAVLINK_MSG_ID_PARAM_SET: self._on_param_set,
             mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._on_local_target,
             mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL: self._on_manual_control,
@@ -490,13 +493,18 @@ class Autopilot(ABC):
         if name in self.parameters:
             sender.channel.send(self._parameter(name), self.elapsed_s)
 
+    def _on_param_request_list(self, message: Message, sender: Sender) -> None:
+        for count, name in enumerate(list(self.parameters)):
+            self.at(count * STEP_S / 2.0, lambda name=name: sender.channel.send(self._parameter(name), self.elapsed_s))  # type: ignore[misc]
+
     def _on_param_set(self, message: Message, sender: Sender) -> None:
         if message.param_id in self.parameters:
             is_whole = isinstance(self.parameters[message.param_id], int)
             value = message.param_value
             if is_whole:
                 value = self._from_wire(value)
-            self.parameters[message.param_id] = value
+            if message.param_id not in self.kept_parameters:
+                self.parameters[message.param_id] = value
             self._on_gps_parameter(message.param_id, value)
             for channel in self.channels:
                 channel.send(self._parameter(message.param_id), self.elapsed_s)

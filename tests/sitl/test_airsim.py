@@ -15,6 +15,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, daemon_environment
+from tests.patient_checks import WITHOUT_PARAMETERS
 from tests.waiting import until
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
@@ -26,7 +27,12 @@ from ual_daemon import UAL
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 VEHICLE = os.environ.get("UAL_TEST_AIRSIM_VEHICLE", "")
-NOT_HERE = {"arming_belongs_to_the_pilot", "bad_poses_from_outside_are_refused", "scales_a_velocity_down"}
+NOT_HERE = {
+    "arming_belongs_to_the_pilot",
+    "bad_poses_from_outside_are_refused",
+    "scales_a_velocity_down",
+    *WITHOUT_PARAMETERS,
+}
 """What may be skipped: its daemon may arm, it takes no poses, and its limit of 5 m/s needs more room than there is."""
 
 

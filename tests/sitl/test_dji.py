@@ -20,7 +20,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, daemon_environment
-from tests.patient_checks import wait_until_ready
+from tests.patient_checks import WITHOUT_PARAMETERS, wait_until_ready
 from tests.simulators.dji import Aircraft, Front, OsdkSdkNode, OsdkVehicleNode, Psdk
 from tests.simulators.lockstep_dji import DjiPilot
 from tests.simulators.rosbridge import Bridge
@@ -49,6 +49,7 @@ NOT_HERE = {
     "the_pilot_flies_and_gives_back",
     "bad_poses_from_outside_are_refused",
     "goes_to_a_geographic_waypoint",
+    *WITHOUT_PARAMETERS,
 }
 """What may be skipped: it may arm, authority is obtained and never given, and dji_osdk_ros does not know the geoid."""
 

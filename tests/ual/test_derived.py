@@ -13,10 +13,11 @@ import pytest
 
 import ual
 import ual.interface
-from ual import _calls, _client
+from ual import _calls, _client, _derived_parts
+from ual.aio import _derived_parts as aio_parts
 
 ROOT = Path(__file__).parents[2]
-BY_HAND = {"ns", "close", "subscribe", "lease", "extension", "task", "dry_run", "simulation"}
+BY_HAND = {"ns", "close", "subscribe", "lease", "extension", "task", "dry_run", "simulation", "parameters"}
 """What is more than one call, or another thing for asyncio."""
 
 
@@ -53,6 +54,17 @@ def test_a_member_of_the_interface_is_one_call_or_written_by_hand() -> None:
     assert not one_call & BY_HAND
     of_simulation = {name for name, kind in _calls.MEMBERS.items() if kind is _calls.Kind.SIMULATION}
     assert names_of(ual.interface.Simulation) == of_simulation
+
+
+@pytest.mark.parametrize("owner", sorted(clients.PARTS))
+def test_both_clients_have_the_members_of_each_service_beside_flying(owner: str) -> None:
+    interface, sync, aio = (getattr(module, owner) for module in (ual.interface, _derived_parts, aio_parts))
+    assert names_of(interface) == names_of(sync) == names_of(aio) == set(clients.PARTS[owner].MEMBERS)
+    for name in names_of(interface):
+        expected = inspect.signature(getattr(interface, name))
+        assert inspect.signature(getattr(sync, name)) == expected
+        assert inspect.signature(getattr(aio, name)) == expected
+        assert inspect.iscoroutinefunction(getattr(aio, name))
 
 
 def test_a_call_that_the_interface_lacks_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

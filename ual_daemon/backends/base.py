@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from typing_extensions import override
 
@@ -23,6 +23,8 @@ from ual.types import Limits
 from ual_daemon.backends.payload import Payload
 from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Packet, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError
+
+T = TypeVar("T")
 
 
 class Clock(Protocol):
@@ -249,6 +251,13 @@ class Backend(ABC):
 
     def payload(self) -> Payload | None:
         """Returns what extensions may read and send through it; None if it offers nothing for them."""
+        return None
+
+    def offer(self, kind: type[T]) -> T | None:
+        """Returns what it offers of a kind, for a service that is shipped with the daemon; None if it does not.
+
+        The kinds are interfaces of their own, such as `ual_daemon.backends.parameters.AutopilotParameters`.
+        """
         return None
 
     def simulation(self) -> Simulation | None:

@@ -17,6 +17,7 @@ from ual_daemon.program import ending, heap
 from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.program.namespace import Namespace
 from ual_daemon.program.supervision import Supervision, Unsupervised
+from ual_daemon.server import shipped
 from ual_daemon.server.addresses import Address, ListenError
 from ual_daemon.server.call_log import Observer
 from ual_daemon.server.server import Server
@@ -219,7 +220,7 @@ class _Served:
             loop_calls,
             observers,
             callers.access,
-            self._interface.extensions.services,
+            [*shipped.services(self._vehicle), *self._interface.extensions.services],
             time_of,
             tracing.of_environment(),
         )

@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from typing_extensions import override
 
@@ -36,6 +36,9 @@ from ual_daemon.vehicle.telemetry import make_telemetry
 
 LIMITATION = "this is a recording: nothing can be flown"
 _RECORDING = "a recording"
+
+
+T = TypeVar("T")
 
 
 class _NothingFlown:
@@ -142,6 +145,13 @@ class PlayedVehicle(ReportedVehicle):
 
     def payload(self) -> None:
         """Returns None."""
+
+    def offer(self, kind: type[T]) -> T | None:
+        """Returns None: nothing can be asked of what was recorded."""
+        return None
+
+    def is_armed(self) -> None:
+        """Returns None: what is recorded is over."""
 
     def observe_packets(self, _: object) -> bool:
         """Returns False: what is played is recorded already."""

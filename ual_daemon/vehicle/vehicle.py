@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import TypeVar
 
 from typing_extensions import override
 
@@ -34,6 +35,8 @@ from ual_daemon.vehicle.in_map import geofence_in_map, route_in_map
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.reported import ReportedVehicle
 from ual_daemon.vehicle.telemetry import make_telemetry
+
+T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
@@ -169,6 +172,18 @@ class Vehicle(ReportedVehicle):
     def payload(self) -> Payload | None:
         """Returns what the backend offers for what the UAV carries; None where it offers nothing, or only watches."""
         return None if self._flight.is_watch_only else self.backend.payload()
+
+    def offer(self, kind: type[T]) -> T | None:
+        """Returns what the backend offers of a kind; see `Backend.offer`."""
+        return self.backend.offer(kind)
+
+    def is_armed(self) -> bool | None:
+        """Whether it is armed; None while that is not known."""
+        snapshot, freshness = self.backend.snapshot(), self.backend.freshness
+        armed, heard_s = snapshot.control.armed, snapshot.heard_s
+        if armed is None or heard_s is None or snapshot.time_s - heard_s > freshness.link_s:
+            return None
+        return armed.value if snapshot.time_s - armed.time_s <= freshness.mode_s else None
 
     def _expire_lease(self) -> None:
         info = self._flight.lease.expire()

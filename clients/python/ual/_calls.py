@@ -92,6 +92,7 @@ class Service(Enum):
 
     UAL = "UalService"
     SIMULATION = "SimulationService"
+    PARAMETERS = "ParameterService"
 
 
 _UNTRACED: AbstractContextManager[Metadata] = nullcontext(())
@@ -166,7 +167,7 @@ _UNFIT = (TypeError, ValueError, AttributeError, OverflowError)
 """By these a request refuses what is no number, no text, or too large."""
 
 
-def _built(make: Callable[[], Message], field: str, value: object = None) -> Message:
+def built(make: Callable[[], Message], field: str, value: object = None) -> Message:
     """Makes a request. `value` is searched for what protobuf refuses, and the error names that."""
     try:
         return make()
@@ -194,7 +195,7 @@ def transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
     def read(response: pb.GetTransformResponse) -> Transform:
         return convert.transform_from_proto(response.transform)
 
-    request = _built(
+    request = built(
         lambda: pb.GetTransformRequest(target_frame_id=target_frame_id, source_frame_id=source_frame_id), "frame_id"
     )
     return Call(Service.UAL, "GetTransform", request, read)
@@ -227,15 +228,13 @@ def route() -> Call[Route | None]:
 @member(Kind.CHANGE)
 def add_frame(transform: Transform) -> Call[None]:
     checked_transform(transform)
-    request = _built(
-        lambda: pb.AddFrameRequest(transform=convert.transform_to_proto(transform)), "transform", transform
-    )
+    request = built(lambda: pb.AddFrameRequest(transform=convert.transform_to_proto(transform)), "transform", transform)
     return Call(Service.UAL, "AddFrame", request, _nothing)
 
 
 @member(Kind.CHANGE)
 def remove_frame(frame_id: str) -> Call[None]:
-    request = _built(lambda: pb.RemoveFrameRequest(frame_id=frame_id), "frame_id")
+    request = built(lambda: pb.RemoveFrameRequest(frame_id=frame_id), "frame_id")
     return Call(Service.UAL, "RemoveFrame", request, _nothing)
 
 
@@ -251,7 +250,7 @@ def disarm() -> Call[None]:
 
 @member(Kind.COMMAND)
 def recover_from_manual(force: bool = False) -> Call[None]:
-    request = _built(lambda: pb.RecoverFromManualRequest(force=force), "force")
+    request = built(lambda: pb.RecoverFromManualRequest(force=force), "force")
     return Call(Service.UAL, "RecoverFromManual", request, _nothing, None)
 
 
@@ -279,7 +278,7 @@ def acquire_lease(holder: str, take: bool) -> Call[str]:
     def read(response: pb.AcquireLeaseResponse) -> str:
         return response.lease_id
 
-    request = _built(lambda: pb.AcquireLeaseRequest(holder=holder, take=take), "holder", holder)
+    request = built(lambda: pb.AcquireLeaseRequest(holder=holder, take=take), "holder", holder)
     return Call(Service.UAL, "AcquireLease", request, read)
 
 
@@ -297,7 +296,7 @@ def lease_info() -> Call[LeaseInfo | None]:
 
 
 def get_task(task_id: str) -> Call[TaskInfo]:
-    request = _built(lambda: pb.GetTaskRequest(task_id=task_id), "task_id")
+    request = built(lambda: pb.GetTaskRequest(task_id=task_id), "task_id")
     return Call(Service.UAL, "GetTask", request, _read_task)
 
 
@@ -317,7 +316,7 @@ _TASK_METHODS: Mapping[type[TaskRequest], tuple[str, str, str]] = {
 def begin_task(request: TaskRequest, blocking: bool = True) -> Call[TaskInfo]:
     """The call that begins a task, and waits for its end where it is blocking."""
     method, field, at_timeout = _TASK_METHODS[type(request)]
-    message = _built(lambda: convert.task_request_to_proto(request, non_blocking=not blocking), field, request)
+    message = built(lambda: convert.task_request_to_proto(request, non_blocking=not blocking), field, request)
     quick_s, at_timeout = (None, at_timeout) if blocking else (QUICK_S, _GOES_ON)
     return Call(Service.UAL, method, message, _read_task, quick_s, at_timeout)
 
@@ -430,7 +429,7 @@ def pilot_take_over() -> Call[None]:
 
 @member(Kind.SIMULATION)
 def pilot_move_sticks(forward: float, left: float, up: float, turn: float) -> Call[None]:
-    request = _built(lambda: sim_pb.PilotMoveSticksRequest(forward=forward, left=left, up=up, turn=turn), "sticks")
+    request = built(lambda: sim_pb.PilotMoveSticksRequest(forward=forward, left=left, up=up, turn=turn), "sticks")
     return Call(Service.SIMULATION, "PilotMoveSticks", request, _nothing)
 
 
@@ -444,7 +443,7 @@ def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
     def read(response: sim_pb.BeginFaultResponse) -> str:
         return response.fault_id
 
-    request = _built(
+    request = built(
         lambda: sim_pb.BeginFaultRequest(fault=convert.fault_to_proto(fault), duration_s=duration_s), "fault"
     )
     return Call(Service.SIMULATION, "BeginFault", request, read)
@@ -465,33 +464,33 @@ def faults() -> Call[dict[str, Fault]]:
 
 @member(Kind.SIMULATION)
 def set_speed_factor(speed_factor: float) -> Call[None]:
-    request = _built(lambda: sim_pb.SetSpeedFactorRequest(speed_factor=speed_factor), "speed_factor")
+    request = built(lambda: sim_pb.SetSpeedFactorRequest(speed_factor=speed_factor), "speed_factor")
     return Call(Service.SIMULATION, "SetSpeedFactor", request, _nothing)
 
 
 @member(Kind.SIMULATION)
 def step(duration_s: float) -> Call[None]:
-    request = _built(lambda: sim_pb.StepRequest(duration_s=duration_s), "duration_s")
+    request = built(lambda: sim_pb.StepRequest(duration_s=duration_s), "duration_s")
     return Call(Service.SIMULATION, "Step", request, _nothing, None)
 
 
 @member(Kind.SIMULATION)
 def set_noise(position_m: float, velocity_m_s: float) -> Call[None]:
-    request = _built(lambda: sim_pb.SetNoiseRequest(position_m=position_m, velocity_m_s=velocity_m_s), "noise")
+    request = built(lambda: sim_pb.SetNoiseRequest(position_m=position_m, velocity_m_s=velocity_m_s), "noise")
     return Call(Service.SIMULATION, "SetNoise", request, _nothing)
 
 
 @member(Kind.SIMULATION)
 def set_wind(velocity_m_s: Vector3) -> Call[None]:
     require(velocity_m_s, Vector3, "velocity_m_s")
-    request = _built(lambda: sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(velocity_m_s)), "velocity_m_s")
+    request = built(lambda: sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(velocity_m_s)), "velocity_m_s")
     return Call(Service.SIMULATION, "SetWind", request, _nothing)
 
 
 @member(Kind.SIMULATION)
 def place_on_ground(position: Vector3, yaw_rad: float) -> Call[None]:
     require(position, Vector3, "position")
-    request = _built(
+    request = built(
         lambda: sim_pb.PlaceOnGroundRequest(position=convert.vector3_to_proto(position), yaw_rad=yaw_rad), "position"
     )
     return Call(Service.SIMULATION, "PlaceOnGround", request, _nothing)

@@ -11,6 +11,7 @@ from typing_extensions import override
 from ual import _calls, interface
 from ual._connection import Connection
 from ual._derived import SimulationMembers, UavMembers
+from ual._derived_parts import Parameters
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
@@ -62,6 +63,7 @@ class Uav(UavMembers):
         self._dry_run = interface.DryRun(lambda motion: self._connection.run(_calls.dry_run(motion)))
         self._simulation = Simulation(self._connection)
         self._is_simulation = False
+        self._parameters = Parameters(self._connection)
         self._subscriptions = Subscriptions(self._connection)
 
     def __repr__(self) -> str:
@@ -132,6 +134,11 @@ class Uav(UavMembers):
             self._simulation.parts()
             self._is_simulation = True
         return self._simulation
+
+    @property
+    @override
+    def parameters(self) -> Parameters:
+        return self._parameters
 
     @override
     def _command(self, call: _calls.Call[T], timeout_s: float | None = None) -> T:

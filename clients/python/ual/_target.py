@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,7 +16,7 @@ from ual._calls import Call, Service
 from ual.credentials import Credentials, read
 from ual.errors import InvalidArgumentError
 from ual.shared import environment
-from ual.v1 import simulation_pb2_grpc, ual_pb2_grpc
+from ual.v1 import parameters_pb2_grpc, simulation_pb2_grpc, ual_pb2_grpc
 
 ADDRESS_VARIABLE = "UAL_ADDRESS"
 NS_VARIABLE = "UAL_NS"
@@ -43,16 +44,29 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
 )
 
 
+_MADE_BY: Mapping[Service, Callable[[Any], Any]] = {
+    Service.SIMULATION: simulation_pb2_grpc.SimulationServiceStub,
+    Service.PARAMETERS: parameters_pb2_grpc.ParameterServiceStub,
+}
+
+
 class Stubs:
     """The daemon's services over one channel of `grpc` or `grpc.aio`."""
 
     def __init__(self, channel: Any) -> None:  # noqa: ANN401 (grpc's, or grpc.aio's)
         self.ual = ual_pb2_grpc.UalServiceStub(channel)
-        self.simulation = simulation_pb2_grpc.SimulationServiceStub(channel)
+        self._channel = channel
+        self._others: dict[Service, Any] = {}
+        """Those of the other services, made when they are called first."""
 
     def method(self, call: Call[Any]) -> Any:  # noqa: ANN401 (its type depends on the method and on the channel)
         """Returns the gRPC method of a call."""
-        return getattr(self.ual if call.service is Service.UAL else self.simulation, call.method)
+        return getattr(self.ual if call.service is Service.UAL else self._other(call.service), call.method)
+
+    def _other(self, service: Service) -> Any:  # noqa: ANN401 (as above)
+        if service not in self._others:
+            self._others[service] = _MADE_BY[service](self._channel)
+        return self._others[service]
 
 
 @dataclass(slots=True, eq=False)

@@ -29,6 +29,7 @@ from ual.geometry import (
     stamped_pose,
     stamped_twist,
 )
+from ual.parameters.values import Parameter
 from ual.shared import views
 from ual.shared.time_limit import time_limit
 from ual.simulation import Fault, SimulationPart
@@ -218,6 +219,55 @@ def _not_offered(simulation: Simulation, part: SimulationPart) -> NotSupportedEr
     offered = ", ".join(sorted(each.name.lower() for each in simulation.parts())) or "nothing of its own"
     what = part.name.lower()
     return NotSupportedError(f"this simulation does not offer the part {what} (it offers: {offered})", {"part": what})
+
+
+class Parameters(Protocol):
+    """The parameters of the autopilot, by its own names and in its own units. The manual is ``docs/parameters.md``.
+
+    Raises:
+        NotSupportedError: UAL reads and writes none of this autopilot.
+
+    """
+
+    def get(self, name: str) -> Parameter:
+        """Returns a parameter, read from the autopilot now.
+
+        Raises:
+            InvalidArgumentError: It has none of this name.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered. Not every autopilot says that it has none of a name.
+
+        """
+        ...
+
+    def get_all(self) -> list[Parameter]:
+        """Returns all parameters, read from the autopilot now. That may take minutes over a slow link.
+
+        Raises:
+            LinkLostError: It is not heard.
+            UalTimeoutError: Some have not come; the metadata `missing` says how many.
+
+        """
+        ...
+
+    def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
+        """Writes a parameter, and returns it as it was read back.
+
+        Args:
+            name: The autopilot's own name.
+            value: In the autopilot's own unit. A whole number where the parameter is one.
+            force: Write it also while the UAV is armed. Those on which a flight relies are refused all the same.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known.
+            InvalidArgumentError: There is none of this name, or the value does not fit its type.
+            RejectedByAutopilotError: The autopilot has kept another value, which the metadata `kept` has.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: it is not known whether it was written.
+
+        """
+        ...
 
 
 class DryRun(Generic[P]):
@@ -997,6 +1047,11 @@ class Uav(TaskCommands[Task]):
             NotSupportedError: The UAV is a real one.
 
         """
+
+    @property
+    @abstractmethod
+    def parameters(self) -> Parameters:
+        """The autopilot's own parameters."""
 
 
 def _path_request(

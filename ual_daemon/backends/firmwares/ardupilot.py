@@ -219,6 +219,32 @@ class ArduCopter(Autopilot):
         "FENCE_OPTIONS",
     )
     optional_parameters = frozenset({_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE", "FENCE_OPTIONS"})
+    failsafe_parameters = frozenset(
+        {
+            "BATT_FS_CRT_ACT",
+            "BATT_FS_LOW_ACT",
+            "DISARM_DELAY",
+            "FENCE_ACTION",
+            "FENCE_MARGIN",
+            "FS_CRASH_CHECK",
+            "FS_DR_ENABLE",
+            "FS_EKF_ACTION",
+            "FS_EKF_THRESH",
+            "FS_GCS_ENABLE",
+            "FS_GCS_TIMEOUT",
+            "FS_OPTIONS",
+            "FS_THR_ENABLE",
+            "FS_THR_VALUE",
+            "FS_VIBE_ENABLE",
+            "GUID_OPTIONS",
+            "GUID_TIMEOUT",
+            "MAV_GCS_SYSID",
+            "MAV_SYSID",
+            "RTL_ALT",
+            "SYSID_MYGCS",
+            "SYSID_THISMAV",
+        }
+    )
     has_zones = True
     drops_positions_beyond_fence = True  # ModeGuided::set_destination_posvelaccel checks each one
     # Two more than the corners and circles, or 0 for fewer than 3 of them (AC_PolyFence_loader::write_fence). It comes

@@ -113,6 +113,9 @@ class Autopilot(ABC):
     """Those of `parameters` that it need not have."""
     parameter_names: tuple[tuple[str, ...], ...] = ()
     """Those of `parameters` that have other names in other versions: all names of each. It has one of them."""
+    failsafe_parameters: frozenset[str] = frozenset()
+    """Names of parameters by which it judges its links, its pilot and its battery, and acts by itself. A flight of UAL
+    relies on them as on `parameters`, so that neither is written in flight."""
     has_zones = False
     """Whether its own fence may have polygons and circles, which it keeps like the items of a mission."""
     drops_positions_beyond_fence = False

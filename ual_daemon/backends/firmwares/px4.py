@@ -134,6 +134,30 @@ class Px4(Autopilot):
         *_GAINS,
     )
     optional_parameters = frozenset(_GAINS)
+    failsafe_parameters = frozenset(
+        {
+            "COM_ACT_DELAY",
+            "COM_DISARM_LAND",
+            "COM_DL_LOSS_T",
+            "COM_FAIL_ACT_T",
+            "COM_FLT_TIME_MAX",
+            "COM_LOW_BAT_ACT",
+            "COM_OBL_RC_ACT",
+            "COM_POSCTL_NAVL",
+            "COM_POS_FS_EPH",
+            "COM_RC_IN_MODE",
+            "COM_RC_LOSS_T",
+            "COM_RC_OVERRIDE",
+            "COM_RC_STICK_OV",
+            "COM_RCL_EXCEPT",
+            "CBRK_FLIGHTTERM",
+            "MAV_COMP_ID",
+            "MAV_SYS_ID",
+            "NAV_DLL_ACT",
+            "NAV_RCL_ACT",
+            "RTL_RETURN_ALT",
+        }
+    )
     has_zones = True
 
     @override

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
+from typing import TypeVar
 
 from typing_extensions import override
 
@@ -22,6 +23,7 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
+from ual_daemon.backends.mavlink.parameters import MavlinkParameters
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
@@ -32,6 +34,8 @@ from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, defau
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
 from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
+
+T = TypeVar("T")
 
 
 class MavlinkBackend(Backend):
@@ -60,6 +64,7 @@ class MavlinkBackend(Backend):
         self._discovery: Discovery | None = None
         self._loop: ReceiveLoop | None = None
         self._desk: CommandDesk[CommandLong] | None = None
+        self._offers = (MavlinkParameters(self._last_session, self._reach, self._post),)
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
@@ -151,6 +156,19 @@ class MavlinkBackend(Backend):
     @override
     def payload(self) -> MavlinkPayload:
         return self._payload
+
+    @override
+    def offer(self, kind: type[T]) -> T | None:
+        return next((each for each in self._offers if isinstance(each, kind)), None)
+
+    def _last_session(self) -> Session | None:
+        return None if self._discovery is None else self._discovery.session
+
+    def _post(self, request: Callable[[Discovery], None]) -> None:
+        """Has something done on the thread that receives."""
+        discovery, loop = self._discovery, self._loop
+        if discovery is not None and loop is not None:
+            loop.loop.post(lambda _: request(discovery))
 
     def _start(self, connection: Connection, on_update: UpdateCallback) -> None:
         """Starts the thread that receives through a connection."""

@@ -48,10 +48,13 @@ _OF_METHOD: Mapping[str, Role] = {
     **{f"ual.v1.UalService/{name}": Role.COMMANDER for name in _COMMANDING},
     "ual.v1.SimulationService/ListParts": Role.OBSERVER,
     "ual.v1.SimulationService/ListFaults": Role.OBSERVER,
+    "ual.v1.ParameterService/GetParameter": Role.OBSERVER,
+    "ual.v1.ParameterService/ListParameters": Role.OBSERVER,
 }
 _OF_SERVICE: Mapping[str, Role] = {
     "ual.v1.UalService": Role.COMMANDER,  # what is new and was forgotten above
     "ual.v1.SimulationService": Role.COMMANDER,  # whoever changes the world may do everything in it
+    "ual.v1.ParameterService": Role.COMMANDER,  # who writes them decides how the UAV flies
     "grpc.health.v1.Health": Role.OBSERVER,
     "grpc.reflection.v1alpha.ServerReflection": Role.OBSERVER,
 }

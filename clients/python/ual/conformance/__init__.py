@@ -5,13 +5,26 @@
 
 from __future__ import annotations
 
-from ual.conformance import dry_runs, flying, grounded, missions, paths, piloted, refusals, reports, tasks, velocities
+from ual.conformance import (
+    dry_runs,
+    flying,
+    grounded,
+    missions,
+    own_parameters,
+    paths,
+    piloted,
+    refusals,
+    reports,
+    tasks,
+    velocities,
+)
 from ual.conformance.check import Check, Need, Outcome, Result
 from ual.conformance.flight import CannotRunError, CheckFailedError, Flight, Tolerances
 from ual.conformance.runner import run, run_check
 
 CHECKS: tuple[Check, ...] = (
     *reports.CHECKS,
+    *own_parameters.ON_GROUND,
     *grounded.CHECKS,
     *dry_runs.CHECKS,
     *flying.CHECKS,
@@ -19,6 +32,7 @@ CHECKS: tuple[Check, ...] = (
     *velocities.CHECKS,
     *tasks.CHECKS,
     *refusals.CHECKS,
+    *own_parameters.IN_FLIGHT,
     *piloted.CHECKS,
     *missions.CHECKS,
 )

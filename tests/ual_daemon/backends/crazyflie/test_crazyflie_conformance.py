@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import run_check_or_skip, wait_until_ready
+from tests.patient_checks import WITHOUT_PARAMETERS, run_check_or_skip, wait_until_ready
 from tests.simulators.crazyflie import Crazyflie
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.ports import MemoryPort
@@ -25,6 +25,7 @@ NOT_HERE = {
     "the_pilot_flies_and_gives_back",
     "goes_to_a_geographic_waypoint",
     "bad_geographic_waypoints_are_refused",
+    *WITHOUT_PARAMETERS,
 }
 """What is skipped, and nothing else: it has no safety pilot, and does not know where it is on Earth."""
 

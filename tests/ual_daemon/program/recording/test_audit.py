@@ -158,6 +158,8 @@ def test_a_full_disk_is_told_and_what_waits_is_written_later(
         ("/ual.v1.UalService/SetHome", True),
         ("/ual.v1.UalService/AcquireLease", True),
         ("/ual.v1.SimulationService/PilotArm", True),
+        ("/ual.v1.ParameterService/SetParameter", True),
+        ("/ual.v1.ParameterService/ListParameters", False),
         ("/ual.v1.UalService/KeepLease", False),
         ("/ual.v1.UalService/StreamTelemetry", False),
         ("/grpc.health.v1.Health/Check", False),

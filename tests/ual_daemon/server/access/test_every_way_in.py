@@ -13,12 +13,18 @@ from grpc_reflection.v1alpha import reflection_pb2
 
 from tests.ual_daemon.server.access.ways_in import Served, Way, beyond_loopback, make_files, served, ways
 from ual.access.roles import Role
-from ual.v1 import simulation_pb2, ual_pb2
+from ual.v1 import parameters_pb2, simulation_pb2, ual_pb2
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.transport.selection import Choice
 
 PAGE = Path(__file__).parents[4] / "docs" / "security.md"
-DESCRIPTORS = (ual_pb2.DESCRIPTOR, simulation_pb2.DESCRIPTOR, health_pb2.DESCRIPTOR, reflection_pb2.DESCRIPTOR)
+DESCRIPTORS = (
+    ual_pb2.DESCRIPTOR,
+    simulation_pb2.DESCRIPTOR,
+    parameters_pb2.DESCRIPTOR,
+    health_pb2.DESCRIPTOR,
+    reflection_pb2.DESCRIPTOR,
+)
 METHODS = {
     f"/{service.full_name}/{name}": method
     for file in DESCRIPTORS

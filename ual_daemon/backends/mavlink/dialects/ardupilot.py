@@ -24,6 +24,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
 )
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.external_pose import encode_vision_position_estimate
+from ual_daemon.backends.mavlink.dialects.parameter_codec import Cast
 from ual_daemon.backends.mavlink.dialects.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -39,6 +40,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     freshness = Freshness(link_s=1.2, pose_s=1.5, mode_s=4.0, landed_s=2.0, estimator_s=2.0)
     estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
+    parameter_codec = Cast()
 
     @override
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:

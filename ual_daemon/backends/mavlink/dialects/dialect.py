@@ -10,6 +10,7 @@ from ual.errors import NotSupportedError
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Autopilot, version_text
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, arm_or_disarm
+from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
 from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot
@@ -35,6 +36,9 @@ class Dialect(Autopilot):
     """Messages that are needed once and sent only on request or on a change."""
     changing_messages: frozenset[int] = frozenset()
     """Those of `wanted_messages` that are requested again now and then, as a lost change of them would matter."""
+
+    parameter_codec: ParameterCodec | None = None
+    """How values of parameters are sent; None where UAL neither reads nor writes them all."""
 
     @abstractmethod
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:

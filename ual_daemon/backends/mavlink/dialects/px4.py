@@ -23,6 +23,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
 )
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.external_pose import encode_odometry
+from ual_daemon.backends.mavlink.dialects.parameter_codec import ByteWise
 from ual_daemon.backends.mavlink.dialects.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -46,6 +47,7 @@ class Px4(px4.Px4, Dialect):
         mavlink.MAVLINK_MSG_ID_HOME_POSITION,
     )
     changing_messages = frozenset({mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN})
+    parameter_codec = ByteWise()
 
     @override
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:

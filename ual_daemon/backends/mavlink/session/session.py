@@ -42,6 +42,7 @@ from ual_daemon.backends.mavlink.session.conversions import channels
 from ual_daemon.backends.mavlink.session.fence_download import FenceDownload
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
+from ual_daemon.backends.mavlink.session.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.rate_fit import RateFit
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
@@ -95,6 +96,7 @@ class Session:
         supervision: Supervision,
         setpoints: SetpointMonitor,
         payload_messages: PayloadMessages | None = None,
+        parameters: ParameterTransfers | None = None,
     ) -> None:
         self.source = source
         self.system_id = source.system_id
@@ -113,6 +115,7 @@ class Session:
         self._has_key, self._signs = settings.signing_key_file is not None, False
         self._sender = sender
         self._payload_messages = payload_messages or PayloadMessages()
+        self._parameters = parameters or ParameterTransfers(sender.send, supervision.watch.is_up)
         self._supervision = supervision
         self._commands = CommandRunner(
             dialect.name, self._transmit, self.telemetry.snapshot, supervision.watch, setpoints.duration_s
@@ -155,6 +158,8 @@ class Session:
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_position,
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
+            mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self._on_parameter,
+            mavlink.MAVLINK_MSG_ID_PARAM_ERROR: self._on_parameter_error,
             **(
                 {mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target}
                 if dialect.stays_without_setpoints
@@ -356,6 +361,7 @@ class Session:
         if boot_ms > 0 and self._supervision.on_boot_time(boot_ms / 1000.0, now_s):
             telemetry.discard_boot(self._supervision.watch.begin_boot())
             self._commands.drop(now_s)
+            self._parameters.drop("the autopilot has booted")
             self._heartbeats.want()
             self.restart_setup()
         elif boot_ms > 0 and self._supervision.watch.is_boot_doubtful:
@@ -436,6 +442,15 @@ class Session:
         self._commands.on_text(text)
         self._causes.on_sign(self.dialect.cause_of_text(text), now_s)
         self._health.on_text(text, now_s)
+
+    def _on_parameter(self, message: Message, now_s: float, _: float) -> None:
+        self._parameters.on_value(message, now_s)
+        if self._fence_download is not None and message.param_id == self.dialect.zones_parameter:
+            self._fence_download.want()
+
+    def _on_parameter_error(self, message: Message, _now_s: float, _: float) -> None:
+        if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
+            self._parameters.on_error(message)
 
     def _on_timesync(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if message.tc1:  # an answer
@@ -529,12 +544,7 @@ class Session:
         return FenceDownload(self.source, self._own_ids, self._sender.send, fence.set_zones, give_up)
 
     def _fence_handlers(self, download: FenceDownload) -> dict[int, Callable[[Message, float, float], None]]:
-        def on_parameter(message: Message, _now_s: float, _: float) -> None:
-            if message.param_id == self.dialect.zones_parameter:
-                download.want()
-
         return {
-            mavlink.MAVLINK_MSG_ID_PARAM_VALUE: on_parameter,
             mavlink.MAVLINK_MSG_ID_MISSION_COUNT: lambda message, now_s, _: download.on_count(message, now_s),
             mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT: lambda message, now_s, _: download.on_item(message, now_s),
             mavlink.MAVLINK_MSG_ID_MISSION_ACK: lambda message, now_s, _: download.on_ack(message, now_s),

@@ -1,0 +1,31 @@
+"""The services beside that of the UAV. ``make clients`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from typing_extensions import override
+
+from ual import _parameter_calls, interface
+from ual._connection import Connection
+from ual.parameters.values import Parameter
+
+
+class Parameters(interface.Parameters):
+    """`ual.interface.Parameters`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Parameters of {self._connection.described}>"
+
+    @override
+    def get(self, name: str) -> Parameter:
+        return self._connection.run(_parameter_calls.get(name))
+
+    @override
+    def get_all(self) -> list[Parameter]:
+        return self._connection.run(_parameter_calls.get_all())
+
+    @override
+    def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
+        return self._connection.run(_parameter_calls.set_(name=name, value=value, force=force))

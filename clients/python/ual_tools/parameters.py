@@ -1,0 +1,136 @@
+"""`ual param`: the autopilot's own parameters."""
+
+from __future__ import annotations
+
+import fnmatch
+from pathlib import Path
+
+import click
+
+from ual.errors import InvalidArgumentError
+from ual.parameters import Difference, Parameter, compare, read, write
+from ual_tools.app import UalCommand, UalGroup
+from ual_tools.help import Section
+from ual_tools.session import REFUSED, Session, pass_session
+from ual_tools.tables import print_table
+
+_FILE = click.Path(path_type=Path, dir_okay=False)
+_EXISTING = click.Path(path_type=Path, dir_okay=False, exists=True)
+
+
+@click.group(
+    "param",
+    cls=UalGroup,
+    section=Section.TOOLS,
+    examples=(
+        "ual param list 'MPC_XY_*'",
+        "ual param get MPC_XY_CRUISE",
+        "ual param set MPC_XY_CRUISE 5",
+        "ual param save before.params",
+        "ual param compare before.params",
+    ),
+)
+def param() -> None:
+    """Read, write and compare the parameters of the autopilot.
+
+    They are written while the UAV is disarmed, and read back.
+    """
+
+
+@param.command("list", cls=UalCommand, examples=("ual param list", "ual param list 'BATT_*'"))
+@click.argument("pattern", default="*")
+@pass_session
+def list_parameters(session: Session, pattern: str) -> None:
+    """List the parameters whose names match PATTERN (a shell's: *, ?).
+
+    Those on which a flight relies cannot be written while the UAV is armed.
+    """
+    with session.connect() as uav:
+        every = uav.parameters.get_all()
+    found = [each for each in every if fnmatch.fnmatchcase(each.name, pattern.upper())]
+    if not found:
+        raise InvalidArgumentError(f"none of its {len(every)} parameters matches {pattern}", {"field": "pattern"})
+    if session.as_json:
+        for each in found:
+            session.emit(each)
+        return
+    rows = [
+        (each.name, each.text, each.type.name, "a flight relies on it" if each.is_relied_on else "") for each in found
+    ]
+    print_table(("name", "value", "type", ""), rows)
+
+
+@param.command("get", cls=UalCommand, examples=("ual param get MPC_XY_CRUISE",))
+@click.argument("name")
+@pass_session
+def get(session: Session, name: str) -> None:
+    """Print the parameter NAME."""
+    with session.connect() as uav:
+        found = uav.parameters.get(name.upper())
+    session.emit(found, found.text)
+
+
+@param.command("set", cls=UalCommand, examples=("ual param set MPC_XY_CRUISE 5",))
+@click.argument("name")
+@click.argument("value", type=float)
+@click.option("--force", is_flag=True, help="Also while the UAV is armed. Not for those on which a flight relies.")
+@pass_session
+def set_parameter(session: Session, name: str, value: float, force: bool) -> None:
+    """Write VALUE to the parameter NAME, and read it back."""
+    with session.connect() as uav:
+        found = uav.parameters.set(name.upper(), value, force=force)
+    session.emit(found, f"{found.name} is {found.text}")
+
+
+@param.command("save", cls=UalCommand, examples=("ual param save before.params", "ual param save before.param"))
+@click.argument("file", type=_FILE)
+@pass_session
+def save(session: Session, file: Path) -> None:
+    """Save all parameters in FILE.
+
+    .params is QGroundControl's form; .param and .parm are Mission Planner's and MAVProxy's.
+    """
+    with session.connect() as uav:
+        count = _saved(uav.parameters.get_all(), file)
+    session.emit({"done": "param save", "file": str(file), "count": count}, f"{count} parameters saved in {file}")
+
+
+@param.command(
+    "compare", cls=UalCommand, examples=("ual param compare before.params", "ual param compare --all my.param")
+)
+@click.argument("file", type=_EXISTING)
+@click.option("--all-names", is_flag=True, help="Also parameters that the file does not have.")
+@pass_session
+def compare_file(session: Session, file: Path, all_names: bool) -> None:
+    """Print where the parameters in FILE and those of the UAV differ. Exit status 1 where they do."""
+    in_file = read(file)
+    with session.connect() as uav:
+        differences = compare(in_file, uav.parameters.get_all(), all_names=all_names)
+    if session.as_json:
+        for each in differences:
+            session.emit(each)
+    elif differences:
+        print_table(("name", "in the file", "on the UAV"), [_row(each) for each in differences])
+    else:
+        click.echo(f"all {len(in_file)} parameters of {file} are alike on the UAV")
+    if differences:
+        raise click.exceptions.Exit(REFUSED)
+
+
+def _saved(parameters: list[Parameter], file: Path) -> int:
+    try:
+        return write(parameters, file)
+    except OSError as error:
+        raise InvalidArgumentError(f"{file}: {error.strerror}", {"field": "file"}) from None
+
+
+def _row(difference: Difference) -> tuple[str, str, str]:
+    in_file, on_uav = difference.in_file, difference.on_uav
+    return (
+        difference.name,
+        "is not there" if in_file is None else f"{in_file:.9g}",
+        "is not there" if on_uav is None else on_uav.text,
+    )
+
+
+COMMANDS = (param,)

@@ -1,0 +1,120 @@
+"""`ual param`, the clients and the service, with a real daemon and a simulated PX4: who may, and what they get."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+import ual
+from tests.conftest import DaemonProcess, StartDaemon
+from tests.simulators import flying
+from tests.ual_daemon.backends.mavlink.test_autopilot_daemons import Vehicle, vehicle_of
+from tests.waiting import until_state
+from ual.errors import (
+    InvalidArgumentError,
+    LeaseHeldError,
+    NotSupportedError,
+    PermissionDeniedError,
+    RejectedByAutopilotError,
+    WrongStateError,
+)
+from ual.parameters import Parameter, ParameterType
+from ual.types import State
+from ual_tools.main import cli
+
+NAME = "MPC_LAND_SPEED"
+
+
+@pytest.fixture
+def vehicle() -> Iterator[Vehicle]:
+    vehicle = vehicle_of("px4")
+    with flying(vehicle.autopilot):
+        yield vehicle
+
+
+@pytest.fixture
+def daemon(vehicle: Vehicle, start_daemon: StartDaemon) -> DaemonProcess:
+    daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+    with ual.Uav(address=daemon.address) as uav:
+        until_state(uav, State.LANDED_DISARMED)
+    return daemon
+
+
+def run(daemon: DaemonProcess, *words: str | Path) -> Result:
+    return CliRunner().invoke(cli, ["--address", daemon.address, *map(str, words)])
+
+
+def done(daemon: DaemonProcess, *words: str | Path) -> str:
+    result = run(daemon, *words)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def test_the_command_reads_writes_saves_and_compares(daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path) -> None:
+    assert done(daemon, "param", "get", NAME.lower()) == "0.7\n"
+    file = tmp_path / "before.params"
+    count = len(vehicle.autopilot.parameters)
+    assert done(daemon, "param", "save", file) == f"{count} parameters saved in {file}\n"
+    assert f"all {count} parameters" in done(daemon, "param", "compare", file)
+    assert done(daemon, "param", "set", NAME, "0.9") == f"{NAME} is 0.9\n"
+    compared = run(daemon, "param", "compare", file)
+    assert (compared.exit_code, compared.stdout) == (1, f"{NAME}\t0.7\t0.9\n")
+    listed = [json.loads(line) for line in done(daemon, "--json", "param", "list", "mpc_land*").splitlines()]
+    assert [(each["name"], each["type"], each["is_relied_on"]) for each in listed] == [(NAME, "REAL32", False)]
+    refused = run(daemon, "param", "list", "NOTHING*")
+    assert (refused.exit_code, "matches NOTHING*" in refused.output) == (1, True)
+
+
+def test_both_clients_have_the_same_values_and_errors(daemon: DaemonProcess, vehicle: Vehicle) -> None:
+    async def ask() -> tuple[Parameter, list[Parameter]]:
+        async with ual.aio.Uav(address=daemon.address) as uav:
+            with pytest.raises(InvalidArgumentError, match="is out of range"):
+                await uav.parameters.set("EKF2_EV_CTRL", 1e10)
+            return await uav.parameters.set("EKF2_EV_CTRL", 5), await uav.parameters.get_all()
+
+    written, listed = asyncio.run(ask())
+    assert written == Parameter("EKF2_EV_CTRL", 5, ParameterType.INT32)
+    with ual.Uav(address=daemon.address) as uav:
+        assert uav.parameters.get_all() == listed
+        assert written in listed
+        vehicle.autopilot.kept_parameters.add(NAME)
+        with pytest.raises(RejectedByAutopilotError) as refused:
+            uav.parameters.set(NAME, 1.5)
+        assert refused.value.metadata["kept"] == "0.7"
+
+
+def test_a_lease_and_a_flight_keep_others_from_writing(daemon: DaemonProcess, vehicle: Vehicle) -> None:
+    with ual.Uav(address=daemon.address) as holder, ual.Uav(address=daemon.address) as other:
+        with holder.lease("holder"):
+            with pytest.raises(LeaseHeldError):
+                other.parameters.set(NAME, 0.8)
+            assert other.parameters.get(NAME).text == "0.7"
+            assert holder.parameters.set(NAME, 0.8).text == "0.8"
+        assert vehicle.autopilot.pilot_arm()
+        until_state(other, State.LANDED_ARMED)
+        with pytest.raises(WrongStateError, match="the UAV is armed"):
+            other.parameters.set(NAME, 0.9)
+        with pytest.raises(WrongStateError, match="a flight relies on MPC_XY_CRUISE"):
+            other.parameters.set("MPC_XY_CRUISE", 1.0, force=True)
+        assert other.parameters.set(NAME, 0.9, force=True).text == "0.9"
+
+
+def test_a_daemon_that_only_watches_reads_and_does_not_write(vehicle: Vehicle, start_daemon: StartDaemon) -> None:
+    daemon = start_daemon("--url", vehicle.url, "--watch-only", backend="mavlink")
+    with ual.Uav(address=daemon.address) as uav:
+        until_state(uav, State.LANDED_DISARMED)
+        assert uav.parameters.get(NAME).text == "0.7"
+        with pytest.raises(PermissionDeniedError):
+            uav.parameters.set(NAME, 0.8)
+
+
+def test_a_backend_without_them_says_so(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon()
+    with ual.Uav(address=daemon.address) as uav, pytest.raises(NotSupportedError, match="does not offer them"):
+        uav.parameters.get_all()
+    assert run(daemon, "param", "list").exit_code == 1

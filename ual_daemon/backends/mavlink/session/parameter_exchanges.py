@@ -1,0 +1,328 @@
+"""Exchanges of the parameter protocol: one value, a write with its read-back, and the list of all.
+
+https://mavlink.io/en/services/parameter.html. Messages may be lost, doubled, late, and meant for other ground stations,
+as a PARAM_VALUE names no receiver. So each exchange takes any value that could be its answer, and repeats its requests.
+Each ends by itself, whatever comes or does not come.
+"""
+
+from __future__ import annotations
+
+import logging
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Generic, NamedTuple, TypeVar
+
+from typing_extensions import override
+
+from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
+from ual.parameters.values import Parameter, ParameterType
+from ual_daemon.backends.parameters import Refusal
+
+T = TypeVar("T")
+
+_log = logging.getLogger(__name__)
+
+RETRY_S = 0.6
+"""After so long without an answer a request is sent again, ..."""
+TRIES_COUNT = 10
+"""... up to so many times: on a link that loses 30 % each way, one step in a thousand then has no answer."""
+CONTRARY_COUNT = 3
+"""After so many tries that were answered by another value, a write is taken to be refused. One such answer may be of a
+request before."""
+LIST_RETRY_S = 2.0
+QUIET_S = 1.0
+"""After so long without a new value of the list, those that are missing are requested one by one, ..."""
+WINDOW = 10
+"""... so many at a time. ArduPilot queues 20 requests, and drops the others."""
+GIVE_UP_S = 10.0
+"""After so long without a new value the list ends without those that are missing."""
+LONGEST_LIST_S = 600.0
+MOST_PARAMETERS = 10_000
+"""ArduPilot has 1,400, PX4 1,000."""
+RESTARTS_COUNT = 3
+"""So often the number of parameters may change while they are listed: ArduPilot has more once a sensor is on."""
+
+
+class Received(NamedTuple):
+    """A PARAM_VALUE: its place in a list of `total`. `value` is None where its type is not known, or cannot have it."""
+
+    name: str
+    place: int
+    total: int
+    value: tuple[float, ParameterType] | None
+
+
+class Requests(NamedTuple):
+    """What sends requests to one autopilot: of a name, of an index, of all, and of a write.
+
+    `explain` takes the error of an exchange that was not answered, its name, and the time. It returns what that means.
+    """
+
+    read: Callable[[str], object]
+    read_index: Callable[[int], object]
+    read_all: Callable[[], object]
+    write: Callable[[Parameter], object]
+    explain: Callable[[UalError, str, float], UalError]
+
+
+class Exchange(ABC, Generic[T]):
+    """One exchange. Its future ends with the result. Belongs to the thread that receives, and never blocks."""
+
+    def __init__(self, future: Future[T], requests: Requests) -> None:
+        self.future = future
+        self._requests = requests
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has ended, or is not waited for any more."""
+        return self.future.done()
+
+    @abstractmethod
+    def tick(self, now_s: float) -> None:
+        """Sends what is due; to be called often. The first call begins."""
+
+    @abstractmethod
+    def on_value(self, received: Received, now_s: float) -> None:
+        """Takes a value of the autopilot."""
+
+    def on_refusal(self, name: str, error: UalError) -> None:
+        """Takes what the autopilot says of the parameter of a name."""
+
+    def fail(self, error: UalError) -> None:
+        """Ends it with an error."""
+        if not self.is_over and self.future.set_running_or_notify_cancel():
+            self.future.set_exception(error)
+
+    def _end(self, result: T) -> None:
+        if not self.is_over and self.future.set_running_or_notify_cancel():
+            self.future.set_result(result)
+
+
+class _OfName(Exchange[Parameter]):
+    """An exchange about one parameter."""
+
+    def __init__(self, future: Future[Parameter], requests: Requests, name: str) -> None:
+        super().__init__(future, requests)
+        self._name = name
+        self._tries_count = 0
+        self._next_s: float | None = None
+
+    @override
+    def tick(self, now_s: float) -> None:
+        if self._next_s is not None and now_s < self._next_s:
+            return
+        if self._next_s is not None:
+            self._on_silence(now_s)
+        if not self.is_over:
+            self._tries_count += 1
+            self._next_s = now_s + RETRY_S
+            self._request()
+
+    @override
+    def on_refusal(self, name: str, error: UalError) -> None:
+        if name == self._name:
+            self.fail(error)
+
+    @override
+    def on_value(self, received: Received, now_s: float) -> None:
+        if received.name != self._name or self._next_s is None:
+            return
+        if received.value is None:
+            self.fail(NotSupportedError(f"{self._name} has a type or a value that UAL does not know"))
+        else:
+            self._on_own_value(Parameter(self._name, *received.value), now_s)
+
+    def _on_silence(self, now_s: float) -> None:
+        """Does what follows from a try whose time is over."""
+        if self._tries_count >= TRIES_COUNT:
+            self.fail(self._requests.explain(self._unanswered(), self._name, now_s))
+
+    @abstractmethod
+    def _request(self) -> None:
+        """Sends the request."""
+
+    @abstractmethod
+    def _on_own_value(self, found: Parameter, now_s: float) -> None:
+        """Takes the value of this parameter."""
+
+    @abstractmethod
+    def _unanswered(self) -> UalError:
+        """What it means that nothing was answered."""
+
+
+class Reading(_OfName):
+    """Reads one value."""
+
+    @override
+    def _request(self) -> None:
+        self._requests.read(self._name)
+
+    @override
+    def _on_own_value(self, found: Parameter, now_s: float) -> None:
+        self._end(found)
+
+    @override
+    def _unanswered(self) -> UalError:
+        return UalTimeoutError(
+            f"{self._name} was not answered in {TRIES_COUNT} tries: the autopilot has no parameter of this name, or "
+            "the link loses too much",
+            {"name": self._name},
+        )
+
+
+class Writing(_OfName):
+    """Writes one value, and reads it back once the autopilot has confirmed it. Stops once `refusal` has an error.
+
+    The confirmation is awaited, not only the value read: ArduPilot confirms what it has stored (AP_Param::save_sync),
+    and without room for it sends nothing. PX4 confirms at once.
+    """
+
+    def __init__(
+        self, future: Future[Parameter], requests: Requests, wanted: Parameter, refusal: Refusal = lambda: None
+    ) -> None:
+        super().__init__(future, requests, wanted.name)
+        self._wanted = wanted
+        self._refusal = refusal
+        self._is_sent = False
+        self._is_confirmed = False
+        self._kept: Parameter | None = None
+        """Another value that has come since the last request."""
+        self._contrary_count = 0
+
+    @override
+    def _request(self) -> None:
+        if self._is_confirmed:
+            self._requests.read(self._name)
+            return
+        error = self._refusal()
+        if error is None:
+            self._is_sent = True
+            self._requests.write(self._wanted)
+        elif self._is_sent:
+            text = f"{error.message}; it is not known whether {self._name} is {self._wanted.text} now"
+            self.fail(type(error)(text, error.metadata))
+        else:
+            self.fail(error)
+
+    @override
+    def _on_own_value(self, found: Parameter, now_s: float) -> None:
+        if found.value != self._wanted.value:
+            self._kept = found  # perhaps of a request before: the next try says
+        elif self._is_confirmed:
+            self._end(found)
+        else:
+            self._is_confirmed, self._kept, self._tries_count, self._next_s = True, None, 0, now_s
+            self.tick(now_s)
+
+    @override
+    def _on_silence(self, now_s: float) -> None:
+        if self._kept is None:
+            super()._on_silence(now_s)
+            return
+        self._contrary_count += 1
+        if self._contrary_count >= CONTRARY_COUNT:
+            self.fail(self._refused(self._kept))
+        self._is_confirmed, self._kept = False, None
+
+    def _refused(self, kept: Parameter) -> UalError:
+        return RejectedByAutopilotError(
+            f"{self._name} was not written: the autopilot keeps {kept.text}, not {self._wanted.text}",
+            {"name": self._name, "kept": kept.text, "wanted": self._wanted.text},
+        )
+
+    @override
+    def _unanswered(self) -> UalError:
+        what = "not read back" if self._is_confirmed else "not confirmed"
+        return UalTimeoutError(
+            f"{self._name} was {what} in {TRIES_COUNT} tries: it is not known whether it is {self._wanted.text} now; "
+            "read it",
+            {"name": self._name},
+        )
+
+
+class Listing(Exchange[list[Parameter]]):
+    """Lists all values: first as the autopilot streams them, then those that are missing."""
+
+    def __init__(self, future: Future[list[Parameter]], requests: Requests) -> None:
+        super().__init__(future, requests)
+        self._found: dict[int, Received] = {}
+        self._asked_s: dict[int, float] = {}
+        """When a missing one was requested last."""
+        self._count: int | None = None
+        self._began_s: float | None = None
+        self._new_s = 0.0
+        """When the last new value came."""
+        self._next_s = 0.0
+        self._is_filling = False
+        self._restarts_count = 0
+
+    @override
+    def tick(self, now_s: float) -> None:
+        if self._began_s is None:
+            self._began_s = self._new_s = self._next_s = now_s
+        if now_s - self._new_s > GIVE_UP_S or now_s - self._began_s > LONGEST_LIST_S:
+            self.fail(self._requests.explain(self._incomplete(), "", now_s))
+        elif self._count is None:
+            self._request_list(now_s)
+        elif self._is_filling or now_s - self._new_s >= QUIET_S:
+            self._is_filling = True
+            self._request_missing(now_s)
+
+    @override
+    def on_value(self, received: Received, now_s: float) -> None:
+        if self._began_s is None or received.place >= received.total:  # one of its own accord has no place in the list
+            return
+        if received.total > MOST_PARAMETERS:
+            self.fail(NotSupportedError(f"it says that it has {received.total} parameters, over {MOST_PARAMETERS}"))
+            return
+        if received.total != self._count and not self._begin_count(received.total, now_s):
+            return
+        if received.place not in self._found:
+            self._new_s = now_s
+        self._found[received.place] = received
+        if len(self._found) == received.total:
+            self._end(self._known())
+
+    def _known(self) -> list[Parameter]:
+        ordered = [each for _, each in sorted(self._found.items())]
+        unknown = ", ".join(each.name for each in ordered if each.value is None)
+        if unknown:
+            _log.warning(
+                "of these parameters UAL does not know the type or the value, so they are not listed: %s", unknown
+            )
+        return [Parameter(each.name, *each.value) for each in ordered if each.value is not None]
+
+    def _begin_count(self, count: int, now_s: float) -> bool:
+        """Takes the number of parameters. If it has changed, all indices are others. Returns whether it goes on."""
+        if self._count is not None:
+            self._restarts_count += 1
+            self._found.clear()
+            self._asked_s.clear()
+            self._new_s, self._is_filling = now_s, True
+        self._count = count
+        if self._restarts_count > RESTARTS_COUNT:
+            self.fail(UalTimeoutError("the number of its parameters changes all the time: try again"))
+        return not self.is_over
+
+    def _request_list(self, now_s: float) -> None:
+        if now_s >= self._next_s:
+            self._next_s = now_s + LIST_RETRY_S
+            self._requests.read_all()
+
+    def _request_missing(self, now_s: float) -> None:
+        missing = [index for index in range(self._count or 0) if index not in self._found]
+        due = [index for index in missing if now_s - self._asked_s.get(index, -RETRY_S) >= RETRY_S]
+        room = WINDOW - (len(missing) - len(due))
+        for index in due[: max(0, room)]:
+            self._asked_s[index] = now_s
+            self._requests.read_index(index)
+
+    def _incomplete(self) -> UalError:
+        if self._count is None:
+            return UalTimeoutError("the autopilot does not answer to the request for its parameters")
+        missing_count = self._count - len(self._found)
+        return UalTimeoutError(
+            f"{missing_count} of its {self._count} parameters have not come: the link loses too much; try again",
+            {"missing": str(missing_count), "count": str(self._count)},
+        )

@@ -1,0 +1,220 @@
+"""The exchanges of parameters with the autopilot, in order. They outlive the session with it, so that each ends."""
+
+from __future__ import annotations
+
+import difflib
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from typing import Any
+
+from ual.errors import (
+    InvalidArgumentError,
+    LinkLostError,
+    NotSupportedError,
+    RejectedByAutopilotError,
+    ResourceExhaustedError,
+    UalError,
+    UalTimeoutError,
+)
+from ual.parameters.values import Parameter
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
+from ual_daemon.backends.mavlink.session.parameter_exchanges import (
+    Exchange,
+    Listing,
+    Reading,
+    Received,
+    Requests,
+    Writing,
+)
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.parameters import Refusal
+
+LONGEST_NAME = 16
+MOST_WAITING = 100
+"""Exchanges that may wait for their turn."""
+
+
+class ParameterTransfers:
+    """Belongs to the thread that receives. `send` sends a message; `is_up` says whether the link is up at a time.
+
+    One exchange about a single parameter runs at a time, in the order in which they were asked for. So two writes of
+    one name cannot be taken for each other. A list runs beside it, once for all who ask for it.
+    """
+
+    def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
+        self._send = send
+        self._is_up = is_up
+        self._requests: Requests | None = None
+        self._codec: ParameterCodec | None = None
+        self._name = ""
+        self._names: frozenset[str] = frozenset()
+        """Those of the last list; empty while there was none."""
+        self._waiting: deque[Exchange[Parameter]] = deque()
+        self._single: Exchange[Parameter] | None = None
+        self._listing: Listing | None = None
+        self._listeners: list[Future[list[Parameter]]] = []
+
+    def attach(self, target: Source, dialect: Dialect) -> None:
+        """Exchanges with this autopilot from now on. What is under way with another one ends."""
+        self.drop("another autopilot was found")
+        self._codec, self._name, self._names = dialect.parameter_codec, dialect.name, frozenset()
+        self._requests = Requests(
+            lambda name: self._send(mavlink.MAVLink_param_request_read_message(*target, name.encode("ascii"), -1)),
+            lambda index: self._send(mavlink.MAVLink_param_request_read_message(*target, b"", index)),
+            lambda: self._send(mavlink.MAVLink_param_request_list_message(*target)),
+            partial(self._write, target),
+            self._explain,
+        )
+
+    def drop(self, why: str) -> None:
+        """Ends all exchanges: the autopilot has booted, or is another one."""
+        error = LinkLostError(f"its parameters were not exchanged: {why}")
+        for exchange in (*self._waiting, *self._running):
+            exchange.fail(error)
+        self._waiting.clear()
+        self._single = self._listing = None
+
+    # --- What is asked for --------------------------------------------------------------------------------------------
+
+    def read(self, name: str, future: Future[Parameter]) -> None:
+        """Reads one parameter."""
+        self._add(future, name, lambda requests: Reading(future, requests, name))
+
+    def write(self, wanted: Parameter, refusal: Refusal, future: Future[Parameter]) -> None:
+        """Writes one parameter, and reads it back; see `AutopilotParameters.write`."""
+        try:
+            if self._codec is not None:
+                self._codec.encode(wanted)  # so that it is refused here, and not when it is its turn
+        except InvalidArgumentError as error:
+            _fail(future, error)
+            return
+        self._add(future, wanted.name, lambda requests: Writing(future, requests, wanted, refusal))
+
+    def read_all(self, future: Future[list[Parameter]]) -> None:
+        """Lists all, or waits for the list that is under way."""
+        requests = self._usable(future)
+        if requests is None:
+            return
+        if self._listing is None:
+            listed: Future[list[Parameter]] = Future()
+            listed.add_done_callback(self._on_listed)
+            self._listing = Listing(listed, requests)
+        self._listeners.append(future)
+
+    def _add(self, future: Future[Parameter], name: str, make: Callable[[Requests], Exchange[Parameter]]) -> None:
+        requests = self._usable(future)
+        if requests is None:
+            return
+        if len(name) > LONGEST_NAME or not name.isascii():
+            text = f"name: {name!r:.80} is none that MAVLink has: they have up to {LONGEST_NAME} letters"
+            _fail(future, InvalidArgumentError(text, {"field": "name"}))
+            return
+        if len(self._waiting) >= MOST_WAITING:
+            text = f"{MOST_WAITING} reads and writes of parameters wait already, which is the limit"
+            _fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+            return
+        self._waiting.append(make(requests))
+
+    def _usable(self, future: Future[Parameter] | Future[list[Parameter]]) -> Requests | None:
+        """Returns what sends requests. Ends the future where there is nothing to send to."""
+        if self._requests is None:
+            _fail(future, LinkLostError("no autopilot was found"))
+        elif self._codec is None:
+            _fail(future, NotSupportedError(f"UAL does not read or write the parameters of {self._name}"))
+        else:
+            return self._requests
+        return None
+
+    # --- What comes ---------------------------------------------------------------------------------------------------
+
+    def tick(self, now_s: float) -> None:
+        """Sends what is due; to be called often."""
+        self._next_single()
+        if self._single is not None:
+            self._single.tick(now_s)
+        if self._listing is not None:
+            self._tick_listing(self._listing, now_s)
+
+    def on_value(self, message: Message, now_s: float) -> None:
+        """Takes a PARAM_VALUE."""
+        if self._codec is None or not self._running:
+            return
+        value = self._codec.decode(message.param_value, message.param_type)
+        received = Received(message.param_id, message.param_index, message.param_count, value)
+        for exchange in self._running:
+            exchange.on_value(received, now_s)
+
+    def on_error(self, message: Message) -> None:
+        """Takes a PARAM_ERROR: why a read or a write is refused."""
+        if self._single is not None:
+            self._single.on_refusal(message.param_id, _refusal(message.param_id, message.error))
+
+    @property
+    def _running(self) -> list[Exchange[Any]]:
+        return [each for each in (self._single, self._listing) if each is not None]
+
+    def _next_single(self) -> None:
+        while self._single is None or self._single.is_over:
+            if not self._waiting:
+                self._single = None
+                return
+            self._single = self._waiting.popleft()
+
+    def _tick_listing(self, listing: Listing, now_s: float) -> None:
+        if all(listener.cancelled() for listener in self._listeners):
+            self._listing = None
+            self._listeners.clear()
+        else:
+            listing.tick(now_s)
+
+    def _on_listed(self, listed: Future[list[Parameter]]) -> None:
+        self._listing, listeners, self._listeners = None, self._listeners, []
+        error = listed.exception()
+        if error is None:
+            self._names = frozenset(each.name for each in listed.result())
+        for listener in listeners:
+            if listener.set_running_or_notify_cancel():
+                if error is None:
+                    listener.set_result(list(listed.result()))
+                else:
+                    listener.set_exception(error)
+
+    def _explain(self, error: UalError, name: str, now_s: float) -> UalError:
+        """Returns what it means that a name was not answered: the link is lost, or it is known not to be there."""
+        if not isinstance(error, UalTimeoutError):
+            return error
+        if not self._is_up(now_s):
+            return LinkLostError(f"{error.message}; nothing comes from the autopilot", error.metadata)
+        if name and self._names and name not in self._names:
+            return unknown(name, self._names)
+        return error
+
+    def _write(self, target: Source, wanted: Parameter) -> None:
+        if self._codec is None:
+            return
+        field, kind = self._codec.encode(wanted), wanted.type.value
+        self._send(mavlink.MAVLink_param_set_message(*target, wanted.name.encode("ascii"), field, kind))
+
+
+def unknown(name: str, names: frozenset[str]) -> InvalidArgumentError:
+    """Returns that there is no parameter of a name, with those that may be meant."""
+    close = difflib.get_close_matches(name.upper(), names, n=3)
+    meant = f"; did you mean {' or '.join(close)}?" if close else ""
+    return InvalidArgumentError(f"name: the autopilot has no parameter {name}{meant}", {"field": "name"})
+
+
+def _refusal(name: str, number: int) -> UalError:
+    if number == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:
+        return unknown(name, frozenset())
+    entry = mavlink.enums["MAV_PARAM_ERROR"].get(number)
+    words = f"error {number}" if entry is None else str(entry.name).removeprefix("MAV_PARAM_ERROR_")
+    return RejectedByAutopilotError(f"{name}: the autopilot answers {words}", {"name": name, "result": words})
+
+
+def _fail(future: Future[Parameter] | Future[list[Parameter]], error: UalError) -> None:
+    if future.set_running_or_notify_cancel():
+        future.set_exception(error)

@@ -1,0 +1,47 @@
+"""What a backend offers for the autopilot's parameters; see `ual_daemon.extensions.shipped.parameters`."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from ual.errors import UalError
+from ual.parameters.values import Parameter
+
+Refusal = Callable[[], UalError | None]
+"""Why a value may not be written now: the UAV may have been armed meanwhile. None while it may."""
+
+
+class AutopilotParameters(ABC):
+    """Reads and writes the parameters of one autopilot. From any thread; no method waits.
+
+    Each future ends by itself, also where nothing answers: with a `LinkLostError`, or with a `UalTimeoutError`.
+    """
+
+    @property
+    @abstractmethod
+    def relied_on(self) -> frozenset[str]:
+        """The names of those on which a flight relies: UAL has read them, or its failsafes are by them."""
+
+    @abstractmethod
+    def read(self, name: str) -> Future[Parameter]:
+        """Reads one.
+
+        The future ends with an `InvalidArgumentError` where the autopilot says that it has none of this name, or with
+        a `NotSupportedError` where UAL cannot read this autopilot's.
+        """
+
+    @abstractmethod
+    def read_all(self) -> Future[list[Parameter]]:
+        """Reads all, in the order of the autopilot. Where that is under way already, the result is of that."""
+
+    @abstractmethod
+    def write(self, parameter: Parameter, refusal: Refusal) -> Future[Parameter]:
+        """Writes one, which has the type and the name that were read, and reads it back.
+
+        `refusal` is called each time before the value is sent, first and again. Once it returns an error, the value is
+        not sent any more, and the future ends with that error. It is called from any thread, and does not wait.
+
+        The future ends with a `RejectedByAutopilotError` where the autopilot has kept another value.
+        """

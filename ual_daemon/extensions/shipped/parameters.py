@@ -1,0 +1,192 @@
+"""The autopilot's parameters: what may be written, and when. The manual is docs/parameters.md."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+from typing import TypeVar
+
+from typing_extensions import override
+
+from ual import interface
+from ual.errors import UalError
+from ual.parameters.values import Parameter, real32
+from ual_daemon import logs, validation
+from ual_daemon.backends.parameters import AutopilotParameters
+from ual_daemon.extensions.shipped.vehicle import (
+    ServedVehicle,
+    offered,
+    require_change,
+    require_disarmed,
+    wait,
+)
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+ONE_S = 25.0
+"""How long one parameter may take, with those that others have asked for before. A backend ends by itself before."""
+ALL_S = 620.0
+_NAME = re.compile(r"[!-~]{1,64}")
+_SET = "set a parameter"
+
+_log = logging.getLogger(__name__)
+
+
+class VehicleParameters:
+    """The parameters of one UAV. From any thread; no method waits."""
+
+    def __init__(self, vehicle: ServedVehicle) -> None:
+        self._vehicle = vehicle
+
+    def get(self, name: str) -> Future[Parameter]:
+        """See `ual.interface.Parameters`."""
+        offer = self._offer()
+        return then(offer.read(_checked_name(name)), lambda found: _marked(found, offer.relied_on))
+
+    def get_all(self) -> Future[list[Parameter]]:
+        """See `ual.interface.Parameters`."""
+        offer = self._offer()
+
+        def marked(found: list[Parameter]) -> list[Parameter]:
+            relied_on = offer.relied_on
+            return [_marked(each, relied_on) for each in found]
+
+        return then(offer.read_all(), marked)
+
+    def set(self, name: str, value: float, lease_id: str, *, force: bool) -> Future[Parameter]:
+        """See `ual.interface.Parameters`. Reads the parameter first, as its type is the autopilot's."""
+        offer, name = self._offer(), _checked_name(name)
+        value = validation.number(value, "value", at_most=float("inf"))
+
+        def require() -> None:
+            require_change(self._vehicle, _SET, lease_id)
+            self._require_ground(name, offer, force=force)
+
+        def refusal() -> UalError | None:
+            try:
+                require()
+            except UalError as error:
+                return error
+            return None
+
+        def write(before: Parameter) -> Future[Parameter]:
+            return then(
+                offer.write(_fitted(before, value), refusal),
+                lambda found: _written(before, _marked(found, offer.relied_on)),
+            )
+
+        require()
+        return then_wait(offer.read(name), write)
+
+    def _require_ground(self, name: str, offer: AutopilotParameters, *, force: bool) -> None:
+        if name in offer.relied_on:
+            what_then = f"a flight relies on {name}, so land and disarm first (force does not help)"
+            require_disarmed(self._vehicle, _SET, what_then)
+        elif not force:
+            require_disarmed(self._vehicle, _SET, "disarm first, or force it if you know what it does in flight")
+
+    def _offer(self) -> AutopilotParameters:
+        return offered(self._vehicle, AutopilotParameters, "parameters")  # type: ignore[type-abstract]  # it is only looked for
+
+
+class Parameters(interface.Parameters):
+    """The parameters in this process, with the lease that the object has at the moment."""
+
+    def __init__(self, vehicle: ServedVehicle, lease_id: Callable[[], str]) -> None:
+        self._of_vehicle = VehicleParameters(vehicle)
+        self._lease_id = lease_id
+
+    @override
+    def get(self, name: str) -> Parameter:
+        return wait(self._of_vehicle.get(name), ONE_S, f"reading {name}")
+
+    @override
+    def get_all(self) -> list[Parameter]:
+        return wait(self._of_vehicle.get_all(), ALL_S, "listing the parameters")
+
+    @override
+    def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
+        return wait(self._of_vehicle.set(name, value, self._lease_id(), force=force), ONE_S, f"writing {name}")
+
+
+def then(first: Future[S], step: Callable[[S], T]) -> Future[T]:
+    """Returns the future of what a step makes of a result, where the first one ends. Cancelling it cancels that."""
+
+    def ended(result: S) -> Future[T]:
+        future: Future[T] = Future()
+        future.set_result(step(result))
+        return future
+
+    return then_wait(first, ended)
+
+
+def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
+    """As `then`, for a step that has a future itself. A step that raises ends the result with its error."""
+    result: Future[T] = Future()
+    running: list[Future[S] | Future[T]] = [first]
+
+    def on_last(last: Future[T]) -> None:
+        if last.cancelled():
+            result.cancel()
+        elif not result.done() and result.set_running_or_notify_cancel():
+            _copy(last, result)
+
+    def on_first(done: Future[S]) -> None:
+        if done.cancelled() or result.cancelled():
+            result.cancel()
+            return
+        try:
+            last = step(done.result())
+        except Exception as error:  # noqa: BLE001  whatever it is, who waits for the result has to get it
+            last = Future()
+            last.set_exception(error)
+        running.append(last)
+        last.add_done_callback(on_last)
+
+    def on_result(ended: Future[T]) -> None:
+        if ended.cancelled():
+            for each in running:
+                each.cancel()
+
+    result.add_done_callback(on_result)
+    first.add_done_callback(on_first)
+    return result
+
+
+def _copy(source: Future[T], target: Future[T]) -> None:
+    error = source.exception()
+    if error is None:
+        target.set_result(source.result())
+    else:
+        target.set_exception(error)
+
+
+def _checked_name(name: str) -> str:
+    validation.require_type(name, str, "name")
+    if not _NAME.fullmatch(name):
+        raise validation.refuse("name", f"{name!r:.80} is no name of a parameter")
+    return name
+
+
+def _marked(found: Parameter, relied_on: frozenset[str]) -> Parameter:
+    return replace(found, is_relied_on=found.name in relied_on)
+
+
+def _fitted(before: Parameter, value: float) -> Parameter:
+    """Returns the parameter as it is to be written. Raises `InvalidArgumentError` for what its type cannot have."""
+    kind = before.type
+    least, largest = kind.limits
+    if kind.is_whole and not value.is_integer():
+        raise validation.refuse("value", f"{value:g} is not whole, and {before.name} is {kind.name}")
+    if not least <= value <= largest:
+        raise validation.refuse("value", f"{value:g} is out of range: {before.name} is {kind.name}")
+    return replace(before, value=int(value) if kind.is_whole else real32(value))
+
+
+def _written(before: Parameter, found: Parameter) -> Parameter:
+    logs.event(_log, logging.INFO, "parameter_written", name=found.name, value=found.text, before=before.text)
+    return found

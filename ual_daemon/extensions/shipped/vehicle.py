@@ -1,0 +1,104 @@
+"""What a shipped service needs of its UAV, and the checks that are the same for all of them."""
+
+from __future__ import annotations
+
+from concurrent import futures
+from concurrent.futures import Future
+from typing import Protocol, TypeVar
+
+from ual.errors import NotSupportedError, UalTimeoutError, WrongStateError
+from ual.types import State
+from ual_daemon.flight.refusals import only_watching
+
+T = TypeVar("T")
+
+
+class ServedVehicle(Protocol):
+    """A UAV, or a recording that plays as one; see `ual_daemon.choice`."""
+
+    @property
+    def ns(self) -> str:
+        """Its namespace."""
+
+    @property
+    def backend_name(self) -> str:
+        """The name of its backend."""
+
+    @property
+    def is_watch_only(self) -> bool:
+        """Whether it is only watched."""
+
+    def state(self) -> State:
+        """Its state."""
+
+    def offer(self, kind: type[T]) -> T | None:
+        """See `ual_daemon.backends.base.Backend.offer`."""
+
+    def is_armed(self) -> bool | None:
+        """Whether it is armed; None while that is not known."""
+
+    def require_lease(self, command: str, lease_id: str) -> None:
+        """Raises `LeaseHeldError` or `LeaseLostError`, or returns."""
+
+
+def offered(vehicle: ServedVehicle, kind: type[T], what: str) -> T:
+    """Returns what the backend offers.
+
+    Raises:
+        NotSupportedError: It does not offer that.
+
+    """
+    found = vehicle.offer(kind)
+    if found is None:
+        text = f"{what}: the backend {vehicle.backend_name} of {vehicle.ns} does not offer them"
+        raise NotSupportedError(text, {"backend": vehicle.backend_name})
+    return found
+
+
+def require_change(vehicle: ServedVehicle, command: str, lease_id: str) -> None:
+    """Checks that a caller may change something of the autopilot.
+
+    Raises:
+        PermissionDeniedError: The daemon only watches.
+        LeaseHeldError: Another program holds the lease.
+        LeaseLostError: The caller's lease has ended.
+
+    """
+    if vehicle.is_watch_only:
+        raise only_watching(command)
+    vehicle.require_lease(command, lease_id)
+
+
+def require_disarmed(vehicle: ServedVehicle, command: str, what_then: str) -> None:
+    """Checks that the UAV is known to be disarmed. `what_then` says what to do.
+
+    Raises:
+        WrongStateError: It is armed, or that is not known.
+
+    """
+    is_armed = vehicle.is_armed()
+    if is_armed is not False:
+        why = "it is not known whether the UAV is armed" if is_armed is None else "the UAV is armed"
+        metadata = {"state": vehicle.state().name, "needed": State.LANDED_DISARMED.name}
+        raise WrongStateError(f"{command}: {why}; {what_then}", metadata)
+
+
+def wait(future: Future[T], limit_s: float, what: str) -> T:
+    """Waits for a result, in the class.
+
+    Raises:
+        UalTimeoutError: It was not there in time.
+
+    """
+    try:
+        done, _ = futures.wait([future], limit_s)  # not `result`: its time-out looks like one that the future ends with
+    finally:
+        future.cancel()
+    if not done:
+        raise late(what, limit_s)
+    return future.result()
+
+
+def late(what: str, limit_s: float) -> UalTimeoutError:
+    """Returns that something has not ended in time."""
+    return UalTimeoutError(f"{what} did not end within {limit_s:g} s")

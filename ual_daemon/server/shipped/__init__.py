@@ -1,0 +1,27 @@
+"""The servicers of the services that are shipped with the daemon, beside that of the UAV: unpack, call, pack."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ual.access.roles import Role
+from ual_daemon.extensions.shipped.vehicle import ServedVehicle
+from ual_daemon.server.shipped.parameters import parameter_service
+
+
+class ShippedService(NamedTuple):
+    """One of them, as `ual_daemon.server.server.AddedService`. `access.needed` has their roles."""
+
+    name: str
+    add_to_server: Callable[[Any], None]
+    roles: Mapping[str, Role] = {}
+
+
+_MAKERS = (parameter_service,)
+"""What makes each of them for a UAV: its full name, and what registers its servicer."""
+
+
+def services(vehicle: ServedVehicle) -> Sequence[ShippedService]:
+    """Returns all of them for a UAV. Each refuses with NOT_SUPPORTED what its backend does not offer."""
+    return [ShippedService(*make(vehicle)) for make in _MAKERS]
