@@ -29,6 +29,7 @@ _NO_FRAME = Inexpressible("frames are added by tf, which refuses none and remove
 _NO_ROUTE = Inexpressible("the way of the running task is not told", "^route$")
 _NO_GEOFENCE = Inexpressible("where the UAV may fly is not told", "^geofence$")
 _NO_INFO = Inexpressible("who the UAV is, what it can do, and its limits are not told", "^info has no backend$")
+_NO_PARAMETERS = Inexpressible("the autopilot's parameters are not offered", "^parameters$")
 _NO_RATE = Inexpressible("the node has one `rate_hz` for all subscribers", "^rate_hz$")
 
 INEXPRESSIBLE: Mapping[str, Inexpressible] = {
@@ -56,4 +57,7 @@ INEXPRESSIBLE: Mapping[str, Inexpressible] = {
     "ground_commands_are_refused_in_flight": _NO_METADATA,
     "the_pilot_takes_over": _NO_ANSWER,
     "a_paused_task_holds_on_its_way_and_goes_on": _NO_ROUTE,
+    "reads_the_autopilots_parameters": _NO_PARAMETERS,
+    "writes_a_parameter_and_reads_it_back": _NO_PARAMETERS,
+    "writes_no_parameter_in_flight": _NO_PARAMETERS,
 }

@@ -198,6 +198,10 @@ class RosUav(Uav):
         inexpressible("task")
 
     @property
+    def parameters(self) -> ual.interface.Parameters:
+        inexpressible("parameters")
+
+    @property
     def dry_run(self) -> DryRun[ual.types.Plan]:
         inexpressible("dry_run")
 
