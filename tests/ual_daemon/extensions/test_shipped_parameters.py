@@ -13,6 +13,7 @@ from ual.errors import (
     LeaseHeldError,
     NotSupportedError,
     PermissionDeniedError,
+    UalError,
     UalTimeoutError,
     WrongStateError,
 )
@@ -191,9 +192,11 @@ def test_what_the_backend_withdraws_is_not_waited_for(vehicle: Vehicle, offer: O
     offer.reading.set_result(Parameter(GAIN, 0.5, REAL32))
     offer.writing.cancel()
     assert future.cancelled()
-    listing = VehicleParameters(vehicle).get_all()
     offer.listing.cancel()
-    assert listing.cancelled()
+    with pytest.raises(UalError, match="listing the parameters was withdrawn"):
+        Parameters(vehicle, lambda: "mine").get_all()
+    with pytest.raises(UalError, match="ListParameters was withdrawn"):
+        asyncio.run(ended(offer.listing, 1.0, "ListParameters"))
 
 
 def test_waiting_ends_also_where_the_backend_never_answers(

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent import futures
+import threading
 from concurrent.futures import Future
 from typing import Protocol, TypeVar
 
-from ual.errors import NotSupportedError, UalTimeoutError, WrongStateError
+from ual.errors import NotSupportedError, UalError, UalTimeoutError, WrongStateError
 from ual.types import State
 from ual_daemon.flight.refusals import only_watching
 
@@ -88,15 +88,27 @@ def wait(future: Future[T], limit_s: float, what: str) -> T:
 
     Raises:
         UalTimeoutError: It was not there in time.
+        UalError: As the future ends, or the backend has withdrawn it.
 
     """
+    # Not by `result`, whose time-out looks like one that the future ends with. `futures.wait` does not see that a
+    # future was cancelled.
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
     try:
-        done, _ = futures.wait([future], limit_s)  # not `result`: its time-out looks like one that the future ends with
+        is_done = done.wait(limit_s)
     finally:
         future.cancel()
-    if not done:
+    if not is_done:
         raise late(what, limit_s)
+    if future.cancelled():
+        raise withdrawn(what)
     return future.result()
+
+
+def withdrawn(what: str) -> UalError:
+    """Returns that the backend has cancelled something."""
+    return UalError(f"{what} was withdrawn by the backend")
 
 
 def late(what: str, limit_s: float) -> UalTimeoutError:

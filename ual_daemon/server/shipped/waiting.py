@@ -6,7 +6,7 @@ import asyncio
 from concurrent.futures import Future
 from typing import TypeVar
 
-from ual_daemon.extensions.shipped.vehicle import late
+from ual_daemon.extensions.shipped.vehicle import late, withdrawn
 
 T = TypeVar("T")
 
@@ -16,6 +16,7 @@ async def ended(future: Future[T], limit_s: float, what: str) -> T:
 
     Raises:
         UalTimeoutError: It was not there in time.
+        UalError: As the future ends, or the backend has withdrawn it.
 
     """
     waited = asyncio.wrap_future(future)
@@ -26,4 +27,6 @@ async def ended(future: Future[T], limit_s: float, what: str) -> T:
         future.cancel()
     if not done:
         raise late(what, limit_s)
+    if waited.cancelled():
+        raise withdrawn(what)
     return await waited
