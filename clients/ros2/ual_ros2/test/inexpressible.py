@@ -21,8 +21,11 @@ class Inexpressible:
     says: str
 
 
-_NO_ANSWER = Inexpressible("a refused setpoint is told in `health` and in the log: a topic has no answer", "accepted$")
-_NO_METADATA = Inexpressible("the answer of a `Trigger` has no metadata", "metadata says None")
+_NO_ANSWER = Inexpressible(
+    "a refused setpoint is told in `health` and in the log: a topic has no answer",
+    r"^(a pose|a reference|a velocity|Twist).*: expected \w+, but it was accepted$",
+)
+_NO_METADATA = Inexpressible("the answer of a `Trigger` has no metadata", "^(recovering: )?metadata says None")
 _NO_DRY_RUN = Inexpressible("there are no dry runs", "^dry_run$")
 _NO_TASK = Inexpressible("no task is found by its identifier", "^task$")
 _NO_FRAME = Inexpressible("frames are added by tf, which refuses none and removes none", "^add_frame$")

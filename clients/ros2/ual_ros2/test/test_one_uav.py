@@ -151,6 +151,20 @@ def test_a_cancelled_goal_leaves_the_uav_holding(client: Client, flying: ual.Uav
     assert flying.telemetry().task is None
 
 
+def test_a_path_holds_at_a_pose_and_keeps_the_speed_of_a_leg(client: Client, flying: ual.Uav) -> None:
+    corner = ual.Vector3(2.0, 0.0, 3.0)
+    flying.go_to_waypoint(ual.Pose.at(0.0, 0.0, 3.0))
+    samples: list[ual.Telemetry] = []
+    there = Path(poses=[pose(2.0, 0.0, 3.0), pose(0.0, 0.0, 3.0)])
+    with flying.subscribe(samples.append):
+        flown = client.fly(action.FollowPath, f"{UAL}/follow_path", path=there, leg_speeds=[0.5, 0.0], holds=[3.0, 0.0])
+    assert flown[0] == SUCCEEDED
+    odometries = [sample.odometry for sample in samples if sample.odometry is not None]
+    near_s = [each.stamp_s for each in odometries if (each.pose.position - corner).norm() < 0.3]
+    assert near_s[-1] - near_s[0] > 2.5
+    assert max(each.twist.linear.norm() for each in odometries if each.stamp_s < near_s[0]) < 0.6
+
+
 def test_a_goal_that_is_cancelled_at_once_ends(client: Client, flying: ual.Uav) -> None:
     for _ in range(20):
         goal = client.begin(action.GoToWaypoint, f"{UAL}/go_to_waypoint", lambda _: None, waypoint=pose(50.0, 0.0, 3.0))
