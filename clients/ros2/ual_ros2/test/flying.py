@@ -120,10 +120,14 @@ class Client:
 
     def publish(self, kind: Any, topic: str, message: Any, qos: Any = SENSOR) -> None:
         """Publishes a message on a topic that is listened to."""
+        self.publisher(kind, topic, qos).publish(message)
+
+    def publisher(self, kind: Any, topic: str, qos: Any = SENSOR) -> Any:
+        """Returns the publisher of a topic, once that is listened to."""
         if topic not in self._publishers:
             publisher = self._publishers[topic] = self.node.create_publisher(kind, topic, qos)
             waited(publisher.get_subscription_count)
-        self._publishers[topic].publish(message)
+        return self._publishers[topic]
 
     def repeat(self, period_s: float, kind: Any, topic: str, message: Callable[[], Any]) -> Any:
         """Publishes again and again; returns the timer."""

@@ -43,6 +43,9 @@ NAMES: Mapping[type, str] = {
     ReturnToLaunchRequest: "return_to_launch",
 }
 
+TIMES, BETWEEN_S = 3, 0.03
+"""A topic may lose a message: so a pose is published more than once, and a velocity again and again anyway."""
+
 
 def inexpressible(member: str) -> NoReturn:
     """Says that ROS has nothing for a member."""
@@ -57,6 +60,8 @@ class RosUav(Uav):
         self._info = info
         self._world = world
         self._told = Told(client, info.namespace)
+        for kind, name in ((PoseStamped, "set_pose"), (TwistStamped, "set_velocity"), (PoseStamped, "external_pose")):
+            client.publisher(kind, f"/{info.namespace}/ual/{name}", 10)  # the first message on a new one may be lost
         waited(lambda: self._told.sample().transform is not None)
 
     # --- What is known ------------------------------------------------------------------------------------------------
@@ -133,7 +138,10 @@ class RosUav(Uav):
         self._trigger("resume")
 
     def set_pose(self, pose: ual.PoseStamped | ual.Pose) -> None:
-        self._publish(PoseStamped, "set_pose", _pose(stamped_pose(pose)))
+        message = _pose(stamped_pose(pose))
+        for _ in range(TIMES):
+            self._publish(PoseStamped, "set_pose", message)
+            time.sleep(BETWEEN_S)
 
     def set_velocity(self, velocity: ual.TwistStamped | ual.Twist) -> None:
         stamped, message = stamped_twist(velocity), TwistStamped()
