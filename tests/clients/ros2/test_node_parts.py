@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -213,6 +214,26 @@ def test_while_one_is_sent_only_the_newest_waits() -> None:
         may_go_on.set()
         await run_ready()
         assert sent == [1, 4]
+
+    asyncio.run(check())
+
+
+def test_a_value_of_another_thread_is_taken_by_the_event_loop_alone() -> None:
+    """So none is lost where one is put while another is taken to be sent."""
+
+    async def check() -> None:
+        sent: list[int] = []
+
+        async def send(value: int) -> None:
+            sent.append(value)
+
+        newest = Newest(asyncio.get_running_loop(), send, lambda _: None, clock=lambda: 0.0)
+        putting = threading.Thread(target=newest.put, args=(1,))
+        putting.start()
+        putting.join()
+        newest.clear()  # of what the loop knew until now
+        await run_ready()
+        assert sent == [1]
 
     asyncio.run(check())
 

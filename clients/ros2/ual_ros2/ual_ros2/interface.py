@@ -72,9 +72,7 @@ class UavInterface:
         self._topics = topics.Topics(shared.node, ns, shared.time, shared.tf.moving)
         self._frames = Frames(self._uav, ns, shared.tf)
         self._setpoints: Newest[ual.PoseStamped | ual.TwistStamped] = Newest(self._loop, self._set, self._on_refusal)
-        self._external_poses: Newest[ual.PoseStamped] = Newest(
-            self._loop, self._uav.set_external_pose, self._on_refusal
-        )
+        self._external_poses: Newest[ual.PoseStamped] = Newest(self._loop, self._set_external_pose, self._on_refusal)
         self._make_inputs()
 
     # --- For the node: on ROS' executor -------------------------------------------------------------------------------
@@ -211,6 +209,8 @@ class UavInterface:
         await command.call(self._uav, request)
 
     async def _set(self, value: ual.PoseStamped | ual.TwistStamped) -> None:
+        if not self._is_active:  # it ended after ROS' thread had taken this one
+            return
         self._require_lease()
         if value.frame_id:
             await self._frames.provide((value.frame_id,))
@@ -218,6 +218,10 @@ class UavInterface:
             await self._uav.set_pose(value)
         else:
             await self._uav.set_velocity(value)
+
+    async def _set_external_pose(self, pose: ual.PoseStamped) -> None:
+        if self._is_active:
+            await self._uav.set_external_pose(pose)
 
     def _on_refusal(self, error: ual.UalError) -> None:
         """A topic has no answer: so its refusal is told in the log, once, and in the diagnostics."""

@@ -37,14 +37,15 @@ class Newest(Generic[T]):
 
     def put(self, value: T) -> None:
         """Takes a value. Any thread may call this."""
-        self._newest = value, self._clock()
-        self._loop.call_soon_threadsafe(self._wake)
+        self._loop.call_soon_threadsafe(self._take, value, self._clock())
 
     def clear(self) -> None:
-        """Drops what waits."""
+        """Drops what waits. Only the event loop calls this."""
         self._newest = None
 
-    def _wake(self) -> None:
+    def _take(self, value: T, put_s: float) -> None:
+        """Only the event loop knows the newest: so none is lost between two threads."""
+        self._newest = value, put_s
         if self._sending is None:
             self._sending = self._loop.create_task(self._send_all())
 
