@@ -34,7 +34,7 @@ def team(fleet: DaemonProcess) -> Iterator[ual.Team]:
         yield team
 
 
-NOT_OF_A_TEAM = {"ns", "simulation", "subscribe", "set_external_pose", "task", "extension"}
+NOT_OF_A_TEAM = {"ns", "simulation", "subscribe", "set_external_pose", "task", "extension", "parameters"}
 """What makes sense for one UAV only: `team["uav_1"]` is one."""
 
 
