@@ -107,11 +107,10 @@ test-newest-grpc: $(DEV)  ## What uses gRPC, on PyPI's newest grpcio and protobu
 	$(call LAY_OVER,build/newest-grpc) --no-deps $(GRPC_FAMILY) 'protobuf<8'
 	$(call WITH,build/newest-grpc) -m pytest $(IN_PARALLEL) $(GRPC_TESTS)
 
-# What flies and serves, without the programs and the simulated autopilots: the part whose coverage this prints by room.
+# The engine, what flies and what serves: the rooms whose tests use most of what a new Python may change.
 test-newest-python:  ## A part of the tests on the newest Python of Debian's testing and the newest grpcio, with its coverage
 	COVERAGE_CORE=sysmon tools/newest_python.sh -m pytest $(IN_PARALLEL) --cov --cov-report=json:build/coverage.json \
-		tests/ual_daemon/backends/engine tests/ual_daemon/flight tests/ual_daemon/frames tests/ual_daemon/tracker \
-		tests/ual_daemon/trajectory tests/ual_daemon/vehicle $(GRPC_TESTS)
+		tests/ual_daemon/backends/engine tests/ual_daemon/flight tests/ual_daemon/frames $(GRPC_TESTS)
 	python3 tools/coverage_by_room.py build/coverage.json
 
 test-oldest-grpc: $(DEV)  ## What uses gRPC, on the oldest grpcio that pyproject.toml allows
