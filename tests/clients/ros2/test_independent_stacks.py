@@ -97,7 +97,7 @@ def cyclone() -> Path:
 @pytest.fixture(scope="module")
 def take_off() -> str:
     """The program in Rust."""
-    if not os.environ.get("UAL_TEST_CLIENTS"):
+    if not (os.environ.get("UAL_TEST_CLIENTS") and os.environ.get("UAL_TEST_ROS2")):
         pytest.skip("to build ros2-client takes minutes: UAL_TEST_CLIENTS=1 make test-ros2")
     if shutil.which("cargo") is None:
         pytest.skip("ros2-client does not call the node here: no cargo. Get it: https://rustup.rs")
@@ -116,7 +116,7 @@ def test_cyclone_dds_hears_the_pose(flying: Network, cyclone: Path) -> None:
     assert float(height) == pytest.approx(0.0, abs=0.1)
 
 
-def test_ros2_client_takes_off_and_hears_why_not(flying: Network, take_off: str) -> None:
+def test_ros2_client_in_rust_takes_off_and_hears_why_not(flying: Network, take_off: str) -> None:
     def call() -> str:
         return flying.said(take_off, "/uav_1/ual", str(DOMAIN), "3")
 
