@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
+from typing import Any
 
 from ual.errors import UalTimeoutError
 
@@ -24,12 +25,19 @@ def failed(error: BaseException) -> Future[None]:
 
 def end(future: Future[None], error: BaseException | None = None) -> bool:
     """Ends a future, with an error or as done. Returns False if it was withdrawn. Runs callbacks, so hold no lock."""
+    if error is not None:
+        return fail(future, error)
     if not future.set_running_or_notify_cancel():
         return False
-    if error is None:
-        future.set_result(None)
-    else:
-        future.set_exception(error)
+    future.set_result(None)
+    return True
+
+
+def fail(future: Future[Any], error: BaseException) -> bool:
+    """Ends a future of any result with an error, as `end` does."""
+    if not future.set_running_or_notify_cancel():
+        return False
+    future.set_exception(error)
     return True
 
 

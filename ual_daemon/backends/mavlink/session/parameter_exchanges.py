@@ -17,6 +17,7 @@ from typing_extensions import override
 
 from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual.parameters.values import Parameter, ParameterType
+from ual_daemon.backends import futures
 from ual_daemon.backends.parameters import Refusal
 
 T = TypeVar("T")
@@ -91,8 +92,8 @@ class Exchange(ABC, Generic[T]):
 
     def fail(self, error: UalError) -> None:
         """Ends it with an error."""
-        if not self.is_over and self.future.set_running_or_notify_cancel():
-            self.future.set_exception(error)
+        if not self.is_over:
+            futures.fail(self.future, error)
 
     def _end(self, result: T) -> None:
         if not self.is_over and self.future.set_running_or_notify_cancel():

@@ -19,6 +19,7 @@ from ual.errors import (
     UalTimeoutError,
 )
 from ual.parameters.values import Parameter
+from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
 from ual_daemon.backends.mavlink.session.parameter_exchanges import (
@@ -90,7 +91,7 @@ class ParameterTransfers:
             if self._codec is not None:
                 self._codec.encode(wanted)  # so that it is refused here, and not when it is its turn
         except InvalidArgumentError as error:
-            _fail(future, error)
+            futures.fail(future, error)
             return
         self._add(future, wanted.name, lambda requests: Writing(future, requests, wanted, refusal))
 
@@ -111,20 +112,20 @@ class ParameterTransfers:
             return
         if len(name) > LONGEST_NAME or not name.isascii():
             text = f"name: {name!r:.80} is none that MAVLink has: they have up to {LONGEST_NAME} letters"
-            _fail(future, InvalidArgumentError(text, {"field": "name"}))
+            futures.fail(future, InvalidArgumentError(text, {"field": "name"}))
             return
         if len(self._waiting) >= MOST_WAITING:
             text = f"{MOST_WAITING} reads and writes of parameters wait already, which is the limit"
-            _fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
             return
         self._waiting.append(make(requests))
 
     def _usable(self, future: Future[Parameter] | Future[list[Parameter]]) -> Requests | None:
         """Returns what sends requests. Ends the future where there is nothing to send to."""
         if self._requests is None:
-            _fail(future, LinkLostError("no autopilot was found"))
+            futures.fail(future, LinkLostError("no autopilot was found"))
         elif self._codec is None:
-            _fail(future, NotSupportedError(f"UAL does not read or write the parameters of {self._name}"))
+            futures.fail(future, NotSupportedError(f"UAL does not read or write the parameters of {self._name}"))
         else:
             return self._requests
         return None
@@ -177,11 +178,10 @@ class ParameterTransfers:
         if error is None:
             self._names = frozenset(each.name for each in listed.result())
         for listener in listeners:
-            if listener.set_running_or_notify_cancel():
-                if error is None:
-                    listener.set_result(list(listed.result()))
-                else:
-                    listener.set_exception(error)
+            if error is not None:
+                futures.fail(listener, error)
+            elif listener.set_running_or_notify_cancel():
+                listener.set_result(list(listed.result()))
 
     def _explain(self, error: UalError, name: str, now_s: float) -> UalError:
         """Returns what it means that a name was not answered: the link is lost, or it is known not to be there."""
@@ -213,8 +213,3 @@ def _refusal(name: str, number: int) -> UalError:
     entry = mavlink.enums["MAV_PARAM_ERROR"].get(number)
     words = f"error {number}" if entry is None else str(entry.name).removeprefix("MAV_PARAM_ERROR_")
     return RejectedByAutopilotError(f"{name}: the autopilot answers {words}", {"name": name, "result": words})
-
-
-def _fail(future: Future[Parameter] | Future[list[Parameter]], error: UalError) -> None:
-    if future.set_running_or_notify_cancel():
-        future.set_exception(error)
