@@ -24,7 +24,7 @@ ALLOWED = {
     "dji/session.py": "a silent topic is subscribed to anew, the confirmation of a landing, and calls that were ended",
     "dji/telemetry.py": "messages that a newer one has overtaken",
     "mavlink/links/connection.py": "when a TCP connection counts as half-open, and when a link works again",
-    "mavlink/session/parameter_transfers.py": "a list of parameters that nobody waits for any more",
+    "mavlink/protocols/parameter_transfers.py": "a list of parameters that nobody waits for any more",
     "mavlink/session/session.py": "when streams are requested anew from an autopilot that is heard",
     "mavlink/session/supervision.py": "after how long sequence numbers may have wrapped",
     "mavlink/wire/frames.py": "pieces of frames that nobody completes",

@@ -256,7 +256,7 @@ class Backend(ABC):
     def offer(self, kind: type[T]) -> T | None:
         """Returns what it offers of a kind, for a service that is shipped with the daemon; None if it does not.
 
-        The kinds are interfaces of their own, such as `ual_daemon.backends.parameters.AutopilotParameters`.
+        The kinds are interfaces of their own, such as `ual_daemon.backends.offers.parameters.AutopilotParameters`.
         """
         return None
 

@@ -19,7 +19,7 @@ from ual.errors import (
 )
 from ual.parameters import Parameter, ParameterType
 from ual.types import State
-from ual_daemon.backends.parameters import AutopilotParameters, Refusal
+from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 from ual_daemon.extensions.shipped import parameters
 from ual_daemon.extensions.shipped.parameters import Parameters, VehicleParameters
 from ual_daemon.extensions.shipped.vehicle import wait

@@ -15,7 +15,7 @@ from ual import interface
 from ual.errors import UalError
 from ual.parameters.values import Parameter, real32
 from ual_daemon import logs, validation
-from ual_daemon.backends.parameters import AutopilotParameters
+from ual_daemon.backends.offers.parameters import AutopilotParameters
 from ual_daemon.extensions.shipped.vehicle import (
     ServedVehicle,
     offered,

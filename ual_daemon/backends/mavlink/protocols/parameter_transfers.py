@@ -22,7 +22,7 @@ from ual.parameters.values import Parameter
 from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
-from ual_daemon.backends.mavlink.session.parameter_exchanges import (
+from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
     Exchange,
     Listing,
     Reading,
@@ -32,7 +32,7 @@ from ual_daemon.backends.mavlink.session.parameter_exchanges import (
 )
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.parameters import Refusal
+from ual_daemon.backends.offers.parameters import Refusal
 
 LONGEST_NAME = 16
 MOST_WAITING = 100

@@ -18,7 +18,7 @@ from typing_extensions import override
 from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual.parameters.values import Parameter, ParameterType
 from ual_daemon.backends import futures
-from ual_daemon.backends.parameters import Refusal
+from ual_daemon.backends.offers.parameters import Refusal
 
 T = TypeVar("T")
 

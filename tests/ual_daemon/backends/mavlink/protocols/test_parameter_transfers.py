@@ -25,7 +25,7 @@ from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.dialects.unknown import Unknown
-from ual_daemon.backends.mavlink.session.parameter_exchanges import (
+from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
     CONTRARY_COUNT,
     GIVE_UP_S,
     LONGEST_LIST_S,
@@ -35,7 +35,7 @@ from ual_daemon.backends.mavlink.session.parameter_exchanges import (
     TRIES_COUNT,
     WINDOW,
 )
-from ual_daemon.backends.mavlink.session.parameter_transfers import MOST_WAITING, ParameterTransfers
+from ual_daemon.backends.mavlink.protocols.parameter_transfers import MOST_WAITING, ParameterTransfers
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 

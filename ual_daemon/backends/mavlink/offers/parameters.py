@@ -10,10 +10,10 @@ from typing_extensions import override
 
 from ual.errors import UalError
 from ual.parameters.values import Parameter
+from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.session.session import Session
-from ual_daemon.backends.parameters import AutopilotParameters, Refusal
+from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 
 T = TypeVar("T")
 

@@ -1,0 +1,1 @@
+"""MAVLink's protocols beside flying, as state machines without threads, sockets or clocks."""
