@@ -64,5 +64,5 @@ class MavlinkParameters(AutopilotParameters):
         if isinstance(session, UalError):
             future.set_exception(session)
         else:
-            self._post(lambda discovery: begin(discovery.parameters, future))
+            self._post(lambda discovery: begin(discovery.protocols.parameters, future))
         return future

@@ -8,16 +8,16 @@ Each ends by itself, whatever comes or does not come.
 from __future__ import annotations
 
 import logging
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from typing_extensions import override
 
 from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual.parameters.values import Parameter, ParameterType
-from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.offers.parameters import Refusal
 
 T = TypeVar("T")
@@ -67,21 +67,12 @@ class Requests(NamedTuple):
     explain: Callable[[UalError, str, float], UalError]
 
 
-class Exchange(ABC, Generic[T]):
-    """One exchange. Its future ends with the result. Belongs to the thread that receives, and never blocks."""
+class ParameterExchange(Exchange[T]):
+    """An exchange about parameters."""
 
     def __init__(self, future: Future[T], requests: Requests) -> None:
-        self.future = future
+        super().__init__(future)
         self._requests = requests
-
-    @property
-    def is_over(self) -> bool:
-        """Whether it has ended, or is not waited for any more."""
-        return self.future.done()
-
-    @abstractmethod
-    def tick(self, now_s: float) -> None:
-        """Sends what is due; to be called often. The first call begins."""
 
     @abstractmethod
     def on_value(self, received: Received, now_s: float) -> None:
@@ -90,17 +81,8 @@ class Exchange(ABC, Generic[T]):
     def on_refusal(self, name: str, error: UalError) -> None:
         """Takes what the autopilot says of the parameter of a name."""
 
-    def fail(self, error: UalError) -> None:
-        """Ends it with an error."""
-        if not self.is_over:
-            futures.fail(self.future, error)
 
-    def _end(self, result: T) -> None:
-        if not self.is_over and self.future.set_running_or_notify_cancel():
-            self.future.set_result(result)
-
-
-class _OfName(Exchange[Parameter]):
+class _OfName(ParameterExchange[Parameter]):
     """An exchange about one parameter."""
 
     def __init__(self, future: Future[Parameter], requests: Requests, name: str) -> None:
@@ -242,7 +224,7 @@ class Writing(_OfName):
         )
 
 
-class Listing(Exchange[list[Parameter]]):
+class Listing(ParameterExchange[list[Parameter]]):
     """Lists all values: first as the autopilot streams them, then those that are missing."""
 
     def __init__(self, future: Future[list[Parameter]], requests: Requests) -> None:

@@ -9,6 +9,8 @@ from concurrent.futures import Future
 from functools import partial
 from typing import Any
 
+from typing_extensions import override
+
 from ual.errors import (
     InvalidArgumentError,
     LinkLostError,
@@ -23,13 +25,14 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
 from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
-    Exchange,
     Listing,
+    ParameterExchange,
     Reading,
     Received,
     Requests,
     Writing,
 )
+from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.parameters import Refusal
@@ -39,7 +42,7 @@ MOST_WAITING = 100
 """Exchanges that may wait for their turn."""
 
 
-class ParameterTransfers:
+class ParameterTransfers(Protocol):
     """Belongs to the thread that receives. `send` sends a message; `is_up` says whether the link is up at a time.
 
     One exchange about a single parameter runs at a time, in the order in which they were asked for. So two writes of
@@ -54,13 +57,21 @@ class ParameterTransfers:
         self._name = ""
         self._names: frozenset[str] = frozenset()
         """Those of the last list; empty while there was none."""
-        self._waiting: deque[Exchange[Parameter]] = deque()
-        self._single: Exchange[Parameter] | None = None
+        self._waiting: deque[ParameterExchange[Parameter]] = deque()
+        self._single: ParameterExchange[Parameter] | None = None
         self._listing: Listing | None = None
         self._listeners: list[Future[list[Parameter]]] = []
 
+    @property
+    @override
+    def handlers(self) -> dict[int, Handler]:
+        return {
+            mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self.on_value,
+            mavlink.MAVLINK_MSG_ID_PARAM_ERROR: lambda message, _: self.on_error(message),
+        }
+
+    @override
     def attach(self, target: Source, dialect: Dialect) -> None:
-        """Exchanges with this autopilot from now on. What is under way with another one ends."""
         self.drop("another autopilot was found")
         self._codec, self._name, self._names = dialect.parameter_codec, dialect.name, frozenset()
         self._requests = Requests(
@@ -71,8 +82,8 @@ class ParameterTransfers:
             self._explain,
         )
 
+    @override
     def drop(self, why: str) -> None:
-        """Ends all exchanges: the autopilot has booted, or is another one."""
         error = LinkLostError(f"its parameters were not exchanged: {why}")
         for exchange in (*self._waiting, *self._running):
             exchange.fail(error)
@@ -106,7 +117,9 @@ class ParameterTransfers:
             self._listing = Listing(listed, requests)
         self._listeners.append(future)
 
-    def _add(self, future: Future[Parameter], name: str, make: Callable[[Requests], Exchange[Parameter]]) -> None:
+    def _add(
+        self, future: Future[Parameter], name: str, make: Callable[[Requests], ParameterExchange[Parameter]]
+    ) -> None:
         requests = self._usable(future)
         if requests is None:
             return
@@ -132,8 +145,8 @@ class ParameterTransfers:
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 
+    @override
     def tick(self, now_s: float) -> None:
-        """Sends what is due; to be called often."""
         self._next_single()
         if self._single is not None:
             self._single.tick(now_s)
@@ -155,7 +168,7 @@ class ParameterTransfers:
             self._single.on_refusal(message.param_id, _refusal(message.param_id, message.error))
 
     @property
-    def _running(self) -> list[Exchange[Any]]:
+    def _running(self) -> list[ParameterExchange[Any]]:
         return [each for each in (self._single, self._listing) if each is not None]
 
     def _next_single(self) -> None:

@@ -14,7 +14,7 @@ from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.dialects.detection import Kind, dialect_of, kind_of, kind_text
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
-from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
+from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.session import ALL_SYSTEMS, Session, Successor
@@ -62,7 +62,7 @@ class Discovery(Selector):
         self.watch = LinkWatch(url, Dialect.freshness.link_s, on_lost=self.discard_state, on_anew=self._request_anew)
         self.supervision = Supervision(self.watch)
         self.session: Session | None = None
-        self.parameters = ParameterTransfers(self.sender.send, self.watch.is_up)
+        self.protocols = Protocols(self.sender.send, self.watch.is_up)
         self._settings = settings
         self._link = link
         self._setpoints = setpoints
@@ -88,7 +88,7 @@ class Discovery(Selector):
 
     def release(self) -> None:
         """Ends the session: the autopilot need not send what was requested any more."""
-        self.parameters.drop("the daemon ends")
+        self.protocols.drop("the daemon ends")
         if self.session is not None and self.watch.state is not LinkState.LOST:
             self.session.release()
 
@@ -97,7 +97,7 @@ class Discovery(Selector):
         self.receiver.tick(now_s)
         self.watch.tick(now_s)
         self._tell_silence(now_s)
-        self.parameters.tick(now_s)
+        self.protocols.tick(now_s)
         if self.session is not None:
             self.session.tick(now_s)
             if self.session.successor is not None:
@@ -203,9 +203,9 @@ class Discovery(Selector):
             self.supervision,
             self._setpoints,
             self._payload_messages,
-            self.parameters,
+            self.protocols,
         )
-        self.parameters.attach(source, dialect)
+        self.protocols.attach(source, dialect)
         self.watch.lost_s = dialect.freshness.link_s
         where = "" if address is None else f", at {address[0]}:{address[1]}"
         _log.info("connected to %s, %s%s", dialect.name, source_text(source), where)

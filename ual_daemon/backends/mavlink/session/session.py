@@ -38,7 +38,8 @@ from ual_daemon.backends.mavlink.dialects.detection import Kind, kind_of
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
+from ual_daemon.backends.mavlink.protocols.protocol import Handler
+from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.conversions import channels
 from ual_daemon.backends.mavlink.session.fence_download import FenceDownload
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
@@ -96,7 +97,7 @@ class Session:
         supervision: Supervision,
         setpoints: SetpointMonitor,
         payload_messages: PayloadMessages | None = None,
-        parameters: ParameterTransfers | None = None,
+        protocols: Protocols | None = None,
     ) -> None:
         self.source = source
         self.system_id = source.system_id
@@ -115,7 +116,7 @@ class Session:
         self._has_key, self._signs = settings.signing_key_file is not None, False
         self._sender = sender
         self._payload_messages = payload_messages or PayloadMessages()
-        self._parameters = parameters or ParameterTransfers(sender.send, supervision.watch.is_up)
+        self._protocols = protocols or Protocols(sender.send, supervision.watch.is_up)
         self._supervision = supervision
         self._commands = CommandRunner(
             dialect.name, self._transmit, self.telemetry.snapshot, supervision.watch, setpoints.duration_s
@@ -146,6 +147,7 @@ class Session:
         self._unlearned_s: tuple[float, float] | None = None
         """When the newest position came that the feed-forward has not taken yet, by our clock and the autopilot's."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
+            **{each: self._for_us(handler) for each, handler in self._protocols.handlers.items()},
             mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._on_current_mode,
@@ -159,7 +161,6 @@ class Session:
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self._on_parameter,
-            mavlink.MAVLINK_MSG_ID_PARAM_ERROR: self._on_parameter_error,
             **(
                 {mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target}
                 if dialect.stays_without_setpoints
@@ -361,7 +362,7 @@ class Session:
         if boot_ms > 0 and self._supervision.on_boot_time(boot_ms / 1000.0, now_s):
             telemetry.discard_boot(self._supervision.watch.begin_boot())
             self._commands.drop(now_s)
-            self._parameters.drop("the autopilot has booted")
+            self._protocols.drop("the autopilot has booted")
             self._heartbeats.want()
             self.restart_setup()
         elif boot_ms > 0 and self._supervision.watch.is_boot_doubtful:
@@ -444,13 +445,20 @@ class Session:
         self._health.on_text(text, now_s)
 
     def _on_parameter(self, message: Message, now_s: float, _: float) -> None:
-        self._parameters.on_value(message, now_s)
+        self._protocols.handlers[mavlink.MAVLINK_MSG_ID_PARAM_VALUE](message, now_s)
         if self._fence_download is not None and message.param_id == self.dialect.zones_parameter:
             self._fence_download.want()
 
-    def _on_parameter_error(self, message: Message, _now_s: float, _: float) -> None:
-        if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
-            self._parameters.on_error(message)
+    def _for_us(self, handler: Handler) -> Callable[[Message, float, float], None]:
+        """Returns what gives a protocol the messages that are not meant for another station."""
+
+        def on_message(message: Message, now_s: float, _: float) -> None:
+            system_id, component_id = self._own_ids
+            is_ours = getattr(message, "target_system", 0) in (0, system_id)
+            if is_ours and getattr(message, "target_component", 0) in (0, component_id):
+                handler(message, now_s)
+
+        return on_message
 
     def _on_timesync(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if message.tc1:  # an answer

@@ -431,7 +431,7 @@ def harness() -> Harness:
 
 def begin(harness: Harness) -> Future[Parameter]:
     future: Future[Parameter] = Future()
-    harness.discovery.parameters.read("X", future)
+    harness.discovery.protocols.parameters.read("X", future)
     harness.run(0.1)
     return future
 

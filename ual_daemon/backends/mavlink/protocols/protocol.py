@@ -1,0 +1,37 @@
+"""What a protocol beside flying is to the session: it gets an autopilot, messages and ticks."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message
+
+Handler = Callable[[Message, float], None]
+"""Takes a message, and the time."""
+
+
+class Protocol(ABC):
+    """A protocol with one autopilot. Belongs to the thread that receives, and never blocks.
+
+    It outlives the session, so that each of its exchanges ends.
+    """
+
+    @property
+    @abstractmethod
+    def handlers(self) -> Mapping[int, Handler]:
+        """What takes the messages of an id. They do not change."""
+
+    @abstractmethod
+    def attach(self, target: Source, dialect: Dialect) -> None:
+        """Exchanges with this autopilot from now on. What is under way with another one ends."""
+
+    @abstractmethod
+    def drop(self, why: str) -> None:
+        """Ends all exchanges: the autopilot has booted, or the daemon ends."""
+
+    @abstractmethod
+    def tick(self, now_s: float) -> None:
+        """Sends what is due; to be called often."""

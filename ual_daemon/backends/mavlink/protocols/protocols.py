@@ -1,0 +1,65 @@
+"""All protocols beside flying of one link."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+
+from typing_extensions import override
+
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
+from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message
+
+
+class Protocols(Protocol):
+    """Belongs to the thread that receives.
+
+    Args:
+        send: Sends a message.
+        is_up: Says whether the link is up at a time.
+
+    """
+
+    def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
+        self.parameters = ParameterTransfers(send, is_up)
+        self._all: tuple[Protocol, ...] = (self.parameters,)
+        taken: defaultdict[int, list[Handler]] = defaultdict(list)
+        for protocol in self._all:
+            for message_id, handler in protocol.handlers.items():
+                taken[message_id].append(handler)
+        self._handlers = {message_id: _in_turn(handlers) for message_id, handlers in taken.items()}
+
+    @property
+    @override
+    def handlers(self) -> dict[int, Handler]:
+        return self._handlers
+
+    @override
+    def attach(self, target: Source, dialect: Dialect) -> None:
+        for protocol in self._all:
+            protocol.attach(target, dialect)
+
+    @override
+    def drop(self, why: str) -> None:
+        for protocol in self._all:
+            protocol.drop(why)
+
+    @override
+    def tick(self, now_s: float) -> None:
+        for protocol in self._all:
+            protocol.tick(now_s)
+
+
+def _in_turn(handlers: list[Handler]) -> Handler:
+    """Returns what gives a message to each of several."""
+    if len(handlers) == 1:
+        return handlers[0]
+
+    def on_message(message: Message, now_s: float) -> None:
+        for handler in handlers:
+            handler(message, now_s)
+
+    return on_message
