@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as FutureTimeoutError
-from typing import Any
+from typing import Any, TypeVar
 
-from ual.errors import UalTimeoutError
+from ual.errors import UalError, UalTimeoutError
+
+T = TypeVar("T")
 
 
 def done() -> Future[None]:
@@ -41,15 +43,26 @@ def fail(future: Future[Any], error: BaseException) -> bool:
     return True
 
 
-def wait(future: Future[None], limit_s: float, late: str) -> None:
-    """Waits for the end of a command, and withdraws it after the limit.
+def wait(
+    future: Future[T], limit_s: float, late: str, withdrawn: str = "the command was withdrawn by the backend"
+) -> T:
+    """Waits for a result, and withdraws what has not ended after the limit.
 
     Raises:
-        UalTimeoutError: It had not ended by then; says `late`.
-        UalError: It was refused.
+        UalTimeoutError: It had not ended by then; it says `late`.
+        UalError: As the future ends, or `withdrawn` if it was cancelled meanwhile.
+
     """
+    # Not by `result`, whose time-out looks like one that the future ends with, as Python 3.11 has one `TimeoutError`.
+    # `concurrent.futures.wait` does not see that a future was cancelled.
+    ended = threading.Event()
+    future.add_done_callback(lambda _: ended.set())
     try:
-        future.result(limit_s)
-    except FutureTimeoutError:
+        is_ended = ended.wait(limit_s)
+    finally:
         future.cancel()
-        raise UalTimeoutError(late) from None
+    if not is_ended:
+        raise UalTimeoutError(late)
+    if future.cancelled():
+        raise UalError(withdrawn)
+    return future.result()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from concurrent.futures import Future
 from typing import Protocol, TypeVar
 
 from ual.errors import NotSupportedError, UalError, UalTimeoutError, WrongStateError
 from ual.types import State
+from ual_daemon.backends import futures
 from ual_daemon.flight.refusals import only_watching
 
 T = TypeVar("T")
@@ -91,19 +91,7 @@ def wait(future: Future[T], limit_s: float, what: str) -> T:
         UalError: As the future ends, or the backend has withdrawn it.
 
     """
-    # Not by `result`, whose time-out looks like one that the future ends with. `futures.wait` does not see that a
-    # future was cancelled.
-    done = threading.Event()
-    future.add_done_callback(lambda _: done.set())
-    try:
-        is_done = done.wait(limit_s)
-    finally:
-        future.cancel()
-    if not is_done:
-        raise late(what, limit_s)
-    if future.cancelled():
-        raise withdrawn(what)
-    return future.result()
+    return futures.wait(future, limit_s, late(what, limit_s).message, withdrawn(what).message)
 
 
 def withdrawn(what: str) -> UalError:
