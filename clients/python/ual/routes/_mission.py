@@ -174,7 +174,7 @@ class _Flight:
             if yaw_deg:
                 self._leave_out(item, "the heading (parameter 4), which ArduPilot ignores")
             return None
-        return _from_north(yaw_deg)
+        return from_north(yaw_deg)
 
     def _add(self, waypoint: GeoWaypoint, hold_s: float, item: Item) -> None:
         """Adds a waypoint. One at the place of the one before is only a longer stay there."""
@@ -240,7 +240,7 @@ class _Flight:
             raise FaultError(
                 "it turns by an angle relative to a heading that is not known: give the heading", item.where
             )
-        yaw_rad = _from_north(_json.number(item.params[0], "the heading (parameter 1)", item.where))
+        yaw_rad = from_north(_json.number(item.params[0], "the heading (parameter 1)", item.where))
         if self._waypoints:
             self._add(replace(self._waypoints[-1], yaw_rad=yaw_rad), 0.0, item)
         else:
@@ -295,6 +295,6 @@ def _not_flown(item: Item) -> FaultError:
     return FaultError(f"UAL cannot fly {what} (MAVLink command {item.command}) in a path: replace or delete it", where)
 
 
-def _from_north(yaw_deg: float) -> float:
+def from_north(yaw_deg: float) -> float:
     """Turns a heading clockwise from north into one of REP 103."""
     return wrap_angle(math.pi / 2 - math.radians(math.fmod(yaw_deg, 360.0)))

@@ -41,6 +41,36 @@ def is_plan(document: object) -> bool:
 
 def read(document: object) -> Route:
     """Reads a plan. Raises `FaultError`."""
+    items, firmware = items_of(document)
+    route = fly(items, firmware)
+    if not route.waypoints:
+        raise FaultError("has no waypoints to fly to")
+    about = other_parts(document)
+    return replace(route, left_out=[*route.left_out, *about])
+
+
+def other_parts(document: object) -> list[str]:
+    """Returns what a plan has beside its mission."""
+    parts = document if isinstance(document, Mapping) else {}
+    fence, rally = parts.get("geoFence"), parts.get("rallyPoints")
+    if any(_holds(part, key) for part, key in ((fence, "polygons"), (fence, "circles"), (rally, "points"))):
+        return ["the geofence and rally points (the daemon has a geofence of its own)"]
+    return []
+
+
+def planned_home(document: object) -> tuple[float, float] | None:
+    """Returns where a plan is to take off; None if it does not say."""
+    place = _mission(document).get("plannedHomePosition")
+    if not isinstance(place, list) or len(place) < 2:
+        return None
+    latitude_deg, longitude_deg = place[:2]
+    if not (isinstance(latitude_deg, float) and isinstance(longitude_deg, float)):
+        return None
+    return latitude_deg, longitude_deg
+
+
+def items_of(document: object) -> tuple[list[Item], Firmware]:
+    """Returns the items of a plan, and for whose autopilot it was made. Raises `FaultError`."""
     mission = _mission(document)
     items = mission.get("items")
     if not isinstance(document, Mapping) or not isinstance(items, list):
@@ -50,14 +80,7 @@ def read(document: object) -> Route:
     if (vehicle := _type(mission.get("vehicleType"))) in _NOT_IN_THE_AIR:
         raise FaultError(f"is a plan for {_NOT_IN_THE_AIR[vehicle]}")
     firmware = _FIRMWARES.get(_type(mission.get("firmwareType", mission.get("MAV_AUTOPILOT"))), Firmware.OTHER)
-    route = fly(list(_items(items, "")), firmware)
-    if not route.waypoints:
-        raise FaultError("has no waypoints to fly to")
-    fence, rally = document.get("geoFence"), document.get("rallyPoints")
-    if any(_holds(part, key) for part, key in ((fence, "polygons"), (fence, "circles"), (rally, "points"))):
-        about = "the geofence and rally points (the daemon has a geofence of its own)"
-        route = replace(route, left_out=[*route.left_out, about])
-    return route
+    return list(_items(items, "")), firmware
 
 
 def _mission(document: object) -> Mapping[str, object]:

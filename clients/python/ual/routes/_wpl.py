@@ -16,12 +16,22 @@ from ual.shared.numbers import parse_number, shown
 from ual.shared.text import lines_of
 
 HEADER = "QGC WPL"
+HOME = "item 0: home"
 _FIRMWARES = {"110": Firmware.ARDUPILOT, "120": Firmware.OTHER}
 _COLUMNS = 12
 
 
 def read(text: str) -> Route:
     """Reads a file of waypoints. Raises `FaultError`."""
+    items, firmware, has_home = items_of(text)
+    route = fly(items, firmware)
+    return replace(route, left_out=[HOME, *route.left_out]) if has_home else route
+
+
+def items_of(text: str) -> tuple[list[Item], Firmware, bool]:
+    """Returns the items of a file without its home, for whose autopilot it was made, and whether it has a home.
+    Raises `FaultError`.
+    """
     header, *lines = map(str.strip, lines_of(text or "\n"))
     version = header.removeprefix(HEADER).strip()
     if not header.startswith(HEADER) or version not in _FIRMWARES:
@@ -33,10 +43,8 @@ def read(text: str) -> Route:
     for before, item in itertools.pairwise(items):
         if item.jump_id <= before.jump_id:
             raise FaultError(f"its number comes after {before.jump_id}", item.where)
-    if not items or not _is_home(items[0], version):
-        return fly(items, firmware)
-    route = fly(items[1:], firmware)
-    return replace(route, left_out=["item 0: home", *route.left_out])
+    has_home = bool(items) and _is_home(items[0], version)
+    return items[1:] if has_home else items, firmware, has_home
 
 
 def _is_home(item: Item, version: str) -> bool:

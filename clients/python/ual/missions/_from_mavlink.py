@@ -1,0 +1,225 @@
+"""From the commands of a file to the items of a mission, and why a command is refused.
+
+Sources: MAVLink's MAV_CMD; what PX4 1.17 (mavlink_mission.cpp, mission_block.cpp) and ArduCopter 4.6 (AP_Mission.cpp,
+mode_auto.cpp) make of an item's fields.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from ual.missions import items as neutral
+from ual.missions.items import CameraAction, CameraTrigger
+from ual.routes import _commands as commands
+from ual.routes import _json
+from ual.routes._mission import Firmware, from_north
+from ual.routes._mission import Item as FileItem
+from ual.routes._route import FaultError, geo_waypoint
+from ual.types import AltitudeReference
+
+_NOT_GIVEN = (None, 0.0)
+_TRIGGER_DISTANCE, _TRIGGER_INTERVAL, _DIGICAM = 206, 214, 203
+_ROI_LOCATION = 195
+_START_CAPTURE, _STOP_CAPTURE = 2000, 2001
+_ABOVE = {
+    0: AltitudeReference.AMSL,
+    5: AltitudeReference.AMSL,
+    3: AltitudeReference.HOME,
+    6: AltitudeReference.HOME,
+}
+"""What altitudes count from, by MAV_FRAME."""
+_SAME_PLACE_DEG = 1e-5
+"""One metre: a take-off there is one at the planned home."""
+
+Place = tuple[float, float]
+
+
+def items(found: Sequence[FileItem], firmware: Firmware, home: Place | None) -> list[neutral.Item]:
+    """Returns the items of a file. `home` is where it plans to take off. Raises `FaultError` with the item's number."""
+    if not found:
+        raise FaultError("has no items")
+    return _Reader(found, firmware, home).items()
+
+
+class _Reader:
+    def __init__(self, found: Sequence[FileItem], firmware: Firmware, home: Place | None) -> None:
+        self._found, self._firmware, self._home = found, firmware, home
+        self._indices = {item.jump_id: index for index, item in enumerate(found)}
+        if len(self._indices) != len(found):
+            self._indices = {index + 1: index for index in range(len(found))}
+        self._makers: Mapping[int, Callable[[FileItem], neutral.Item]] = {
+            commands.WAYPOINT: self._waypoint,
+            commands.LOITER_TIME: self._loiter,
+            commands.RETURN_TO_LAUNCH: lambda item: neutral.ReturnToLaunch(number=item.number),
+            commands.LAND: self._land,
+            commands.TAKEOFF: self._take_off,
+            commands.DELAY: self._hold,
+            commands.CHANGE_SPEED: self._speed,
+            commands.CONDITION_YAW: self._heading,
+            commands.JUMP: self._jump,
+            _ROI_LOCATION: self._interest,
+            commands.SET_ROI: self._old_interest,
+            commands.ROI_NONE: lambda item: neutral.RegionOfInterestEnd(number=item.number),
+            _TRIGGER_DISTANCE: self._by_distance,
+            _START_CAPTURE: self._capture,
+            _STOP_CAPTURE: lambda item: CameraTrigger(CameraAction.STOP, number=item.number),
+        }
+
+    def items(self) -> list[neutral.Item]:
+        return [self._item(each) for each in self._found]
+
+    def _item(self, item: FileItem) -> neutral.Item:
+        make = self._makers.get(item.command)
+        if make is None:
+            raise FaultError(_not_in_missions(item.command), item.where)
+        if item.waits:
+            raise FaultError("it waits for an operator (autoContinue is false), which ArduPilot ignores", item.where)
+        return make(item)
+
+    def _waypoint(self, item: FileItem) -> neutral.Waypoint:
+        latitude_deg, longitude_deg, altitude_m, above = self._position(item)
+        self._require_none(item, 3, "passes the waypoint at a distance (parameter 3)")
+        yaw_deg = item.param(4)
+        if self._firmware is Firmware.ARDUPILOT and yaw_deg == 0.0:
+            yaw_deg = None  # ArduPilot's files have 0 where nothing is given
+        return neutral.Waypoint(
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+            above,
+            item.amount(1),
+            item.amount(2) or None,
+            None if yaw_deg is None else from_north(yaw_deg),
+            number=item.number,
+        )
+
+    def _loiter(self, item: FileItem) -> neutral.Waypoint:
+        latitude_deg, longitude_deg, altitude_m, above = self._position(item)
+        return neutral.Waypoint(latitude_deg, longitude_deg, altitude_m, above, item.amount(1), number=item.number)
+
+    def _land(self, item: FileItem) -> neutral.Land:
+        self._require_none(item, 2, "is a precision landing (parameter 2)")
+        if item.param(7) not in _NOT_GIVEN and item.frame not in _ABOVE:
+            raise FaultError(_frame(item), item.where)
+        if item.params[4] in _NOT_GIVEN and item.params[5] in _NOT_GIVEN:
+            raise FaultError("it has no position: give it one, or return to launch", item.where)
+        latitude_deg, longitude_deg = self._place(item)
+        return neutral.Land(latitude_deg, longitude_deg, number=item.number)
+
+    def _take_off(self, item: FileItem) -> neutral.TakeOff:
+        altitude_m = _json.number(item.params[6], "its altitude", item.where)
+        above = _ABOVE.get(item.frame)
+        if above is None:
+            raise FaultError(_frame(item), item.where)
+        if item.params[4] in _NOT_GIVEN and item.params[5] in _NOT_GIVEN:
+            return neutral.TakeOff(altitude_m, above, number=item.number)
+        place = self._place(item)
+        if self._home is not None and _is_near(place, self._home):
+            return neutral.TakeOff(altitude_m, above, number=item.number)
+        return neutral.TakeOff(altitude_m, above, *place, number=item.number)
+
+    def _hold(self, item: FileItem) -> neutral.HoldTime:
+        seconds = item.amount(1)
+        if seconds <= 0.0:
+            raise FaultError("it waits until a time of the day: give seconds (parameter 1)", item.where)
+        return neutral.HoldTime(seconds, number=item.number)
+
+    def _speed(self, item: FileItem) -> neutral.Speed:
+        if item.amount(1) not in (0.0, 1.0):
+            raise FaultError("it sets the speed of climbs or descents, which PX4 takes for any speed", item.where)
+        if item.amount(4):
+            raise FaultError("it changes the speed by an amount (parameter 4); give the speed itself", item.where)
+        if item.amount(2) <= 0.0:
+            raise FaultError("it gives no speed, which PX4 and ArduPilot read in two ways: delete it", item.where)
+        if item.amount(3) not in (0.0, -1.0):
+            raise FaultError("it sets the throttle (parameter 3), which multirotors ignore", item.where)
+        return neutral.Speed(item.amount(2), number=item.number)
+
+    def _heading(self, item: FileItem) -> neutral.Heading:
+        self._require_none(item, 4, "turns by an angle from a heading that is not known")
+        self._require_none(item, 2, "turns at a rate (parameter 2)")
+        self._require_none(item, 3, "turns to a side (parameter 3)")
+        yaw_deg = _json.number(item.params[0], "the heading (parameter 1)", item.where)
+        return neutral.Heading(from_north(yaw_deg), number=item.number)
+
+    def _interest(self, item: FileItem) -> neutral.RegionOfInterest:
+        return neutral.RegionOfInterest(*self._position(item), number=item.number)
+
+    def _old_interest(self, item: FileItem) -> neutral.Item:
+        """Reads DO_SET_ROI, which has two meanings of its first parameter."""
+        if all(value in _NOT_GIVEN for value in item.params):
+            return neutral.RegionOfInterestEnd(number=item.number)
+        if item.amount(1) not in (0.0, 3.0) or item.params[4] in _NOT_GIVEN:
+            raise FaultError("its region of interest is no place", item.where)
+        return self._interest(item)
+
+    def _by_distance(self, item: FileItem) -> CameraTrigger:
+        distance_m = item.amount(1)
+        if distance_m <= 0.0:
+            return CameraTrigger(CameraAction.STOP, number=item.number)
+        if item.amount(2) > 0.0:
+            raise FaultError("it sets the time of the shutter (parameter 2), which ArduPilot ignores", item.where)
+        if not item.amount(3):
+            raise FaultError("it takes no photo at once (parameter 3 is 0); UAL's trigger takes one", item.where)
+        return CameraTrigger(CameraAction.BY_DISTANCE, distance_m, number=item.number)
+
+    def _capture(self, item: FileItem) -> CameraTrigger:
+        self._require_none(item, 1, "chooses one of several cameras (parameter 1)")
+        interval_s, count = item.amount(2), item.amount(3)
+        if count == 1.0:
+            return CameraTrigger(CameraAction.ONCE, number=item.number)
+        if count or interval_s <= 0.0:
+            raise FaultError("it takes a number of photos; a mission takes one, or one each interval", item.where)
+        return CameraTrigger(CameraAction.BY_INTERVAL, interval_s, number=item.number)
+
+    def _jump(self, item: FileItem) -> neutral.Jump:
+        target, times = (_json.whole(item.params[i], f"parameter {i + 1}", item.where) for i in (0, 1))
+        if target not in self._indices:
+            raise FaultError(f"it jumps to item {target}, which there is not", item.where)
+        if times < 1:
+            raise FaultError("it repeats without an end, or never: give a number of times (parameter 2)", item.where)
+        return neutral.Jump(self._indices[target] + 1, times, number=item.number)
+
+    def _position(self, item: FileItem) -> tuple[float, float, float, AltitudeReference]:
+        above = _ABOVE.get(item.frame)
+        if above is None:
+            raise FaultError(_frame(item), item.where)
+        altitude_m = _json.number(item.params[6], "its altitude", item.where)
+        return *self._place(item), altitude_m, above
+
+    def _place(self, item: FileItem) -> Place:
+        if item.params[4] is None or item.params[5] is None:
+            raise FaultError("it has no position (null): give it one, or delete it", item.where)
+        latitude_deg, longitude_deg = (_json.number(item.params[i], f"parameter {i + 1}", item.where) for i in (4, 5))
+        geo_waypoint(latitude_deg, longitude_deg, 0.0, AltitudeReference.HOME, item.where)
+        return latitude_deg, longitude_deg
+
+    def _require_none(self, item: FileItem, number: int, what: str) -> None:
+        if item.amount(number):
+            raise FaultError(f"it {what}, which a mission of UAL has not: delete that", item.where)
+
+
+def _is_near(one: Place, other: Place) -> bool:
+    shrinks = math.cos(math.radians(one[0]))
+    return math.hypot(one[0] - other[0], (one[1] - other[1]) * shrinks) < _SAME_PLACE_DEG
+
+
+def _frame(item: FileItem) -> str:
+    kind = "above the terrain" if item.frame in (10, 11) else "another one"
+    return f"its position is in MAV_FRAME {item.frame} ({kind}); a mission needs altitudes above home or mean sea level"
+
+
+def _not_in_missions(command: int) -> str:
+    what = _REFUSED.get(command) or commands.NOT_FLOWN.get(command) or commands.HARMLESS.get(command)
+    named = f"has {what}, which a mission of UAL has not" if what else "is not known to UAL"
+    return f"it {named} (MAVLink command {command}): delete it"
+
+
+_REFUSED = {
+    commands.LOITER_UNLIMITED: "a stay without an end",
+    commands.CONDITION_DELAY: "a condition (a delay), which PX4 and ArduPilot execute in two ways",
+    commands.CONDITION_DISTANCE: "a condition (a distance), which PX4 and ArduPilot execute in two ways",
+    _DIGICAM: "a photo by DO_DIGICAM_CONTROL (use IMAGE_START_CAPTURE, 2000)",
+    _TRIGGER_INTERVAL: "a trigger by time, which ArduPilot refuses (use IMAGE_START_CAPTURE, 2000)",
+}

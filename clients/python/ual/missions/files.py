@@ -1,0 +1,103 @@
+"""Reads missions from files: QGroundControl's ``.plan``, ``.waypoints`` (QGC WPL 110), and the lines of KML, KMZ, GPX
+and GeoJSON, along which a mission flies.
+
+What is not an item of `ual.missions.items`, or has values that those do not have, is refused with its number in the
+file. So nothing of a file is left out in silence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ual.missions import _from_mavlink
+from ual.missions.items import Item, Waypoint
+from ual.routes import MOST_BYTES, RouteError, _document, _plan, _text, _wpl
+from ual.routes import parse as parse_route
+from ual.routes._route import FaultError, Route, naming
+from ual.types import AltitudeReference, GeoWaypoint
+
+_PLANS = (".plan", ".mission")
+
+
+@dataclass(frozen=True, slots=True)
+class Mission:
+    """The items of a mission, and what else is in its file, as human-readable text."""
+
+    items: Sequence[Item]
+    left_out: Sequence[str] = ()
+
+
+def read(
+    file: Path | str, *, altitude_m: float | None = None, altitude_reference: AltitudeReference | None = None
+) -> Mission:
+    """Reads a mission from a file, whose content says its format.
+
+    `altitude_m` (above home) and `altitude_reference` are for KML, KMZ, GPX and GeoJSON; see `ual.routes.read`.
+
+    Raises:
+        RouteError: The file cannot be read, or has what a mission cannot have; the item is named.
+
+    """
+    file = Path(file)
+    try:
+        with file.open("rb") as opened:
+            data = opened.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise RouteError(f"cannot read {file}: {error.strerror}") from None
+    return parse(data, str(file), altitude_m=altitude_m, altitude_reference=altitude_reference)
+
+
+def parse(
+    data: bytes,
+    name: str,
+    *,
+    altitude_m: float | None = None,
+    altitude_reference: AltitudeReference | None = None,
+) -> Mission:
+    """Reads a mission from the content of a file, as `read`; `name` stands in messages.
+
+    Raises:
+        RouteError: As `read`.
+
+    """
+    with naming(name):
+        found = _of_commands(data, Path(name).suffix.lower())
+    if found is not None:
+        return found
+    route = parse_route(data, name, altitude_m=altitude_m, altitude_reference=altitude_reference)
+    with naming(name):
+        return _along(route)
+
+
+def _of_commands(data: bytes, ending: str) -> Mission | None:
+    """Returns the mission of a file that has commands; None if it has none."""
+    if len(data) > MOST_BYTES or data.startswith(b"PK"):
+        return None  # the routes refuse or unpack it
+    text = _text(data)
+    if text.lstrip().startswith(_wpl.HEADER) or ending == ".waypoints":
+        items, firmware, has_home = _wpl.items_of(text.lstrip())
+        return Mission(_from_mavlink.items(items, firmware, None), [_wpl.HOME] if has_home else [])
+    document = _document(text)
+    if not (_plan.is_plan(document) or ending in _PLANS):
+        return None
+    items, firmware = _plan.items_of(document)
+    return Mission(_from_mavlink.items(items, firmware, _plan.planned_home(document)), _plan.other_parts(document))
+
+
+def _along(route: Route) -> Mission:
+    """Returns the mission that flies through the places of a line."""
+    items = [_waypoint(each, number) for number, each in enumerate(route.waypoints, start=1)]
+    return Mission(items, route.left_out)
+
+
+def _waypoint(place: object, number: int) -> Waypoint:
+    where = f"place {number}"
+    if not isinstance(place, GeoWaypoint):
+        raise FaultError("has poses in frames; a mission needs positions on Earth")
+    if place.altitude_reference is AltitudeReference.ELLIPSOID:
+        raise FaultError("has altitudes above the ellipsoid; a mission needs them above home or mean sea level", where)
+    return Waypoint(
+        place.latitude_deg, place.longitude_deg, place.altitude_m, place.altitude_reference, number=str(number)
+    )

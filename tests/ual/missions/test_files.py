@@ -1,0 +1,179 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from tests.ual.missions.plans import HOME, TEN, Example, at, plan, take_off
+from tests.ual.routes.missions import ARDUPILOT, do, item, waypoint, wpl
+from ual.missions import (
+    CameraAction,
+    CameraTrigger,
+    Heading,
+    HoldTime,
+    Item,
+    Jump,
+    Land,
+    RegionOfInterest,
+    ReturnToLaunch,
+    Speed,
+    TakeOff,
+    Waypoint,
+    checks,
+    parse,
+    read,
+)
+from ual.routes import RouteError
+from ual.types import AltitudeReference
+
+
+def items(text: str, name: str = "a.plan") -> list[Item]:
+    return list(parse(text.encode(), name).items)
+
+
+def refusal(text: str, name: str = "a.plan") -> str:
+    with pytest.raises(RouteError) as caught:
+        parse(text.encode(), name)
+    return str(caught.value).removeprefix(f"{name}, ")
+
+
+@pytest.mark.parametrize("example", [each for each in TEN if each.kinds], ids=lambda each: each.name)
+def test_a_plan_becomes_items_that_a_mission_can_have(example: Example) -> None:
+    found = items(example.text)
+    checks.require(found)
+    assert tuple(type(each).__name__ for each in found) == example.kinds
+
+
+@pytest.mark.parametrize("example", [each for each in TEN if each.refusal], ids=lambda each: each.name)
+def test_what_a_mission_cannot_have_is_refused_with_its_number(example: Example) -> None:
+    assert refusal(example.text).startswith(example.refusal)
+
+
+def test_the_fields_of_a_plan_have_their_values() -> None:
+    found = items(
+        plan(
+            take_off(20.0),
+            do(178, 1, 3.5, -1, 0),
+            waypoint(47.1, 8.1, 30.0, hold=2.0, yaw=90.0),
+            do(93, 5),
+            item(195, [0, 0, 0, 0, 47.2, 8.2, 1]),
+            do(206, 12.5, 0, 1, 0),
+            do(2000, 0, 4, 0, None),
+            do(177, 3, 2),
+            item(21, [0, 0, 0, None, 47.3, 8.3, 0]),
+        )
+    )
+    assert found == [
+        TakeOff(20.0),
+        Speed(3.5),
+        Waypoint(47.1, 8.1, 30.0, hold_s=2.0, yaw_rad=0.0),
+        HoldTime(5.0),
+        RegionOfInterest(47.2, 8.2, 1.0),
+        CameraTrigger(CameraAction.BY_DISTANCE, 12.5),
+        CameraTrigger(CameraAction.BY_INTERVAL, 4.0),
+        Jump(3, 2),
+        Land(47.3, 8.3),
+    ]
+    assert [each.number for each in found] == list("123456789")
+
+
+def test_a_take_off_at_the_planned_home_has_no_place_and_one_elsewhere_has() -> None:
+    elsewhere = item(22, [0, 0, 0, None, HOME[0] + 1e-4, HOME[1], 20])
+    assert items(plan(take_off())) == [TakeOff(20.0)]
+    assert items(plan(elsewhere)) == [TakeOff(20.0, AltitudeReference.HOME, HOME[0] + 1e-4, HOME[1])]
+
+
+def test_a_loiter_with_a_time_is_a_waypoint_with_a_hold() -> None:
+    assert items(plan(item(19, [7, 0, 0, 0, 47.1, 8.1, 20]))) == [Waypoint(47.1, 8.1, 20.0, hold_s=7.0)]
+
+
+def test_the_items_of_a_waypoint_file_keep_its_numbers_and_home_is_none_of_them() -> None:
+    text = wpl((0, 16, 0, 0, 0, 0, 47.0, 8.0, 488), (3, 22, 0, 0, 0, 0, 0, 0, 15), (3, 16, 3, 0, 0, 0, 47.1, 8.1, 20),
+               (2, 177, 2, 1, 0, 0, 0, 0, 0), (2, 20, 0, 0, 0, 0, 0, 0, 0))  # fmt: skip
+    mission = parse(text.encode(), "a.waypoints")
+    assert mission.items == [TakeOff(15.0), Waypoint(47.1, 8.1, 20.0, hold_s=3.0), Jump(2, 1), ReturnToLaunch()]
+    assert [each.number for each in mission.items] == ["1", "2", "3", "4"]
+    assert mission.left_out == ["item 0: home"]
+
+
+def test_a_heading_of_zero_is_none_for_ardupilot_and_north_for_px4() -> None:
+    text = plan(waypoint(yaw=0.0), firmware=ARDUPILOT)
+    assert items(text) == [Waypoint(47.1, 8.1, 20.0)]
+    assert items(plan(waypoint(yaw=0.0))) == [Waypoint(47.1, 8.1, 20.0, yaw_rad=math.pi / 2)]
+
+
+def test_a_heading_is_turned_to_rep_103() -> None:
+    [found] = items(plan(do(115, 180.0)))
+    assert isinstance(found, Heading)
+    assert found.yaw_rad == pytest.approx(-math.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("faulty", "words"),
+    [
+        (waypoint(autoContinue=False), "it waits for an operator"),
+        (waypoint(alt=None), "its altitude is not given (null)"),
+        (waypoint(lat=None), "it has no position (null)"),
+        (waypoint(lat=0, lon=0), "latitude 0, longitude 0 is a position that was not set"),
+        (item(16, [0, 0, 5, None, 47.1, 8.1, 20]), "it passes the waypoint at a distance (parameter 3)"),
+        (item(21, [0, 0, 0, None, 0, 0, 0]), "it has no position: give it one, or return to launch"),
+        (item(21, [0, 1, 0, None, 47.1, 8.1, 0]), "it is a precision landing"),
+        (item(17, [0, 0, 0, None, 47.1, 8.1, 20]), "it has a stay without an end"),
+        (do(93, -1, 12, 0, 0), "it waits until a time of the day"),
+        (do(178, 2, 3, -1, 0), "it sets the speed of climbs or descents"),
+        (do(178, 1, 3, -1, 1), "it changes the speed by an amount"),
+        (do(178, 1, 0, -1, 0), "it gives no speed"),
+        (do(178, 1, 3, 50, 0), "it sets the throttle"),
+        (do(115, 90, 20, 0, 0), "it turns at a rate"),
+        (do(115, 90, 0, -1, 0), "it turns to a side"),
+        (do(115, 90, 0, 0, 1), "it turns by an angle"),
+        (do(203, 0, 0, 0, 0, 1), "it has a photo by DO_DIGICAM_CONTROL"),
+        (do(214, 1, 0, 0, 0), "it has a trigger by time, which ArduPilot refuses"),
+        (do(206, 10, 100, 1, 0), "it sets the time of the shutter"),
+        (do(206, 10, 0, 0, 0), "it takes no photo at once"),
+        (do(2000, 0, 1, 5, 0), "it takes a number of photos"),
+        (do(2000, 2, 1, 0, 0), "it chooses one of several cameras"),
+        (do(177, 9, 1), "it jumps to item 9, which there is not"),
+        (do(177, 1, -1), "it repeats without an end, or never"),
+        (do(201, 2, 5), "its region of interest is no place"),
+        (do(112, 5), "it has a condition (a delay)"),
+        (do(31000), "it is not known to UAL (MAVLink command 31000)"),
+    ],
+)
+def test_a_faulty_item_is_named(faulty: dict[str, object], words: str) -> None:
+    assert refusal(plan(take_off(), at(1, 1), faulty)).startswith(f"item 3: {words}")
+
+
+KML = """<kml><Placemark><LineString><altitudeMode>{mode}</altitudeMode>
+<coordinates>8.1,47.1,20 8.2,47.2,30</coordinates></LineString></Placemark></kml>"""
+
+
+def test_the_places_of_a_line_are_waypoints() -> None:
+    found = items(KML.format(mode="absolute"), "a.kml")
+    above = AltitudeReference.AMSL
+    assert found == [Waypoint(47.1, 8.1, 20.0, above), Waypoint(47.2, 8.2, 30.0, above)]
+    assert [each.number for each in found] == ["1", "2"]
+
+
+def test_an_altitude_given_replaces_those_of_a_line() -> None:
+    mission = parse(KML.format(mode="clampToGround").encode(), "a.kml", altitude_m=15.0)
+    assert mission.items == [Waypoint(47.1, 8.1, 15.0), Waypoint(47.2, 8.2, 15.0)]
+
+
+def test_altitudes_above_the_ellipsoid_are_refused() -> None:
+    gpx = '<gpx><rte><rtept lat="47.1" lon="8.1"><ele>20</ele></rtept></rte></gpx>'
+    with pytest.raises(RouteError, match="above the ellipsoid"):
+        parse(gpx.encode(), "a.gpx", altitude_reference=AltitudeReference.ELLIPSOID)
+
+
+def test_poses_are_no_mission(tmp_path: Path) -> None:
+    file = tmp_path / "way.txt"
+    file.write_text("1, 2, 3\n")
+    with pytest.raises(RouteError, match="positions on Earth"):
+        read(file)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RouteError, match=r"cannot read .*no\.plan"):
+        read(tmp_path / "no.plan")
