@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 
-from tests.simulators.autopilot import ACCEPTED, FAILED, STEP_S, UNSUPPORTED, Autopilot, Sender, Sticks
+from tests.simulators.autopilot import ACCEPTED, FAILED, STEP_S, UNSUPPORTED, Autopilot, Sticks
 from tests.simulators.channel import Channel
+from tests.simulators.mission_store import ArduPilotStore, Sender
 from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -108,6 +109,7 @@ class ArduPilot(Autopilot):
 
     autopilot = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
     external_pose_message = mavlink.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE
+    make_store = ArduPilotStore
     flight_sw_version = 0x040603FF
     gps_fix = mavlink.GPS_FIX_TYPE_RTK_FIXED
     vtol_state = mavlink.MAV_VTOL_STATE_MC

@@ -15,7 +15,8 @@ from functools import partial
 from typing import Any
 
 from tests.simulators.channel import Channel
-from tests.simulators.fence import CIRCLES, POLYGONS, FenceStore, Item
+from tests.simulators.fence import CIRCLES, POLYGONS, Fence, Item
+from tests.simulators.mission_store import MissionStore, Sender
 from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus, wrap
 from ual.geometry import Vector3
 from ual_daemon.backends.mavlink.wire.frames import Frame
@@ -46,15 +47,6 @@ class Sticks:
     turn_right: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Sender:
-    """The sender of a message, and the link that it came from."""
-
-    channel: Channel
-    system_id: int
-    component_id: int
-
-
 class Autopilot(ABC):
     """One vehicle. Its time stands still until `step` is called; the same steps and inputs always have the same effect.
 
@@ -69,8 +61,8 @@ class Autopilot(ABC):
     external_pose_message: int
     """The message by which it takes poses from outside."""
     parameter_type = mavlink.MAV_PARAM_TYPE_REAL32
-    is_fence_strict = False
-    """See `FenceStore`."""
+    make_store: Callable[[Callable[[], None]], MissionStore]
+    """Makes what keeps its mission, its fence and its rally points. It takes what is called after a change."""
 
     def __init__(
         self,
@@ -120,7 +112,8 @@ class Autopilot(ABC):
         """Ids of messages and of commands that it ignores, for tests without an answer."""
         self.is_old = False
         """Whether it knows no commands for single messages."""
-        self.fence = FenceStore(is_strict=self.is_fence_strict)
+        self.missions = type(self).make_store(self._on_fence_set)
+        self.fence = Fence(self.missions)
         self.parameters = dict(self.default_parameters())
         self.kept_parameters: set[str] = set()
         """Names of parameters that it keeps as they are, whatever is written."""
@@ -135,7 +128,7 @@ class Autopilot(ABC):
             mavlink.MAVLINK_MSG_ID_PARAM_SET: self._on_param_set,
             mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._on_local_target,
             mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL: self._on_manual_control,
-            **{message_id: partial(self._answer, act) for message_id, act in self.fence.handlers().items()},
+            **{message_id: partial(self._transfer, act) for message_id, act in self.missions.handlers().items()},
             self.external_pose_message: self._on_external_pose,
         }
         self._later: list[tuple[float, int, Callable[[], None]]] = []
@@ -167,6 +160,8 @@ class Autopilot(ABC):
                         self._take(channel, frame, message)
             while self._later and self._later[0][0] <= self.elapsed_s:
                 heapq.heappop(self._later)[2]()
+            if not self.is_booting:
+                self.missions.tick(self.elapsed_s)
             self.wander.step(STEP_S)
             self._fly()
             if not self.is_booting:
@@ -547,9 +542,8 @@ class Autopilot(ABC):
                 places = (self.geo((north, east, 0.0)) for north, east in points)
                 items += [Item(command, size, latitude, longitude) for latitude, longitude, _ in places]
             self.fence.items = items
-            self._on_fence_set()
 
-    def _on_fence_set(self) -> None:  # noqa: B027  nothing, on PX4
+    def _on_fence_set(self) -> None:  # noqa: B027  nothing, on PX4, which tells its checksum each second
         """Tells what it tells by itself when it has got a new fence."""
 
     def is_beyond_zones(self, position: Vector) -> bool:
@@ -557,12 +551,8 @@ class Autopilot(ABC):
         latitude, longitude, _ = self.geo(position)
         return bool(self.fence.items) and self.fence.is_beyond(latitude, longitude, self.projection)
 
-    def _answer(
-        self, act: Callable[[Message, Sender, float], Message | None], message: Message, sender: Sender
-    ) -> None:
-        answer = act(message, sender, self.elapsed_s)
-        if answer is not None:
-            sender.channel.send(answer, self.elapsed_s)
+    def _transfer(self, act: Callable[[Message, Sender, float], None], message: Message, sender: Sender) -> None:
+        act(message, sender, self.elapsed_s)
 
     # Messages
 

@@ -63,7 +63,7 @@ class Channel:
 
     def send_raw(self, message_id: int, payload: bytes, crc_extra: int, now_s: float) -> None:
         """Sends a message that pymavlink does not know."""
-        self.port.send(self._codec.encode(_Raw(message_id, payload, crc_extra)), now_s)
+        self.port.send(self._codec.encode(RawMessage(message_id, payload, crc_extra)), now_s)
 
     def stream(self, message_id: int, interval_s: float | None, now_s: float) -> None:
         """Sets the interval of a message; None: stops it; 0: the default rate."""
@@ -86,8 +86,8 @@ class Channel:
         return found
 
 
-class _Raw(mavlink.MAVLink_message):  # type: ignore[misc]
-    """A message as bytes."""
+class RawMessage(mavlink.MAVLink_message):  # type: ignore[misc]
+    """A message as bytes: one that pymavlink does not know, or with fields that it does not know."""
 
     def __init__(self, message_id: int, payload: bytes, crc_extra: int) -> None:
         super().__init__(message_id, f"RAW_{message_id}")

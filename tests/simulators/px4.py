@@ -14,11 +14,11 @@ from tests.simulators.autopilot import (
     STEP_S,
     UNSUPPORTED,
     Autopilot,
-    Sender,
     Sticks,
     filler,
 )
 from tests.simulators.channel import Channel
+from tests.simulators.mission_store import Px4Store, Sender
 from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
 from ual_daemon.backends.firmwares.px4_events import event_id
@@ -184,7 +184,8 @@ class Px4(Autopilot):
 
     autopilot = mavlink.MAV_AUTOPILOT_PX4
     external_pose_message = mavlink.MAVLINK_MSG_ID_ODOMETRY
-    is_fence_strict = True
+    make_store = Px4Store
+    missions: Px4Store
     flight_sw_version = 0x011100FF  # 1.17.0
 
     def __init__(
@@ -636,6 +637,7 @@ class Px4(Autopilot):
             mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: self._hil_state,
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._estimator_status,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._current_mode,
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self.missions.current,
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self._odometry,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: filler(85),
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda: None,  # accepted; without a transmitter none comes

@@ -39,6 +39,8 @@ class Dialect(Autopilot):
 
     parameter_codec: ParameterCodec | None = None
     """How values of parameters are sent; None where UAL neither reads nor writes them all."""
+    keeps_items = False
+    """Whether UAL transfers its mission, its fence and its rally points by the mission protocol."""
 
     @abstractmethod
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing_extensions import override
 
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import Source
@@ -25,7 +26,8 @@ class Protocols(Protocol):
 
     def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
         self.parameters = ParameterTransfers(send, is_up)
-        self._all: tuple[Protocol, ...] = (self.parameters,)
+        self.missions = MissionTransfers(send, is_up)
+        self._all: tuple[Protocol, ...] = (self.parameters, self.missions)
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
             for message_id, handler in protocol.handlers.items():

@@ -166,7 +166,6 @@ class Session:
                 if dialect.stays_without_setpoints
                 else {}
             ),
-            **({} if self._fence_download is None else self._fence_handlers(self._fence_download)),
         }
         """What follows from a message, after `telemetry` has taken its values."""
         self._own_decoded_ids = frozenset(self.telemetry.decoded_ids | self._handlers.keys())
@@ -549,14 +548,7 @@ class Session:
             _log.debug("the zones of the own fence of %s were not read: %s", name, why)
             fence.stop_waiting()
 
-        return FenceDownload(self.source, self._own_ids, self._sender.send, fence.set_zones, give_up)
-
-    def _fence_handlers(self, download: FenceDownload) -> dict[int, Callable[[Message, float, float], None]]:
-        return {
-            mavlink.MAVLINK_MSG_ID_MISSION_COUNT: lambda message, now_s, _: download.on_count(message, now_s),
-            mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT: lambda message, now_s, _: download.on_item(message, now_s),
-            mavlink.MAVLINK_MSG_ID_MISSION_ACK: lambda message, now_s, _: download.on_ack(message, now_s),
-        }
+        return FenceDownload(self._protocols.missions, fence.set_zones, give_up)
 
     def _report_missing(self, names: tuple[str, ...]) -> None:
         """Logs once what is assumed instead of parameters that the autopilot does not send."""

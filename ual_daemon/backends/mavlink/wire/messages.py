@@ -170,4 +170,15 @@ def _layout(message_id: int) -> _Layout | None:
         if array_length:
             arrays.append((name, len(names), len(names) + length))
         names += [name] * length
-    return _Layout(kind, kind.unpacker, tuple(names), tuple(arrays))
+    newer = [(name, code) for name, code in _NEWER_FIELDS.get(message_id, ()) if name not in names]
+    payload = struct.Struct(kind.unpacker.format + "".join(code for _, code in newer))
+    return _Layout(kind, payload, (*names, *(name for name, _ in newer)), tuple(arrays))
+
+
+_NEWER_FIELDS = {
+    mavlink.MAVLINK_MSG_ID_MISSION_ACK: (("opaque_id", "I"),),
+    mavlink.MAVLINK_MSG_ID_MISSION_COUNT: (("opaque_id", "I"),),
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: (("mission_id", "I"), ("fence_id", "I"), ("rally_points_id", "I")),
+}
+"""Extensions of messages that the dialects of pymavlink do not have yet, with their codes of `struct`. They are 0 where
+an autopilot does not send them, as all extensions of MAVLink."""
