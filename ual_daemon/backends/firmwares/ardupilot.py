@@ -241,6 +241,7 @@ class ArduCopter(Autopilot):
             "MAV_GCS_SYSID",
             "MAV_SYSID",
             "RTL_ALT",
+            "RTL_ALT_M",  # from 4.7 on
             "SYSID_MYGCS",
             "SYSID_THISMAV",
         }

@@ -44,6 +44,7 @@ from ual_daemon.backends.mavlink.session.conversions import channels
 from ual_daemon.backends.mavlink.session.fence_download import FenceDownload
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
+from ual_daemon.backends.mavlink.session.late_messages import LateMessages
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.rate_fit import RateFit
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
@@ -134,6 +135,12 @@ class Session:
         self._next_setup_s = -math.inf
         self._next_origin_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
+        self._late_messages = LateMessages(
+            {
+                dialect.estimator_message: (self.telemetry.estimator, dialect.freshness.estimator_s),
+                mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: (self.telemetry.landed, dialect.freshness.landed_s),
+            }
+        )
         causes = self._causes = CauseWatch(
             dialect,
             setpoints,
@@ -262,6 +269,8 @@ class Session:
         is_late = self._heartbeats.is_late(now_s) and self._supervision.watch.state is not LinkState.LOST
         if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.wants_state(now_s)):
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT))
+        for message_id in self._late_messages.due(now_s, self.telemetry.heard_s):
+            self._send_command(request_message(message_id))
         if (
             self.telemetry.is_home_missing or self.telemetry.home_watch.is_wanted
         ) and now_s >= self._next_home_request_s:

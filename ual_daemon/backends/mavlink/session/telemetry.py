@@ -73,7 +73,7 @@ class Telemetry:
         self.armed: Reading[bool] = readings.add(Lasts.SEEN)
         self.mode: Reading[Mode] = readings.add(Lasts.SEEN)
         self.landed: Reading[LandedState] = readings.add(Lasts.SEEN, unknown=not_landed)
-        self._estimator: Reading[Estimator] = readings.add(Lasts.SEEN)
+        self.estimator: Reading[Estimator] = readings.add(Lasts.SEEN)
         self._attitude: Reading[tuple[Quaternion, Vector3]] = readings.add(Lasts.SEEN, limit_s=ATTITUDE_LIMIT_S)
         self._angles: Reading[None] = readings.add(Lasts.SEEN)
         """The same from angles: only its order."""
@@ -236,7 +236,7 @@ class Telemetry:
         if link != self._link:
             self._link = LinkState(*link)
         motion = MotionState(
-            estimator=self._estimator.sample,
+            estimator=self.estimator.sample,
             pose=self.pose.sample,
             velocity=self.velocity.sample,
             position_geo=self._position_geo.fresh(now_s),
@@ -271,13 +271,13 @@ class Telemetry:
             self.vtol_state = message.vtol_state
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
-        if not self._estimator.is_next(now_s):
+        if not self.estimator.is_next(now_s):
             return
         estimator = self._dialect.estimator(message.flags)
-        if estimator.is_regained_after(self._estimator.sample):
+        if estimator.is_regained_after(self.estimator.sample):
             self.pose.discard()
             self.velocity.discard()
-        self._estimator.set(estimator, now_s)
+        self.estimator.set(estimator, now_s)
 
     def _on_attitude_quaternion(self, message: Message, now_s: float, _: float) -> None:
         if not self._attitude.is_next(now_s):

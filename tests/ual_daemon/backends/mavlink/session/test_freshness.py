@@ -6,12 +6,15 @@ from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import HEARTBEAT_LATE_S, HEARTBEAT_REQUEST_S
+from ual_daemon.backends.mavlink.session.late_messages import LATE_SHARE, REQUEST_S
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 FAILS = 1.0 - (1.0 - 0.3) * (1.0 - 0.1)
 """How many messages do not come: 30 % are lost, 10 % of the others damaged."""
 JITTER_S = 0.2
 PX4_HEARTBEAT_HZ = 1.0  # it cannot be asked for more
+PX4_OWN_HZ = {"estimator_s": 1.0, "landed_s": 5.0}
+"""How often PX4 says what the state needs before a request for more has arrived."""
 
 
 def stale_per_hour(rate_hz: float, limit_s: float, *, fails: float = FAILS) -> float:
@@ -46,3 +49,12 @@ def test_whether_it_is_armed_does_not_go_stale_by_chance_on_a_bad_link() -> None
     fails_asked = 1.0 - (1.0 - FAILS) ** 2
     asked_count = int((limit_s - HEARTBEAT_LATE_S - 2 * JITTER_S) / HEARTBEAT_REQUEST_S)
     assert stale_per_hour(PX4_HEARTBEAT_HZ, limit_s) * fails_asked**asked_count < 1e-3
+
+
+@pytest.mark.parametrize("name", sorted(PX4_OWN_HZ))
+def test_what_comes_at_the_own_rate_of_an_autopilot_is_asked_for_before_it_is_stale(name: str) -> None:
+    limit_s = getattr(Px4().freshness, name)
+    assert 1.0 / PX4_OWN_HZ[name] < LATE_SHARE * limit_s  # so that nothing is asked for on a good link
+    fails_asked = 1.0 - (1.0 - FAILS) ** 2
+    asked_count = int((limit_s * (1.0 - LATE_SHARE) - 2 * JITTER_S) / REQUEST_S)
+    assert stale_per_hour(PX4_OWN_HZ[name], limit_s) * fails_asked**asked_count < 5.0  # and it lasts for seconds
