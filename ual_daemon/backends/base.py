@@ -131,7 +131,7 @@ class Backend(ABC):
         places: Sequence[Vector3],  # noqa: ARG003
         first: int = 0,  # noqa: ARG003
     ) -> list[Backend]:
-        """Makes backends that share one simulation (``--fleet``) or one radio (``--fleet-url``), in one process.
+        """Makes backends that share one simulation (``--fleet``) or one link (``--fleet-url``), in one process.
 
         `first` is how many UAVs of a simulated fleet come before these: other processes fly them (``--workers``).
         `places` are where simulated vehicles stand, relative to the first one, in metres east, north, up. Vehicles with
@@ -146,6 +146,15 @@ class Backend(ABC):
     def vehicle_key(cls, url: str) -> str:
         """Returns a text that is the same for all URLs that lead to one vehicle, so that no fleet flies it twice."""
         return url
+
+    @classmethod
+    def vehicle_urls(cls, url: str) -> list[str]:
+        """Returns a URL for each vehicle that a ``--fleet-url`` leads to: several may be behind one link.
+
+        Raises:
+            ConfigError: The URL is not valid.
+        """
+        return [url]
 
     @abstractmethod
     def open(self, on_update: UpdateCallback) -> None:

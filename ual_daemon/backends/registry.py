@@ -84,6 +84,12 @@ def vehicle_key(name: str, url: str) -> str:
     return kind.vehicle_key(url) if issubclass(kind, Backend) else url
 
 
+def vehicle_urls(name: str, url: str) -> list[str]:
+    """Returns a URL for each vehicle behind one (see `Backend.vehicle_urls`). Raises as `make` does."""
+    kind = _kind(name)
+    return kind.vehicle_urls(url) if issubclass(kind, Backend) else [url]
+
+
 def _kind(name: str) -> type:
     """Imports and returns the class of the backend with this name."""
     try:

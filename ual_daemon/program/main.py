@@ -7,6 +7,7 @@ Heavy modules are imported late, so that the port is open soon.
 
 from __future__ import annotations
 
+import dataclasses
 import errno
 import gc
 import logging
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import click
 from click.core import ParameterSource
+from msgspec import structs
 from typing_extensions import override
 
 from ual.shared import environment
@@ -251,6 +253,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
 
     configuration = resolve(sources, registry.NAMES)
     try:
+        configuration = _with_each_vehicle(configuration)
         parts = fleet.parts(configuration.daemon)
     except ConfigError as error:
         raise located(error, sources) from None
@@ -258,6 +261,26 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
         _fly(configuration, sources, print_config=print_config)
     else:
         _spread(configuration, sources, parts)
+
+
+def _with_each_vehicle(configuration: Configuration) -> Configuration:
+    """Returns the configuration with a URL for each vehicle: one of `fleet_url` may lead to several."""
+    from ual_daemon.backends import registry
+
+    settings = configuration.daemon
+    if not settings.fleet_url or settings.backend == registry.PLAYED:
+        return configuration
+    try:
+        urls = [each for url in settings.fleet_url for each in registry.vehicle_urls(settings.backend, url)]
+    except ConfigError as error:
+        raise _of_fleet(error) from None
+    return dataclasses.replace(configuration, daemon=structs.replace(settings, fleet_url=tuple(urls)))
+
+
+def _of_fleet(error: ConfigError) -> ConfigError:
+    """Returns the error of a URL as that of the fleet's: each backend knows of one URL."""
+    is_url = error.key.rpartition(".")[2] == "url"
+    return ConfigError(error.message, "fleet_url" if is_url else error.key)
 
 
 def _spread(configuration: Configuration, sources: Sequence[Source], parts: Sequence[range]) -> None:
@@ -397,8 +420,8 @@ def _fleet(configuration: Configuration, worker: Worker | None) -> list[_Planned
     own = slice(part.start, part.stop)
     try:
         backends = registry.make_fleet(settings.backend, options[own], places[own], part.start)
-    except ConfigError as error:  # each backend knows of one URL
-        raise ConfigError(error.message, "fleet_url" if error.key == "url" else error.key) from None
+    except ConfigError as error:
+        raise _of_fleet(error) from None
     fleet.allow_files(max(map(len, fleet.parts(settings))), len(configuration.listen))
     return [
         _Planned(_vehicle(backend, backend.options, fleet.placed(configuration.vehicle, place), settings), where)

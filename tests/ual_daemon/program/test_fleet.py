@@ -241,7 +241,7 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
     [
         (
             ["--backend", "mavlink", "--fleet", "3"],
-            "ual-daemon: --fleet: the mavlink backend flies only one UAV: start a daemon for each UAV",
+            "ual-daemon: --fleet: a fleet of autopilots needs a --fleet-url for each",
         ),
         (["--fleet", "0"], "ual-daemon: --fleet: expected a whole number of at least 1"),
         (
@@ -260,6 +260,18 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
         (
             ["--backend", "crazyflie", "--fleet-url", "udp://localhost:19850", "--fleet-url", "udp://127.0.0.1:19850/"],
             "ual-daemon: --fleet-url: udp://localhost:19850 and udp://127.0.0.1:19850/ lead to the same vehicle",
+        ),
+        (
+            ["--backend", "mavlink", "--fleet-url", "udp://:14550?system_id=2,3", "--fleet-url", "udp://:14550"],
+            "ual-daemon: --fleet-url: udp://:14550: other vehicles are on this link, so say which",
+        ),
+        (
+            ["--backend", "mavlink", "--fleet-url", "udp://:14550?system_id=2,2"],
+            "ual-daemon: --fleet-url: udp://:14550?system_id=2 is given twice: two UAVs cannot be one vehicle",
+        ),
+        (
+            ["--backend", "mavlink", "--fleet-url", "udp://:14550?system_id=all"],
+            "ual-daemon: --fleet-url: 'udp://:14550?system_id=all' cannot be used: its system ids are not numbers",
         ),
         (["--fleet", "3", "--fleet-url", "a"], "ual-daemon: --fleet: 3 UAVs, but 1 --fleet-url: leave out --fleet"),
         (

@@ -250,7 +250,10 @@ def test_one_audit_and_a_recording_for_each_worker(start_daemon: StartDaemon, tm
     ("flags", "expected"),
     [
         (("--fleet", "4", "--set", "light.seed=x"), "ual-daemon: --set light.seed: expected a whole number, got text"),
-        (("--fleet", "4", "--backend", "mavlink"), "ual-daemon: --fleet: the mavlink backend flies only one UAV"),
+        (
+            ("--fleet", "4", "--backend", "mavlink"),
+            "ual-daemon: --fleet: a fleet of autopilots needs a --fleet-url for each",
+        ),
         (("--fleet", "20000"), "ual-daemon: --fleet: uav_15486 has no port"),
         ((), "ual-daemon: --workers: one UAV is flown by one process"),
     ],

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
 from typing import TypeVar
 
+from msgspec import structs
 from typing_extensions import override
 
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
+from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
@@ -20,8 +23,14 @@ from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, LongCommand
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.links import Connection, make_link
-from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
+from ual_daemon.backends.mavlink.links import Connection, Link, make_link
+from ual_daemon.backends.mavlink.links.endpoints import (
+    Place,
+    SerialEndpoint,
+    parse_place,
+    vehicle_key,
+    vehicle_urls,
+)
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
@@ -31,9 +40,10 @@ from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
 from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
+from ual_daemon.backends.mavlink.wire.shared_link import SharedLink
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
 from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Setpoint, Snapshot, VehicleInfo
-from ual_daemon.settings import convert
+from ual_daemon.settings import ConfigError, convert
 
 T = TypeVar("T")
 
@@ -47,13 +57,15 @@ class MavlinkBackend(Backend):
     outlived = True
     has_packets = True
 
-    def __init__(self, options: BackendOptions) -> None:
+    def __init__(self, options: BackendOptions, new_link: Callable[[], Link] | None = None) -> None:
+        """`new_link` makes the link of a vehicle that shares it with others; by default it has one of its own."""
         self._settings = convert(options.settings, MavlinkSettings, SECTION)
         self.url = options.url or self._settings.url or default_url(options.ns)
         super().__init__(dataclasses.replace(options, url=self.url))
-        endpoint = parse_url(self.url)
-        self._is_serial = isinstance(endpoint, SerialEndpoint)
-        self._new_link = partial(make_link, endpoint)
+        place = parse_place(self.url)
+        self._settings = _with_system_id(self._settings, place)
+        self._is_serial = isinstance(place.endpoint, SerialEndpoint)
+        self._new_link = new_link or partial(make_link, place.endpoint)
         self._new_link()  # so that a missing extra is an error here
         key_file = self._settings.signing_key_file
         self._signer = None if key_file is None else Signer(read_key(key_file))
@@ -65,6 +77,24 @@ class MavlinkBackend(Backend):
         self._loop: ReceiveLoop | None = None
         self._desk: CommandDesk[CommandLong] | None = None
         self._offers = (MavlinkParameters(self._last_session, self._reach, self._post),)
+
+    @classmethod
+    @override
+    def fleet(cls, options: Sequence[BackendOptions], places: Sequence[Vector3], first: int = 0) -> list[Backend]:
+        if any(each.url is None for each in options):
+            raise ConfigError("a fleet of autopilots needs a --fleet-url for each", "fleet")
+        links = _links([each.url for each in options if each.url is not None])
+        return [cls(each, new_link) for each, new_link in zip(options, links, strict=True)]
+
+    @classmethod
+    @override
+    def vehicle_key(cls, url: str) -> str:
+        return vehicle_key(url)
+
+    @classmethod
+    @override
+    def vehicle_urls(cls, url: str) -> list[str]:
+        return vehicle_urls(url)
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
@@ -208,3 +238,37 @@ class MavlinkBackend(Backend):
         """The session with the autopilot while its link is up, else None."""
         discovery = self._discovery
         return discovery.session if discovery is not None and discovery.watch.is_up(now_s) else None
+
+
+def _with_system_id(settings: MavlinkSettings, place: Place) -> MavlinkSettings:
+    """Returns the settings with the system id that the URL names."""
+    if place.system_id is None:
+        return settings
+    if settings.system_id not in (None, place.system_id):
+        raise ConfigError(f"it is {settings.system_id}, but the URL names {place.system_id}", f"{SECTION}.system_id")
+    return structs.replace(settings, system_id=place.system_id)
+
+
+def _links(urls: Sequence[str]) -> list[Callable[[], Link]]:
+    """Returns what makes the link of each vehicle of a fleet: those behind one link have a part of it each.
+
+    Raises:
+        ConfigError: A URL does not say which of the vehicles behind its link it means.
+
+    """
+    places = [parse_place(each) for each in urls]
+    counts = Counter(each.endpoint for each in places)
+    shared = {
+        each: SharedLink(partial(make_link, each), str(each), MonotonicClock())
+        for each, count in counts.items()
+        if count > 1
+    }
+    made: list[Callable[[], Link]] = []
+    for url, (endpoint, system_id) in zip(urls, places, strict=True):
+        if endpoint not in shared:
+            made.append(partial(make_link, endpoint))
+        elif system_id is None:
+            raise ConfigError(f"{url}: other vehicles are on this link, so say which: {url}?system_id=N", "url")
+        else:
+            made.append(partial(shared[endpoint].vehicle, system_id))
+    return made

@@ -66,8 +66,11 @@ class Link(ABC):
     is_stream = True
     needs_traffic = False
     connections_count = 0
-    trouble = ""
-    """Why nothing can be sent now, human-readable, where that does not break the link; empty while it can."""
+
+    @property
+    def trouble(self) -> str:
+        """Why nothing can be sent now, human-readable, where that does not break the link; empty while it can."""
+        return ""
 
     @abstractmethod
     def open(self) -> None:
@@ -101,6 +104,16 @@ class Link(ABC):
 
         A perishable frame is dropped rather than sent late.
         """
+
+    def send_to(self, data: bytes, address: Address, *, is_perishable: bool = False) -> bool:
+        """Sends as `send` does, to one of several other ends; a stream has only one.
+
+        Raises:
+            OSError: Nothing can be sent there now.
+
+        """
+        del address
+        return self.send(data, is_perishable=is_perishable)
 
     @property
     @abstractmethod

@@ -77,6 +77,10 @@ class Connection(Transport):
             self.on_sent(data)
         return has_left
 
+    def send_to(self, data: bytes, address: Address, *, is_perishable: bool = False) -> bool:
+        """Sends to one of several other ends; see `Link`."""
+        return self._link.send_to(data, address, is_perishable=is_perishable)
+
     def wake(self) -> None:
         """Ends a running, or the next, `receive` at once."""
         with contextlib.suppress(OSError):  # full of wake-ups that are not read yet, or closed

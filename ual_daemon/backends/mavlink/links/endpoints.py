@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from ipaddress import ip_address
+from typing import NamedTuple
 from urllib.parse import SplitResult, urlsplit
 
 from ual_daemon.backends.mavlink.settings import SECTION
@@ -13,7 +14,7 @@ from ual_daemon.settings import ConfigError
 KEY = f"{SECTION}.url"
 SUPPORTED = (
     "udpin://HOST:PORT or udp://:PORT to listen, udpout://HOST:PORT to call, tcp://HOST:PORT to connect, "
-    "tcpin://HOST:PORT to be connected to, serial:///dev/DEVICE:BAUD"
+    "tcpin://HOST:PORT to be connected to, serial:///dev/DEVICE:BAUD; behind each of them ?system_id=N"
 )
 EVERY_INTERFACE = "0.0.0.0"  # noqa: S104 - only used where the URL asks for it
 
@@ -27,6 +28,8 @@ _FOREIGN = {
     "serial_flowcontrol": "serial",
 }
 _BAUDS = range(1200, 12_000_001)
+_SYSTEM_ID = "?system_id="
+_SYSTEM_IDS = range(1, 255)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +69,63 @@ class SerialEndpoint:
 
 
 Endpoint = UdpEndpoint | TcpEndpoint | SerialEndpoint
+
+
+class Place(NamedTuple):
+    """Where an autopilot is: the link, and its system id if the URL names one."""
+
+    endpoint: Endpoint
+    system_id: int | None
+
+
+def parse_place(url: str) -> Place:
+    """Returns the place that a URL of one vehicle names.
+
+    Raises:
+        ConfigError: The URL cannot be used; the message says why, and how to spell it.
+
+    """
+    link, system_ids = split_url(url)
+    if len(system_ids) > 1:
+        raise ConfigError(f"{url!r} names {len(system_ids)} vehicles: give it as --fleet-url", KEY)
+    return Place(parse_url(link), next(iter(system_ids), None))
+
+
+def vehicle_urls(url: str) -> list[str]:
+    """Returns a URL for each vehicle that one with ``?system_id=1,2,3`` names.
+
+    Raises:
+        ConfigError: These are no system ids.
+
+    """
+    link, system_ids = split_url(url)
+    return [f"{link}{_SYSTEM_ID}{each}" for each in system_ids] or [url]
+
+
+def vehicle_key(url: str) -> str:
+    """Returns a text that is the same for all URLs of one vehicle, as far as the URLs say it."""
+    try:
+        return str(parse_place(url))
+    except ConfigError:
+        return url  # is refused later
+
+
+def split_url(url: str) -> tuple[str, tuple[int, ...]]:
+    """Returns the URL of the link, and the system ids behind it.
+
+    Raises:
+        ConfigError: These are no system ids.
+
+    """
+    link, is_there, text = url.partition(_SYSTEM_ID)
+    if not is_there:
+        return url, ()
+    if not re.fullmatch(r"[0-9]{1,3}(,[0-9]{1,3})*", text):
+        raise _refusal(url, "its system ids are not numbers", f"{link}{_SYSTEM_ID}1 or {link}{_SYSTEM_ID}1,2,3")
+    system_ids = tuple(map(int, text.split(",")))
+    if not all(each in _SYSTEM_IDS for each in system_ids):
+        raise _refusal(url, "system ids are from 1 to 254")
+    return link, system_ids
 
 
 def parse_url(url: str) -> Endpoint:

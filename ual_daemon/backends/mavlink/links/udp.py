@@ -35,6 +35,12 @@ class UdpLink(Link):
         self._descriptors: Mapping[int, int] = {}
         self._poll = select.poll()
         self._peer: Address | None = None
+        self._trouble = ""
+
+    @property
+    @override
+    def trouble(self) -> str:
+        return self._trouble
 
     @override
     def open(self) -> None:
@@ -100,11 +106,24 @@ class UdpLink(Link):
         try:
             sock.sendto(data, peer)
         except OSError as error:
-            why = "it is a broadcast address" if error.errno == errno.EACCES else error.strerror
-            trouble = f"cannot send to {peer[0]}: {why}"
-            if trouble != self.trouble:
-                self.trouble = trouble
+            trouble = cannot_send(peer, error)
+            if trouble != self._trouble:
+                self._trouble = trouble
                 _log.warning("%s", trouble)
             return False
-        self.trouble = ""
+        self._trouble = ""
         return True
+
+    @override
+    def send_to(self, data: bytes, address: Address, *, is_perishable: bool = False) -> bool:
+        sock = self._socket
+        if sock is None:
+            return False
+        sock.sendto(data, address)
+        return True
+
+
+def cannot_send(peer: Address, error: OSError) -> str:
+    """Returns, human-readable, why nothing can be sent to an address."""
+    why = "it is a broadcast address" if error.errno == errno.EACCES else error.strerror
+    return f"cannot send to {peer[0]}: {why}"

@@ -273,6 +273,38 @@ def split(datagram: bytes) -> tuple[list[Frame], int]:
     return frames, reader.garbage_count
 
 
+class Piece(NamedTuple):
+    """A part of a datagram that one system has sent, by its headers; its checksum is not looked at."""
+
+    system_id: int
+    message_id: int
+    data: bytes
+
+
+def pieces(datagram: bytes) -> list[Piece]:
+    """Returns the frames that a datagram consists of; none where it is not whole frames only."""
+    found: list[Piece] = []
+    at = 0
+    while at < len(datagram):
+        size = _whole_at(datagram, at)
+        if not size:
+            return []
+        found.append(_piece(datagram[at : at + size]))
+        at += size
+    return found
+
+
+def piece_of(frame: Frame) -> Piece:
+    """Returns a checked frame as a piece."""
+    return Piece(frame.system_id, frame.message_id, frame.data)
+
+
+def _piece(frame: bytes) -> Piece:
+    if frame[0] == MAGIC_V1:
+        return Piece(frame[3], frame[5], frame)
+    return Piece(frame[5], frame[7] | frame[8] << 8 | frame[9] << 16, frame)
+
+
 def _begins_whole(datagram: bytes) -> bool:
     """Whether a datagram begins with a whole frame."""
     size = _whole_at(datagram, 0)

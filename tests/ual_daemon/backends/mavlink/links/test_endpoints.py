@@ -1,6 +1,16 @@
+import re
+
 import pytest
 
-from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, TcpEndpoint, UdpEndpoint, parse_url
+from ual_daemon.backends.mavlink.links.endpoints import (
+    Endpoint,
+    SerialEndpoint,
+    TcpEndpoint,
+    UdpEndpoint,
+    parse_place,
+    parse_url,
+    vehicle_urls,
+)
 from ual_daemon.settings import ConfigError
 
 
@@ -83,3 +93,33 @@ def test_a_url_that_cannot_be_used_is_refused_in_one_line_with_the_right_spellin
     assert why in text
     assert "udpout://HOST:PORT" in text
     assert "\n" not in text
+
+
+def test_a_url_may_name_the_system_id_behind_any_link() -> None:
+    udp = UdpEndpoint("0.0.0.0", 14550, is_listening=True)
+    assert parse_place("udp://:14550") == (udp, None)
+    assert parse_place("udp://:14550?system_id=7") == (udp, 7)
+    assert parse_place("serial:///dev/ttyUSB0:57600?system_id=254") == (SerialEndpoint("/dev/ttyUSB0", 57600), 254)
+
+
+def test_a_url_may_name_several_vehicles() -> None:
+    assert vehicle_urls("udp://:14550") == ["udp://:14550"]
+    assert vehicle_urls("/dev/ttyUSB0:57600?system_id=3,1") == [
+        "/dev/ttyUSB0:57600?system_id=3",
+        "/dev/ttyUSB0:57600?system_id=1",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "not numbers; write udp://:14550?system_id=1 or udp://:14550?system_id=1,2,3"),
+        ("1,", "not numbers"),
+        ("1-3", "not numbers"),
+        ("0", "system ids are from 1 to 254"),
+        ("1,255", "system ids are from 1 to 254"),
+    ],
+)
+def test_system_ids_that_no_vehicle_has_are_refused(text: str, why: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(why)):
+        vehicle_urls(f"udp://:14550?system_id={text}")
