@@ -6,6 +6,7 @@ See docs/compatibility.md.
 
 from __future__ import annotations
 
+import base64
 import itertools
 import json
 from collections.abc import Iterable, Iterator
@@ -19,14 +20,14 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError, Message
 
-from ual.v1 import parameters_pb2, simulation_pb2, ual_pb2
+from ual.v1 import logs_pb2, parameters_pb2, simulation_pb2, ual_pb2
 
 ROOT = Path(__file__).parents[1]
 RECORDS = ROOT / "tests" / "data" / "wire"
 BASELINE = ROOT / "proto" / "baseline.binpb"
 """An image of the contract (a FileDescriptorSet, by buf), which it must stay compatible with."""
-FILES = ("ual/v1/ual.proto", "ual/v1/simulation.proto", "ual/v1/parameters.proto")
-SERVICES = ("ual.v1.UalService", "ual.v1.SimulationService", "ual.v1.ParameterService")
+FILES = ("ual/v1/ual.proto", "ual/v1/simulation.proto", "ual/v1/parameters.proto", "ual/v1/logs.proto")
+SERVICES = ("ual.v1.UalService", "ual.v1.SimulationService", "ual.v1.ParameterService", "ual.v1.LogService")
 
 REMEDY = (
     "Programs that are installed would be misunderstood. Undo it: a field keeps its number, name and type for ever; "
@@ -81,7 +82,7 @@ def changed_pool(change: Any) -> DescriptorPool:
 
 
 def _modules() -> tuple[Any, ...]:
-    return ual_pb2, simulation_pb2, parameters_pb2
+    return ual_pb2, simulation_pb2, parameters_pb2, logs_pb2
 
 
 def _pool(files: Iterable[descriptor_pb2.FileDescriptorProto]) -> DescriptorPool:
@@ -262,6 +263,8 @@ def _scalar(field: FieldDescriptor, numbers: Iterator[int]) -> Any:
         return values[1 + next(numbers) % (len(values) - 1)].name
     if field.cpp_type == FieldDescriptor.CPPTYPE_BOOL:
         return True
+    if field.type == FieldDescriptor.TYPE_BYTES:
+        return base64.b64encode(f"{field.name} {next(numbers)}".encode()).decode()
     if field.cpp_type == FieldDescriptor.CPPTYPE_STRING:
         return f"{field.name} {next(numbers)}"
     if field.cpp_type in _INTEGERS:

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-from ual import _parameter_calls
+from ual import _log_calls, _parameter_calls
 from ual._calls import MEMBERS, Kind
 from ual.shared import views
 
@@ -41,7 +41,7 @@ _WAYS = {
     Kind.EXTERNAL_POSE: _Way("_external_poses.send"),
     Kind.SIMULATION: _Way("_connection.run"),
 }
-PARTS: Mapping[str, ModuleType] = {"Parameters": _parameter_calls}
+PARTS: Mapping[str, ModuleType] = {"Parameters": _parameter_calls, "Logs": _log_calls}
 """The services beside that of the UAV, by the class of their interface: the module with their calls. A member of the
 UAV returns each of them (`ual.Uav.parameters`).
 """
@@ -56,6 +56,10 @@ class _Member(NamedTuple):
     arguments: ast.arguments
     returned: str
     documentation: str
+
+    @property
+    def is_stream(self) -> bool:
+        return self.returned.startswith("Iterator[")
 
     @property
     def signature(self) -> str:
@@ -124,7 +128,8 @@ def _name(calls: ModuleType) -> str:
 
 
 def _part_call(calls: ModuleType, member: _Member) -> str:
-    return f"self._connection.run({_name(calls)}.{calls.MEMBERS[member.name].__name__}({member.passed()}))"
+    way = "iterate" if member.is_stream else "run"
+    return f"self._connection.{way}({_name(calls)}.{calls.MEMBERS[member.name].__name__}({member.passed()}))"
 
 
 def _sync_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
@@ -142,13 +147,17 @@ def _sync_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
 def _aio_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
     body = [
         f"""
-    async def {member.signature} -> {member.returned}:
+    {"" if member.is_stream else "async "}def {member.signature} -> {_of_aio(member)}:
 {_documented(_without_example(member.documentation))}
-        {member.returning(f"await {_part_call(calls, member)}")}
+        {member.returning(f"{'' if member.is_stream else 'await '}{_part_call(calls, member)}")}
 """
         for member in members
     ]
     return _part_head(owner, "") + "".join(body)
+
+
+def _of_aio(member: _Member) -> str:
+    return f"Async{member.returned}" if member.is_stream else member.returned
 
 
 def _part_head(owner: str, bases: str) -> str:
@@ -325,6 +334,8 @@ from ual._connection import Connection
 _AIO_PARTS = '''"""The services beside that of the UAV, for asyncio. ``make clients`` writes it: do not edit."""
 
 from __future__ import annotations
+
+from collections.abc import AsyncIterator
 
 from ual.aio._connection import Connection
 # imports

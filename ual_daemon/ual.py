@@ -10,7 +10,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
@@ -51,6 +51,7 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.choice import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
+from ual_daemon.extensions.shipped.logs import Logs
 from ual_daemon.extensions.shipped.parameters import Parameters
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
@@ -358,6 +359,11 @@ class UAL(Uav):
     @override
     def parameters(self) -> Parameters:
         return Parameters(self.vehicle, lambda: self._lease_id)
+
+    @cached_property
+    @override
+    def logs(self) -> Logs:
+        return Logs(self.vehicle)
 
 
 class _Task(Task):

@@ -16,6 +16,7 @@ from typing import Any
 
 from tests.simulators.channel import Channel
 from tests.simulators.fence import CIRCLES, POLYGONS, Fence, Item
+from tests.simulators.files import FileStore
 from tests.simulators.mission_store import MissionStore, Sender
 from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus, wrap
 from ual.geometry import Vector3
@@ -114,6 +115,7 @@ class Autopilot(ABC):
         """Whether it knows no commands for single messages."""
         self.missions = type(self).make_store(self._on_fence_set)
         self.fence = Fence(self.missions)
+        self.files = FileStore(is_px4=self.autopilot == mavlink.MAV_AUTOPILOT_PX4, is_armed=lambda: self.is_armed)
         self.parameters = dict(self.default_parameters())
         self.kept_parameters: set[str] = set()
         """Names of parameters that it keeps as they are, whatever is written."""
@@ -129,6 +131,7 @@ class Autopilot(ABC):
             mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._on_local_target,
             mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL: self._on_manual_control,
             **{message_id: partial(self._transfer, act) for message_id, act in self.missions.handlers().items()},
+            **{message_id: partial(self._transfer, act) for message_id, act in self.files.handlers().items()},
             self.external_pose_message: self._on_external_pose,
         }
         self._later: list[tuple[float, int, Callable[[], None]]] = []
@@ -164,6 +167,7 @@ class Autopilot(ABC):
                 self.missions.tick(self.elapsed_s)
             self.wander.step(STEP_S)
             self._fly()
+            self.files.step(self.elapsed_s)
             if not self.is_booting:
                 for channel in self.channels:
                     for message_id in channel.due(self.elapsed_s):

@@ -93,6 +93,7 @@ class Service(Enum):
     UAL = "UalService"
     SIMULATION = "SimulationService"
     PARAMETERS = "ParameterService"
+    LOGS = "LogService"
 
 
 _UNTRACED: AbstractContextManager[Metadata] = nullcontext(())

@@ -11,7 +11,7 @@ from typing_extensions import override
 from ual import _calls, interface
 from ual._connection import Connection
 from ual._derived import SimulationMembers, UavMembers
-from ual._derived_parts import Parameters
+from ual._derived_parts import Logs, Parameters
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
@@ -64,6 +64,7 @@ class Uav(UavMembers):
         self._simulation = Simulation(self._connection)
         self._is_simulation = False
         self._parameters = Parameters(self._connection)
+        self._logs = Logs(self._connection)
         self._subscriptions = Subscriptions(self._connection)
 
     def __repr__(self) -> str:
@@ -139,6 +140,11 @@ class Uav(UavMembers):
     @override
     def parameters(self) -> Parameters:
         return self._parameters
+
+    @property
+    @override
+    def logs(self) -> Logs:
+        return self._logs
 
     @override
     def _command(self, call: _calls.Call[T], timeout_s: float | None = None) -> T:

@@ -70,6 +70,20 @@ class Connection:
             self._wait_until_back(error)
         return self._run_once(call, limit_s)
 
+    def iterate(self, call: Call[T]) -> Iterator[T]:
+        """Yields what each response of a stream is. Raises the `UalError` by which the stream ended."""
+        with _calls.traced(call) as more:
+            metadata = (*self.target.metadata, *more)
+            stream = self._begin(lambda stubs: stubs.method(call)(call.request, metadata=metadata))
+            try:
+                for response in stream:
+                    self._was_reached = True
+                    yield call.read(response)
+            except grpc.RpcError as error:
+                raise self.error(error) from None
+            finally:
+                stream.cancel()
+
     def stream_telemetry(self, rate_hz: float) -> TelemetryStream:
         """Opens a stream of telemetry on a channel of its own. Raises `UalError` if the client is closed."""
         # Imported here because gRPC, too, imports it only with the first channel.

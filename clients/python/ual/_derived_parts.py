@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from typing_extensions import override
 
-from ual import _parameter_calls, interface
+from ual import _log_calls, _parameter_calls, interface
 from ual._connection import Connection
+from ual.logs.values import Log, LogChunk
 from ual.parameters.values import Parameter
 
 
@@ -29,3 +32,21 @@ class Parameters(interface.Parameters):
     @override
     def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
         return self._connection.run(_parameter_calls.set_(name=name, value=value, force=force))
+
+
+class Logs(interface.Logs):
+    """`ual.interface.Logs`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Logs of {self._connection.described}>"
+
+    @override
+    def get_all(self) -> list[Log]:
+        return self._connection.run(_log_calls.get_all())
+
+    @override
+    def download(self, log_id: str, offset: int = 0) -> Iterator[LogChunk]:
+        return self._connection.iterate(_log_calls.download(log_id=log_id, offset=offset))

@@ -29,6 +29,7 @@ from ual.geometry import (
     stamped_pose,
     stamped_twist,
 )
+from ual.logs.values import Log, LogChunk
 from ual.parameters.values import Parameter
 from ual.shared import views
 from ual.shared.time_limit import time_limit
@@ -265,6 +266,43 @@ class Parameters(Protocol):
             LeaseHeldError: Another program holds the lease.
             LinkLostError: It is not heard.
             UalTimeoutError: It has not answered: it is not known whether it was written.
+
+        """
+        ...
+
+
+class Logs(Protocol):
+    """The logs that the autopilot has written. They are only read. The manual is ``docs/logs.md``.
+
+    Raises:
+        NotSupportedError: UAL reads none of this autopilot.
+
+    """
+
+    def get_all(self) -> list[Log]:
+        """Returns all logs, the oldest first.
+
+        Raises:
+            RejectedByAutopilotError: It gives none now, in its own words.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        ...
+
+    def download(self, log_id: str, offset: int = 0) -> Iterator[LogChunk]:
+        """Yields the pieces of a log, in order. `ual.logs.fetch` writes them into a file, and goes on where it broke.
+
+        Args:
+            log_id: As listed by `get_all`.
+            offset: Where to begin, in bytes.
+
+        Raises:
+            InvalidArgumentError: There is no such log, or it ends before the offset.
+            ResourceExhaustedError: Another download is under way.
+            RejectedByAutopilotError: The autopilot refuses it, or the log has become shorter.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
 
         """
         ...
@@ -1052,6 +1090,11 @@ class Uav(TaskCommands[Task]):
     @abstractmethod
     def parameters(self) -> Parameters:
         """The autopilot's own parameters."""
+
+    @property
+    @abstractmethod
+    def logs(self) -> Logs:
+        """The logs that the autopilot has written."""
 
 
 def _path_request(

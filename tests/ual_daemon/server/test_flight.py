@@ -298,7 +298,12 @@ def test_it_flies_by_reflection_alone(start_daemon: StartDaemon) -> None:
     daemon = start_daemon("--set", "light.speed_factor=10", ns="uav_2")
     client = Reflected(daemon.channel())
     uav, simulation = "ual.v1.UalService", "ual.v1.SimulationService"
-    beside = {"ual.v1.ParameterService", "grpc.health.v1.Health", "grpc.reflection.v1alpha.ServerReflection"}
+    beside = {
+        "ual.v1.ParameterService",
+        "ual.v1.LogService",
+        "grpc.health.v1.Health",
+        "grpc.reflection.v1alpha.ServerReflection",
+    }
     assert client.services == {uav, simulation, *beside}
     assert client.call(uav, "GetInfo").namespace == "uav_2"
     client.call(simulation, "PilotArm")

@@ -31,6 +31,7 @@ from ual_daemon.backends.mavlink.links.endpoints import (
     vehicle_key,
     vehicle_urls,
 )
+from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
@@ -76,7 +77,10 @@ class MavlinkBackend(Backend):
         self._discovery: Discovery | None = None
         self._loop: ReceiveLoop | None = None
         self._desk: CommandDesk[CommandLong] | None = None
-        self._offers = (MavlinkParameters(self._last_session, self._reach, self._post),)
+        self._offers = (
+            MavlinkParameters(self._last_session, self._reach, self._post),
+            MavlinkLogs(self._reach, self._post),
+        )
 
     @classmethod
     @override

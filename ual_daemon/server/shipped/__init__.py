@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from ual.access.roles import Role
 from ual_daemon.extensions.shipped.vehicle import ServedVehicle
+from ual_daemon.server.shipped.logs import log_service
 from ual_daemon.server.shipped.parameters import parameter_service
 
 
@@ -18,7 +19,7 @@ class ShippedService(NamedTuple):
     roles: Mapping[str, Role] = {}
 
 
-_MAKERS = (parameter_service,)
+_MAKERS = (parameter_service, log_service)
 """What makes each of them for a UAV: its full name, and what registers its servicer."""
 
 

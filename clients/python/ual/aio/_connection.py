@@ -61,6 +61,19 @@ class Connection:
             await self._wait_until_back(error)
         return await self._run_once(call, limit_s)
 
+    async def iterate(self, call: Call[T]) -> AsyncIterator[T]:
+        """Yields what each response of a stream is. Raises the `UalError` by which the stream ended."""
+        with _calls.traced(call) as more, self.calling() as route:
+            stream = route.stubs.method(call)(call.request, metadata=(*self.target.metadata, *more))
+            try:
+                async for response in stream:
+                    self._was_reached = True
+                    yield call.read(response)
+            except grpc.aio.AioRpcError as error:
+                raise self.error(error) from None
+            finally:
+                stream.cancel()
+
     async def stream_telemetry(self, rate_hz: float) -> AsyncIterator[pb.StreamTelemetryResponse]:
         """Yields telemetry until the stream ends. Raises the `UalError` by which it ended."""
         request = pb.StreamTelemetryRequest(rate_hz=rate_hz)

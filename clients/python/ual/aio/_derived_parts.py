@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from ual import _parameter_calls
+from collections.abc import AsyncIterator
+
+from ual import _log_calls, _parameter_calls
 from ual.aio._connection import Connection
+from ual.logs.values import Log, LogChunk
 from ual.parameters.values import Parameter
 
 
@@ -55,3 +58,41 @@ class Parameters:
 
         """
         return await self._connection.run(_parameter_calls.set_(name=name, value=value, force=force))
+
+
+class Logs:
+    """`ual.interface.Logs`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Logs of {self._connection.described}>"
+
+    async def get_all(self) -> list[Log]:
+        """Returns all logs, the oldest first.
+
+        Raises:
+            RejectedByAutopilotError: It gives none now, in its own words.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_log_calls.get_all())
+
+    def download(self, log_id: str, offset: int = 0) -> AsyncIterator[LogChunk]:
+        """Yields the pieces of a log, in order. `ual.logs.fetch` writes them into a file, and goes on where it broke.
+
+        Args:
+            log_id: As listed by `get_all`.
+            offset: Where to begin, in bytes.
+
+        Raises:
+            InvalidArgumentError: There is no such log, or it ends before the offset.
+            ResourceExhaustedError: Another download is under way.
+            RejectedByAutopilotError: The autopilot refuses it, or the log has become shorter.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return self._connection.iterate(_log_calls.download(log_id=log_id, offset=offset))

@@ -210,6 +210,10 @@ class RosUav(Uav):
         inexpressible("parameters")
 
     @property
+    def logs(self) -> ual.interface.Logs:
+        inexpressible("logs")
+
+    @property
     def dry_run(self) -> DryRun[ual.types.Plan]:
         inexpressible("dry_run")
 

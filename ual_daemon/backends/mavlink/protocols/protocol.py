@@ -24,6 +24,11 @@ class Protocol(ABC):
     def handlers(self) -> Mapping[int, Handler]:
         """What takes the messages of an id. They do not change."""
 
+    @property
+    def is_urgent(self) -> bool:
+        """Whether `tick` should be called often, as an answer is awaited."""
+        return False
+
     @abstractmethod
     def attach(self, target: Source, dialect: Dialect) -> None:
         """Exchanges with this autopilot from now on. What is under way with another one ends."""

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from typing_extensions import override
 
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.ftp import Ftp
+from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
@@ -21,13 +23,21 @@ class Protocols(Protocol):
     Args:
         send: Sends a message.
         is_up: Says whether the link is up at a time.
+        is_gentle: Says whether it may be flying, so that nothing may delay what flies it.
 
     """
 
-    def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
+    def __init__(
+        self,
+        send: Callable[[Message], object],
+        is_up: Callable[[float], bool],
+        is_gentle: Callable[[], bool] = lambda: True,
+    ) -> None:
         self.parameters = ParameterTransfers(send, is_up)
         self.missions = MissionTransfers(send, is_up)
-        self._all: tuple[Protocol, ...] = (self.parameters, self.missions)
+        self.files = Ftp(send, is_up, is_gentle)
+        self.logs = LogTransfers(send, is_up, is_gentle)
+        self._all: tuple[Protocol, ...] = (self.parameters, self.missions, self.files, self.logs)
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
             for message_id, handler in protocol.handlers.items():
@@ -38,6 +48,11 @@ class Protocols(Protocol):
     @override
     def handlers(self) -> dict[int, Handler]:
         return self._handlers
+
+    @property
+    @override
+    def is_urgent(self) -> bool:
+        return any(protocol.is_urgent for protocol in self._all)
 
     @override
     def attach(self, target: Source, dialect: Dialect) -> None:

@@ -62,7 +62,7 @@ class Discovery(Selector):
         self.watch = LinkWatch(url, Dialect.freshness.link_s, on_lost=self.discard_state, on_anew=self._request_anew)
         self.supervision = Supervision(self.watch)
         self.session: Session | None = None
-        self.protocols = Protocols(self.sender.send, self.watch.is_up)
+        self.protocols = Protocols(self.sender.send, self.watch.is_up, self._may_be_flying)
         self._settings = settings
         self._link = link
         self._setpoints = setpoints
@@ -81,6 +81,9 @@ class Discovery(Selector):
         """Discards all that may have changed since it was received."""
         if self.session is not None:
             self.session.discard_state()
+
+    def _may_be_flying(self) -> bool:
+        return self.session is None or self.session.telemetry.is_armed is not False
 
     def _request_anew(self) -> None:
         if self.session is not None:

@@ -61,9 +61,9 @@ class ReceiveLoop:
 
     @property
     def is_urgent(self) -> bool:
-        """Whether a command is under way, or a heartbeat is wanted at once."""
+        """Whether a command is under way, a heartbeat is wanted at once, or a protocol awaits an answer."""
         session = self._discovery.session
-        return session is not None and session.is_urgent
+        return session is not None and (session.is_urgent or self._discovery.protocols.is_urgent)
 
     def discard(self, now_s: float, pause_s: float) -> None:
         """Discards what has arrived, and what may have changed, in a pause of this computer."""

@@ -446,8 +446,9 @@ class Session:
             has_position=not message.type_mask & IGNORES_POSITION,
         )
 
-    def _on_text(self, _message: Message, now_s: float, _: float) -> None:
+    def _on_text(self, message: Message, now_s: float, _: float) -> None:
         text = self.telemetry.status_text
+        self._protocols.handlers[mavlink.MAVLINK_MSG_ID_STATUSTEXT](message, now_s)
         self._commands.on_text(text)
         self._causes.on_sign(self.dialect.cause_of_text(text), now_s)
         self._health.on_text(text, now_s)

@@ -1,0 +1,181 @@
+"""The logs of a MAVLink autopilot: by MAVFTP where it has that, else by LOG_REQUEST_LIST and LOG_REQUEST_DATA."""
+
+from __future__ import annotations
+
+import calendar
+import re
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from typing import TypeVar
+
+from typing_extensions import override
+
+from ual.errors import InvalidArgumentError, UalError
+from ual.logs.values import Log
+from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.protocols.ftp import Entry, Ftp, Steps
+from ual_daemon.backends.mavlink.protocols.ftp_packet import FtpNakError, Nak
+from ual_daemon.backends.mavlink.protocols.log_transfers import LogEntry
+from ual_daemon.backends.mavlink.session.discovery import Discovery
+from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.offers.logs import AutopilotLogs
+
+T = TypeVar("T")
+
+DIRECTORIES = ("/fs/microsd/log", "/APM/LOGS", "log", "logs")
+"""Where logs are: PX4, ArduPilot, and the simulations of both."""
+_NEWEST = "LASTLOG.TXT"
+"""ArduPilot's file with the number of its newest log: after its largest number it begins again with 1."""
+_ENDINGS = (".ulg", ".ulge", ".bin", ".px4log")
+_NO_DIRECTORY = {Nak.FILE_NOT_FOUND, Nak.FAIL, Nak.FAIL_ERRNO}
+_PX4_NAME = re.compile(r"(\d{4}-\d\d-\d\d)/(\d\d_\d\d_\d\d)\b.*")
+_ARDUPILOT_NAME = re.compile(r"(\d{1,9})\.BIN", re.IGNORECASE)
+_FTP = mavlink.MAV_PROTOCOL_CAPABILITY_FTP
+
+
+class MavlinkLogs(AutopilotLogs):
+    """The logs of one backend.
+
+    Args:
+        reach: Returns the session that is in reach, or why none is.
+        post: Has something done on the thread that receives.
+
+    """
+
+    def __init__(
+        self,
+        reach: Callable[[str], Session | UalError],
+        post: Callable[[Callable[[Discovery], None]], None],
+    ) -> None:
+        self._reach = reach
+        self._post = post
+        self._paths: dict[str, str] = {}
+        """Of the last list by MAVFTP: the path of each log."""
+
+    @override
+    def read_all(self) -> Future[list[Log]]:
+        return self._give(self._list_files, self._list_numbers)
+
+    @override
+    def read(self, log_id: str, offset: int, size: int) -> Future[bytes]:
+        return self._give(
+            lambda files: files.read(self._path(log_id), offset, size),
+            lambda discovery, future: discovery.protocols.logs.read(_number(log_id), offset, size, future),
+        )
+
+    def _give(
+        self, by_files: Callable[[Ftp], Steps[T]], by_numbers: Callable[[Discovery, Future[T]], None]
+    ) -> Future[T]:
+        future: Future[T] = Future()
+        session = self._reach("read its logs")
+        if isinstance(session, UalError):
+            future.set_exception(session)
+            return future
+
+        def begin(discovery: Discovery) -> None:
+            try:
+                if has_files(session):
+                    discovery.protocols.files.run(future, by_files(discovery.protocols.files))
+                else:
+                    by_numbers(discovery, future)
+            except UalError as error:
+                futures.fail(future, error)
+
+        self._post(begin)
+        return future
+
+    def _path(self, log_id: str) -> str:
+        if log_id not in self._paths:
+            raise unknown(log_id)
+        return self._paths[log_id]
+
+    def _list_files(self, files: Ftp) -> Steps[list[Log]]:
+        """Lists the logs in the first directory that there is. The steps end on the thread that receives."""
+        for directory in DIRECTORIES:
+            try:
+                found = yield from files.list_directory(directory)
+            except FtpNakError as error:
+                if error.code not in _NO_DIRECTORY:
+                    raise
+                continue
+            logs = yield from self._logs_in(files, directory, found)
+            self._paths = {each.id: f"{directory}/{each.id}" for each in logs}
+            return logs
+        self._paths = {}
+        return []
+
+    def _logs_in(self, files: Ftp, directory: str, entries: list[Entry]) -> Steps[list[Log]]:
+        logs = [_log(each.name, each.size) for each in entries if each.size is not None and _is_log(each.name)]
+        for each in sorted(entries):
+            if each.size is None:
+                inside = yield from files.list_directory(f"{directory}/{each.name}")
+                logs += [
+                    _log(f"{each.name}/{file.name}", file.size)
+                    for file in inside
+                    if file.size is not None and _is_log(file.name)
+                ]
+        newest = 0
+        if any(each.name == _NEWEST for each in entries):
+            text = yield from files.read_all(f"{directory}/{_NEWEST}", 64)
+            newest = int(text) if text.strip().isdigit() else 0
+        return sorted(logs, key=partial(_age, newest))
+
+    def _list_numbers(self, discovery: Discovery, future: Future[list[Log]]) -> None:
+        entries: Future[list[LogEntry]] = Future()
+
+        def on_entries(ended: Future[list[LogEntry]]) -> None:
+            error = ended.exception()
+            if error is not None:
+                futures.fail(future, error)
+            elif future.set_running_or_notify_cancel():
+                ordered = sorted(ended.result(), key=lambda each: (each.time_utc_s, each.id))
+                future.set_result([Log(str(each.id), each.size, float(each.time_utc_s) or None) for each in ordered])
+
+        entries.add_done_callback(on_entries)
+        discovery.protocols.logs.list(entries)
+
+
+def has_files(session: Session) -> bool:
+    """Whether the autopilot says that it has MAVFTP."""
+    version = session.telemetry.version
+    return version is not None and bool(version.capabilities & _FTP)
+
+
+def unknown(log_id: str) -> InvalidArgumentError:
+    """Returns that there is no such log."""
+    return InvalidArgumentError(f"log_id: the autopilot has no log {log_id:.80}; list them", {"field": "log_id"})
+
+
+def _number(log_id: str) -> int:
+    if not (log_id.isdecimal() and log_id.isascii() and int(log_id) <= 0xFFFF):
+        raise unknown(log_id)
+    return int(log_id)
+
+
+def _is_log(name: str) -> bool:
+    return name.lower().endswith(_ENDINGS)
+
+
+def _log(name: str, size: int) -> Log:
+    return Log(name, size, _time_s(name))
+
+
+def _time_s(name: str) -> float | None:
+    """Returns the time that PX4 has put into the name of a log, in UTC."""
+    match = _PX4_NAME.fullmatch(name)
+    if match is None:
+        return None
+    try:
+        return float(calendar.timegm(time.strptime(f"{match[1]} {match[2]}", "%Y-%m-%d %H_%M_%S")))
+    except ValueError:
+        return None
+
+
+def _age(newest: int, log: Log) -> tuple[float, int, int, str]:
+    """Returns what sorts logs, the oldest first. Those of PX4 without a time come first."""
+    match = _ARDUPILOT_NAME.fullmatch(log.id)
+    number = 0 if match is None else int(match[1])
+    return (log.time_s or 0.0, number <= newest, number, log.id)

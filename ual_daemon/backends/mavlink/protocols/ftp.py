@@ -1,0 +1,275 @@
+"""The files of the autopilot, by MAVFTP: https://mavlink.io/en/services/ftp.html. They are only read.
+
+Compared with the servers of PX4 (mavlink_ftp.cpp) and ArduPilot (GCS_FTP.cpp). Each has one open file for each link.
+PX4 closes it after 10 s in which nothing is asked, ArduPilot after 3 s.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator
+from concurrent.futures import Future
+from typing import Any, NamedTuple, TypeVar
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError, NotSupportedError, ResourceExhaustedError, UalError, UalTimeoutError
+from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.exchange import Exchange
+from ual_daemon.backends.mavlink.protocols.ftp_packet import FtpNakError, FtpPacket, Nak, Opcode, decode
+from ual_daemon.backends.mavlink.protocols.ftp_steps import Asking, FtpLink, OpenFile, Pause, Reading, Step
+from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+
+T = TypeVar("T")
+Steps = Generator[Step[Any], Any, T]
+"""An exchange about files, step by step; each `yield` returns the result of the step, or raises its error."""
+
+IDLE_S = 2.0
+"""After so long a file that is not read any more is closed."""
+BUSY_S = (0.5, 3.5, 11.0)
+"""When what is refused because another file is open is asked for again. Each request delays the moment at which the
+autopilot closes one that was left open: ArduPilot after 3 s without any, PX4 after 10 s."""
+REOPENED_COUNT = 3
+"""So often a file may be closed by the autopilot while it is read."""
+MOST_ENTRIES = 20_000
+MOST_WAITING = 100
+CHUNK = 32_768
+"""So much of a file is read in one step where all of it is wanted."""
+_SESSION = 191
+"""The session that is asked for. ArduPilot takes the client's, so that another program's is another one."""
+_BUSY = {Nak.FAIL, Nak.NO_SESSIONS_AVAILABLE, Nak.INVALID_SESSION}
+_CLOSED = {Nak.INVALID_SESSION, Nak.FILE_NOT_FOUND}
+
+
+class Entry(NamedTuple):
+    """What is in a directory. `size` is None for a directory."""
+
+    name: str
+    size: int | None
+
+
+class _Dialogue(Exchange[T]):
+    """An exchange about files."""
+
+    def __init__(
+        self, future: Future[T], link: FtpLink, steps: Steps[T], explain: Callable[[UalError], UalError]
+    ) -> None:
+        super().__init__(future)
+        self._link = link
+        self._steps = steps
+        self._explain = explain
+        self._step: Step[Any] | None = None
+
+    @override
+    def tick(self, now_s: float) -> None:
+        if self._step is None:
+            self._go_on(lambda: next(self._steps))
+        while self._step is not None and not self.is_over:
+            step = self._step
+            step.tick(self._link, now_s)
+            if not step.is_over:
+                return
+            self._after(step)
+        self._steps.close()
+
+    def on_packet(self, packet: FtpPacket, now_s: float) -> None:
+        """Takes an answer."""
+        if self._step is not None:
+            self._step.on_packet(packet, now_s)
+
+    def _after(self, step: Step[Any]) -> None:
+        if step.error is None:
+            self._go_on(lambda: self._steps.send(step.result))
+        else:
+            error = step.error
+            self._go_on(lambda: self._steps.throw(error))
+
+    def _go_on(self, resume: Callable[[], Step[Any]]) -> None:
+        try:
+            self._step = resume()
+        except StopIteration as ended:
+            self._step = None
+            self._end(ended.value)
+        except UalError as error:
+            self._step = None
+            self.fail(self._explain(error))
+
+
+class Ftp(Protocol):
+    """Belongs to the thread that receives. One exchange at a time, in the order in which they were asked for.
+
+    Args:
+        send: Sends a message.
+        is_up: Says whether the link is up at a time.
+        is_gentle: Says whether it may be flying.
+
+    """
+
+    def __init__(
+        self, send: Callable[[Message], object], is_up: Callable[[float], bool], is_gentle: Callable[[], bool]
+    ) -> None:
+        self._send = send
+        self._is_up = is_up
+        self._is_gentle = is_gentle
+        self._link: FtpLink | None = None
+        self._file: OpenFile | None = None
+        self._waiting: deque[_Dialogue[Any]] = deque()
+        self._running: _Dialogue[Any] | None = None
+        self._now_s = 0.0
+
+    @property
+    @override
+    def handlers(self) -> dict[int, Handler]:
+        return {mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL: self.on_message}
+
+    @property
+    @override
+    def is_urgent(self) -> bool:
+        return self._running is not None
+
+    @override
+    def attach(self, target: Source, dialect: Dialect) -> None:
+        self.drop("another autopilot was found")
+        self._link = FtpLink(
+            lambda payload: self._send(mavlink.MAVLink_file_transfer_protocol_message(0, *target, payload)),
+            self._is_gentle,
+        )
+
+    @override
+    def drop(self, why: str) -> None:
+        error = LinkLostError(f"its files were not read: {why}")
+        for exchange in (*self._waiting, *([] if self._running is None else [self._running])):
+            exchange.fail(error)
+        self._waiting.clear()
+        self._running = self._file = None
+
+    @override
+    def tick(self, now_s: float) -> None:
+        self._now_s = now_s
+        while self._running is None or self._running.is_over:
+            if not self._waiting:
+                self._running = None
+                break
+            self._running = self._waiting.popleft()
+        if self._running is not None:
+            self._running.tick(now_s)
+        elif self._file is not None and now_s - self._file.used_s > IDLE_S:
+            self.run(Future(), self.closed())
+
+    def on_message(self, message: Message, now_s: float) -> None:
+        """Takes a FILE_TRANSFER_PROTOCOL."""
+        packet = decode(bytes(message.payload))
+        if packet is not None and self._running is not None:
+            self._running.on_packet(packet, now_s)
+            self.tick(now_s)
+
+    def run(self, future: Future[T], steps: Steps[T]) -> None:
+        """Has an exchange done once it is its turn."""
+        if self._link is None:
+            futures.fail(future, LinkLostError("no autopilot was found"))
+        elif len(self._waiting) >= MOST_WAITING:
+            text = f"{MOST_WAITING} reads of files wait already, which is the limit"
+            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+        else:
+            self._waiting.append(_Dialogue(future, self._link, steps, self._explain))
+
+    # --- What an exchange may have of steps ---------------------------------------------------------------------------
+
+    def list_directory(self, path: str) -> Steps[list[Entry]]:
+        """Lists what is in a directory. Ends with an `FtpNakError` where there is none."""
+        found: list[Entry] = []
+        place = 0
+        while True:
+            try:
+                packet = yield from _asked(path, Opcode.LIST_DIRECTORY, place, path.encode())
+            except FtpNakError as error:
+                if error.code == Nak.END_OF_FILE:
+                    return found
+                raise
+            names = [each for each in packet.data.split(b"\0") if each]
+            place += len(names)
+            if not names or place > MOST_ENTRIES:
+                raise NotSupportedError(f"{path}: it has no end, or over {MOST_ENTRIES} entries")
+            found += [entry for each in names if (entry := _entry(each)) is not None]
+
+    def read(self, path: str, offset: int, size: int) -> Steps[bytes]:
+        """Reads a part of a file, less where it ends before. The file stays open for the next part."""
+        for count in range(REOPENED_COUNT):
+            file = yield from self._opened(path)
+            try:
+                data: bytes = yield Reading(file, offset, size)
+            except FtpNakError as error:
+                self._file = None
+                if error.code not in _CLOSED or count == REOPENED_COUNT - 1:
+                    raise
+            else:
+                return data
+        raise AssertionError  # the last try returns or raises
+
+    def read_all(self, path: str, most: int) -> Steps[bytes]:
+        """Reads a whole file. Ends with a `ResourceExhaustedError` where it has more than so many bytes."""
+        parts: list[bytes] = []
+        offset = 0
+        while offset <= most:
+            part = yield from self.read(path, offset, CHUNK)
+            parts.append(part)
+            offset += len(part)
+            if len(part) < CHUNK:
+                yield from self.closed()
+                return b"".join(parts)
+        raise ResourceExhaustedError(f"{path} has over {most} bytes", {"limit": str(most)})
+
+    def closed(self) -> Steps[None]:
+        """Closes the file that is open. Whatever the answer is: it may be closed already."""
+        file, self._file = self._file, None
+        if file is not None:
+            try:
+                yield Asking(file.path, Opcode.TERMINATE_SESSION, file.session)
+            except FtpNakError:
+                return
+
+    def _opened(self, path: str) -> Steps[OpenFile]:
+        file = self._file
+        if file is not None and file.path == path:
+            return file
+        yield from self.closed()
+        packet = yield from _asked(path, Opcode.OPEN_FILE_RO, 0, path.encode(), _SESSION)
+        size = int.from_bytes(packet.data[:4], "little")
+        self._file = file = OpenFile(path, packet.session, size)
+        file.used_s = self._now_s
+        return file
+
+    def _explain(self, error: UalError) -> UalError:
+        if isinstance(error, UalTimeoutError) and not self._is_up(self._now_s):
+            return LinkLostError(f"{error.message}; nothing comes from the autopilot", error.metadata)
+        return error
+
+
+def _asked(path: str, opcode: Opcode, offset: int, data: bytes, session: int = 0) -> Steps[FtpPacket]:
+    """Asks until no other file is open, for as long as one that was left open may be."""
+    for pause_s in (*BUSY_S, None):
+        try:
+            answer: FtpPacket = yield Asking(path, opcode, session, offset, data)
+        except FtpNakError as error:
+            if error.code not in _BUSY or pause_s is None:
+                raise
+            yield Pause(pause_s)
+        else:
+            return answer
+    raise AssertionError  # the last try returns or raises
+
+
+def _entry(text: bytes) -> Entry | None:
+    """Reads an entry of a directory; None for one that is skipped, or has a name that no file should have."""
+    kind, (name, _, size) = text[:1], text[1:].partition(b"\t")
+    if not name.isascii() or not name.decode().isprintable() or b"/" in name or name in {b".", b"..", b""}:
+        return None
+    if kind == b"D":
+        return Entry(name.decode(), None)
+    return Entry(name.decode(), int(size)) if kind == b"F" and size.isdigit() and len(size) <= _LONGEST_SIZE else None
+
+
+_LONGEST_SIZE = 12
