@@ -33,6 +33,8 @@ GIVE_UP_S = 10.0
 IDLE_S = 2.0
 """After so long the autopilot is told that nothing is wanted any more."""
 MOST_LOGS = 2000
+COUNTS_COUNT = 4
+"""So many numbers of logs may be told while they are listed: one may be added."""
 MOST_WAITING = 100
 GENTLE_BLOCKS = 10
 """So many blocks are requested at once while it may be flying, and then nothing for as long as they took."""
@@ -97,6 +99,7 @@ class _Listing(_LogExchange[list[LogEntry]]):
         super().__init__(future, requests)
         self._found: dict[int, LogEntry] = {}
         self._count: int | None = None
+        self._counts_count = 0
 
     @override
     def on_entry(self, message: Message, now_s: float) -> None:
@@ -108,8 +111,11 @@ class _Listing(_LogExchange[list[LogEntry]]):
             return
         count: int = message.num_logs
         if count != self._count:
+            self._counts_count += 1
             self._count = count
             self._found.clear()
+        if self._counts_count > COUNTS_COUNT:
+            self.fail(UalTimeoutError("the number of its logs changes all the time: try again"))
         if count and message.id not in self._found and len(self._found) < MOST_LOGS:
             self._found[message.id] = LogEntry(message.id, message.size, message.time_utc)
             self._note_new(now_s)

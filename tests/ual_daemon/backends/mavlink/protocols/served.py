@@ -1,4 +1,4 @@
-"""The protocols about files and logs on one stepped clock with the servers of a simulated autopilot, over a bad link."""
+"""The protocols about files and logs, on one stepped clock with a simulated autopilot's servers, over a bad link."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Served:
         self._count = 0
         self._handlers = {**self.ftp.handlers, **self.logs.handlers}
         self._server = self.store.handlers()
-        self._sender = Sender(cast(Channel, _Down(self._down)), *HERE)
+        self._sender = Sender(cast("Channel", _Down(self._down)), *HERE)
         for each in (self.ftp, self.logs):
             each.attach(Source(1, 1), Px4())
 

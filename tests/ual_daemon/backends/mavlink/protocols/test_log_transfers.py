@@ -164,7 +164,7 @@ def test_whatever_is_answered_each_exchange_ends(seed: int) -> None:
         piece: Future[bytes] = Future()
         served.logs.list(entries)
         served.logs.read(noise.randrange(3), 0, 20_000, piece)
-        for _ in range(10_000):
+        for _ in range(60_000):
             if entries.done() and piece.done():
                 break
             served.step()
