@@ -66,7 +66,7 @@ def test_the_newest_log_is_listed_and_fetched(daemon: DaemonProcess, tmp_path: P
     assert fetched.exit_code == 0, fetched.output
     assert json.loads(fetched.stdout)["sha256"] == hashlib.sha256(CONTENT).hexdigest()
     assert file.read_bytes() == CONTENT
-    assert list(tmp_path.iterdir()) == [file]
+    assert list(tmp_path.glob("flight*")) == [file]
     assert "0.30" in run(daemon, "logs", "list").stdout
 
 
