@@ -8,9 +8,9 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar, cast
 
-from tests.simulators.autopilot import Sender
 from tests.simulators.channel import Channel
 from tests.simulators.files import FileStore
+from tests.simulators.mission_store import Sender
 from ual.errors import UalError
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp, Steps
