@@ -36,7 +36,8 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
     assert known.armed is not None
     assert known.mode is not None
     landed = LandedState.UNKNOWN if known.landed is None else known.landed.value
-    control, mode = known.mode.value.control, known.mode.value.name
+    control = known.mode.value.control
+    mode = known.mode.value.own_text or known.mode.value.name
     if not known.armed.value:
         return Estimate(State.LANDED_DISARMED, "not armed")
     if landed is LandedState.ON_GROUND:
@@ -77,8 +78,8 @@ def _in_mode(snapshot: Snapshot) -> str:
     assert snapshot.control.mode is not None
     mode = snapshot.control.mode.value
     if mode.control is not Control.LAND and not mode.is_autonomous:
-        return f"; its mode was still {mode.name} when it was told last"
-    return f" (mode {mode.name}){_because(snapshot.control.held_by)}"
+        return f"; its mode was still {mode.text} when it was told last"
+    return f" (mode {mode.text}){_because(snapshot.control.held_by)}"
 
 
 def _because(held_by: Cause | None) -> str:

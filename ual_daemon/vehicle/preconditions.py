@@ -81,7 +81,7 @@ class Preconditions(RefusalLog):
         mode = snapshot.control.mode
         if mode is not None and mode.value.is_autonomous:
             return snapshot
-        name = "" if mode is None else f" in mode {mode.value.name}"
+        name = "" if mode is None else f" in mode {mode.value.text}"
         raise WrongStateError(
             f"{command} needs the state FLYING_AUTO, but it is FLYING_MANUAL: the safety pilot flies{name} and lands "
             f"it by hand; recover_from_manual takes control back, and then {command} is possible",
@@ -105,7 +105,7 @@ class Preconditions(RefusalLog):
         cause = held_by or _needing_force(snapshot.control.failsafe)
         if force or cause is None:
             return None
-        mode = f" (mode {snapshot.control.mode_name})" if snapshot.control.mode_name else ""
+        mode = f" (mode {snapshot.control.mode_text})" if snapshot.control.mode_text else ""
         does = "has taken control" if held_by and not snapshot.control.is_on_ground else "is active"
         return WrongStateError(
             f"{command}: the autopilot's {cause.value} {does}{mode}; only with force is it overridden, and the UAV "

@@ -70,7 +70,7 @@ def make_telemetry(
         "reference_pose": reported.reference_pose,
         "battery": condition.battery,
         "gps": condition.gps,
-        "flight_mode": "" if control.mode is None else control.mode.value.name,
+        "flight_mode": "" if control.mode is None else control.mode.value.own_text or control.mode.value.name,
         "armed": control.armed is not None and control.armed.value,
         "task": doing.task_info(),
         "sequence": sequence,

@@ -257,6 +257,10 @@ class ArduCopter(Autopilot):
         return self.mode_named(_MODES.get(custom_mode, f"MODE{custom_mode}"))
 
     @override
+    def names_mode(self, custom_mode: int) -> bool:
+        return custom_mode in _MODES
+
+    @override
     def mode_named(self, name: str) -> Mode:
         return Mode(name, _CONTROL.get(name, Control.OTHER), is_autonomous=name in _AUTONOMOUS)
 

@@ -127,6 +127,10 @@ class Autopilot(ABC):
     def mode(self, custom_mode: int) -> Mode:
         """Returns the mode of the autopilot's own number."""
 
+    def names_mode(self, custom_mode: int) -> bool:
+        """Returns whether the mode of this number is always the same, with a name that is known."""
+        return False
+
     @abstractmethod
     def mode_named(self, name: str) -> Mode:
         """Returns the mode of a name."""

@@ -51,8 +51,10 @@ _SUB_AUTO = {
     8: "FOLLOW_TARGET",
     9: "PRECLAND",
     10: "VTOL_TAKEOFF",
-} | {10 + number: f"EXTERNAL{number}" for number in range(1, 9)}
-_SUB = {"POSCTL": _SUB_POSCTL, "AUTO": _SUB_AUTO}
+}
+_EXTERNAL = {10 + number: f"EXTERNAL{number}" for number in range(1, 9)}
+"""Modes that other programs fly. What they are called is theirs to say."""
+_SUB = {"POSCTL": _SUB_POSCTL, "AUTO": _SUB_AUTO | _EXTERNAL}
 _CONTROL = {
     "OFFBOARD": Control.REFERENCES,
     "AUTO.TAKEOFF": Control.TAKE_OFF,
@@ -167,6 +169,12 @@ class Px4(Autopilot):
         if sub_number:
             name = f"{name}.{_SUB.get(name, {}).get(sub_number, sub_number)}"
         return self.mode_named(name)
+
+    @override
+    def names_mode(self, custom_mode: int) -> bool:
+        name, sub_number = _MAIN.get(custom_mode >> 16 & 0xFF), custom_mode >> 24
+        is_external = name == "AUTO" and sub_number in _EXTERNAL
+        return name is not None and (not sub_number or sub_number in _SUB.get(name, {})) and not is_external
 
     @override
     def mode_named(self, name: str) -> Mode:

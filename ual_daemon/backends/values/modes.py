@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 
@@ -84,9 +84,16 @@ class Mode:
     """The autopilot's mode: its name, human-readable, and what controls the vehicle in it.
 
     `is_autonomous` is whether the autopilot surely flies by itself in it, without sticks (hold, return): a landing may
-    replace such a mode, and never one that the pilot flies.
+    replace such a mode, and never one that the pilot flies. `own_text` has what the autopilot itself calls a mode that
+    has no name here (an external mode of PX4, a script's of ArduPilot). It is only told: nothing is decided by it.
     """
 
     name: str
     control: Control
     is_autonomous: bool = False
+    own_text: str = field(default="", compare=False)
+
+    @property
+    def text(self) -> str:
+        """What it is called where people read it."""
+        return self.own_text or self.name

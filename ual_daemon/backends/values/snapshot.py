@@ -58,6 +58,11 @@ class ControlState(NamedTuple):
         return "" if self.mode is None else self.mode.value.name
 
     @property
+    def mode_text(self) -> str:
+        """What the mode is called where people read it; empty while it is not known."""
+        return "" if self.mode is None else self.mode.value.text
+
+    @property
     def settled_mode(self) -> str:
         """The name of the mode; empty if it may be the one from before the arming, which the arming has changed.
 

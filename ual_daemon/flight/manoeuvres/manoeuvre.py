@@ -220,7 +220,7 @@ def taken(snapshot: Snapshot, during: str) -> Step:
 
 def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
     """Returns the error of a manoeuvre that ended because others, or a failsafe, took control."""
-    mode = snapshot.control.mode.value.name if snapshot.control.mode is not None else "unknown"
+    mode = snapshot.control.mode.value.text if snapshot.control.mode is not None else "unknown"
     breach = breach_text(snapshot)
     cause = snapshot.control.held_by or (Cause.FENCE if breach else Cause.SAFETY_PILOT)
     state = _state_of(snapshot)

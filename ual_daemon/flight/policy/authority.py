@@ -90,7 +90,7 @@ class Authority:
         if not self._has_flown or mode is None or by is Cause.OPEN:
             return
         who = "others" if by is None else f"the autopilot's {by.value}" if by.is_failsafe else f"the {by.value}"
-        self.taken = f"{who} took it (mode {mode.value.name})"
+        self.taken = f"{who} took it (mode {mode.value.text})"
 
     def _follow_silence(self, snapshot: Snapshot) -> None:
         """Gives the flight up after a long silence."""

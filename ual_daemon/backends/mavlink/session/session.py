@@ -269,6 +269,8 @@ class Session:
         is_late = self._heartbeats.is_late(now_s) and self._supervision.watch.state is not LinkState.LOST
         if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.wants_state(now_s)):
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT))
+        if self.telemetry.mode_names.take_request(now_s):
+            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES))
         for message_id in self._late_messages.due(now_s, self.telemetry.heard_s):
             self._send_command(request_message(message_id))
         if (

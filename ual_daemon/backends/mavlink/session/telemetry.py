@@ -18,6 +18,7 @@ from ual_daemon.backends.firmwares.local_origin import LocalOrigin
 from ual_daemon.backends.mavlink.dialects.axes import frd_to_flu, ned_to_enu, orientation_to_enu
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.session.conversions import battery, degrees, geo_point, gps_info, landed_state, milli
+from ual_daemon.backends.mavlink.session.mode_names import ModeNames
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.status_text import StatusText
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -61,6 +62,7 @@ class Telemetry:
     def __init__(self, dialect: Dialect, boots_count: int = 1) -> None:
         self._dialect = dialect
         self._boots_count = boots_count
+        self.mode_names = ModeNames(dialect)
         self.plausibility = Plausibility()
         self._clock_offset = ClockOffset()
         self.heard_s: float | None = None
@@ -116,6 +118,8 @@ class Telemetry:
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._on_mode,
+            mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES: self.mode_names.on_available,
+            mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES_MONITOR: self.mode_names.on_monitor,
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._on_extended_sys_state,
             dialect.estimator_message: self._on_estimator,
             mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._on_attitude_quaternion,
@@ -143,6 +147,7 @@ class Telemetry:
         self._clock_offset = ClockOffset()
         self._sequence = SequenceUnwrapper(LATE_S)
         self.message_counts.clear()
+        self.mode_names.forget()
         self.parameters.clear()
         self.version = None
         self.origin = LocalOrigin()
@@ -262,7 +267,7 @@ class Telemetry:
         self._on_mode(message, now_s, _)
 
     def _on_mode(self, message: Message, now_s: float, _: float) -> None:
-        mode = self._dialect.mode(message.custom_mode)
+        mode = self.mode_names.mode(message.custom_mode)
         if not self.mode.on_value(mode, now_s) and self.mode.sample is not None and mode != self.mode.value:
             self.is_mode_doubtful = True
 
