@@ -51,6 +51,7 @@ _SUB_AUTO = {
     8: "FOLLOW_TARGET",
     9: "PRECLAND",
     10: "VTOL_TAKEOFF",
+    19: "COURSE",
 }
 _EXTERNAL = {10 + number: f"EXTERNAL{number}" for number in range(1, 9)}
 """Modes that other programs fly. What they are called is theirs to say."""
@@ -142,6 +143,7 @@ class Px4(Autopilot):
             "COM_DISARM_LAND",
             "COM_DL_LOSS_T",
             "COM_FAIL_ACT_T",
+            "COM_GNSSLOSS_ACT",
             "COM_FLT_TIME_MAX",
             "COM_LOW_BAT_ACT",
             "COM_OBL_RC_ACT",
@@ -153,11 +155,13 @@ class Px4(Autopilot):
             "COM_RC_STICK_OV",
             "COM_RCL_EXCEPT",
             "CBRK_FLIGHTTERM",
+            "MAN_OVERRIDE_SPD",
             "MAV_COMP_ID",
             "MAV_SYS_ID",
             "NAV_DLL_ACT",
             "NAV_RCL_ACT",
             "RTL_RETURN_ALT",
+            "SYS_HAS_NUM_GNSS",
         }
     )
     has_zones = True

@@ -1,7 +1,8 @@
 """PX4's events (its libevents interface), which it sends on every link at once, ground station or not.
 
 An event is identified by the hash of its name (PX4's ``events::ID``). PX4's own sentences are in a file on the vehicle;
-the names say as much, so the names are reported. Those below are of PX4 1.17, and concern arming and its refusal.
+the names say as much, so the names are reported. Those below are of PX4 1.17 and 1.18, and concern arming and its
+refusal.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ _DENIALS = """
 commander_arm_denied_calibrating commander_arm_denied_throttle_center commander_arm_denied_throttle_high
 commander_arm_denied_not_manual commander_arm_denied_resolve_failures commander_disarm_denied_not_landed
 commander_modeswitch_not_avail commander_unsupported_auto_mode
+commander_arm_denied_throttle_unsafe commander_unsupported_base_mode commander_unsupported_main_mode
 """
 _CHECKS = """
 above_wind_limits_warning accel_missing accel_no_data accel_not_calibrated airspeed_invalid airspeed_no_data
@@ -50,6 +52,14 @@ system_arm_auth_failed system_flight_term_active system_no_global_pos system_no_
 system_usb_connected system_vtol_in_fw_mode system_vtol_in_transition wind_too_high
 """
 """Each of them is prefixed with `check_`."""
+_CHECKS_1_18 = """
+companion_computer_temperature_high esc_over_temperature escs_not_all_armed estimator_gnss_warning_jamming
+estimator_gps_jammed estimator_heading_no_source gnss_receiver_no_fix gnss_receiver_offline gps_position_divergence
+modes_offboard_no_attitude modes_offboard_no_local_position modes_offboard_no_local_velocity
+modes_offboard_signal_lost motor_overcurrent motor_undercurrent rally_point_missing task_watchdog_present
+traffic_avoidance_missing
+"""
+"""Those that 1.18 has added."""
 
 NAVIGATION_STATES = {
     "MANUAL": 0,
@@ -59,6 +69,8 @@ NAVIGATION_STATES = {
     "AUTO.LOITER": 4,
     "AUTO.RTL": 5,
     "POSCTL.SLOW": 6,
+    "AUTO.COURSE": 7,
+    "ALTITUDE_CRUISE": 8,
     "ACRO": 10,
     "OFFBOARD": 14,
     "STABILIZED": 15,
@@ -98,7 +110,7 @@ def event_id(name: str) -> int:
 
 
 _ARMED = {event_id("commander_armed_by"): True, event_id("commander_disarmed_by"): False}
-_CHECK_NAMES = [f"check_{name}" for name in _CHECKS.split()]
+_CHECK_NAMES = [f"check_{name}" for name in (*_CHECKS.split(), *_CHECKS_1_18.split())]
 _TEXTS = {
     event_id(name): name.removeprefix("commander_").replace("_", " ") for name in (*_DENIALS.split(), *_CHECK_NAMES)
 }
@@ -128,9 +140,15 @@ _TRIGGERS = {
     event_id("check_gf_violation_custom_gf"): Cause.FENCE,
     event_id("check_modes_local_pos"): Cause.POSITION,
     event_id("check_modes_global_pos"): Cause.POSITION,
+    event_id("check_modes_offboard_no_local_position"): Cause.POSITION,
+    event_id("check_modes_offboard_no_local_velocity"): Cause.POSITION,
+    event_id("check_gnss_receiver_offline"): Cause.POSITION,
+    event_id("check_gnss_receiver_no_fix"): Cause.POSITION,
+    event_id("check_gps_position_divergence"): Cause.POSITION,
 }
-_OFFBOARD_SIGNAL = event_id("check_modes_offboard_signal")
-"""No setpoints come. PX4 reports it 10 ms before the failsafe, whose own event has no cause; in other modes, too."""
+_OFFBOARD_SIGNAL = {event_id("check_modes_offboard_signal"), event_id("check_modes_offboard_signal_lost")}
+"""No setpoints come: until 1.17, and from 1.18 on. PX4 reports it 10 ms before the failsafe, whose own event has no
+cause; in other modes, too."""
 
 
 def read(number: int, boot_s: float, levels: int, arguments: bytes, mode: str) -> Event:
@@ -150,7 +168,7 @@ def read(number: int, boot_s: float, levels: int, arguments: bytes, mode: str) -
 
 def _cause(number: int, arguments: bytes, mode: str) -> Cause | None:
     """Returns what an event says of the cause of a failsafe in a mode; None if it says nothing."""
-    if number == _OFFBOARD_SIGNAL:
+    if number in _OFFBOARD_SIGNAL:
         return Cause.SETPOINTS if mode == "OFFBOARD" else None
     place = _CAUSE_AT.get(number)
     return _TRIGGERS.get(number) if place is None else _CAUSES.get(arguments[place])

@@ -91,14 +91,15 @@ def test_a_pilot_who_takes_over_without_a_pause_is_named_at_once() -> None:
     assert watch.tell() is Cause.SAFETY_PILOT
 
 
+@pytest.mark.parametrize("name", ["check_modes_offboard_signal", "check_modes_offboard_signal_lost"])
 @pytest.mark.parametrize("names_intended_mode", [True, False])
 @pytest.mark.parametrize("stops_s", [0.3, 2.0])
-def test_missing_setpoints_are_named_by_px4s_own_event(stops_s: float, *, names_intended_mode: bool) -> None:
-    """As recorded with 1.17: the event comes 10 ms before the failsafe, whose own event has no cause."""
+def test_missing_setpoints_are_named_by_px4s_own_event(stops_s: float, name: str, *, names_intended_mode: bool) -> None:
+    """As recorded with 1.17: the event comes 10 ms before the failsafe, whose own has no cause. 1.18 renames it."""
     watch = Px4Watch(loss_s=1e9, names_intended_mode=names_intended_mode)
     watch.pass_s(5.0, is_sending=True)
     watch.pass_s(stops_s, is_sending=False)
-    watch.event("check_modes_offboard_signal", IN_OFFBOARD)
+    watch.event(name, IN_OFFBOARD)
     watch.event("commander_failsafe_enter_generic", bytes.fromhex("0000060002"))
     watch.mode = POSCTL
     assert watch.tell() is Cause.SETPOINTS
@@ -120,6 +121,8 @@ def test_setpoints_that_go_on_at_once_change_nothing_of_the_name() -> None:
         ("check_gf_violation_max_hor_dist", Cause.FENCE),
         ("commander_rc_lost", Cause.RC),
         ("check_battery_critical", Cause.BATTERY),
+        ("check_modes_offboard_no_local_position", Cause.POSITION),
+        ("check_gnss_receiver_no_fix", Cause.POSITION),
     ],
 )
 @pytest.mark.parametrize("is_first", [True, False])

@@ -39,6 +39,7 @@ def custom_mode(main: int, sub: int = 0) -> int:
         (4, 6, "AUTO.LAND", Control.LAND),
         (4, 9, "AUTO.PRECLAND", Control.LAND),
         (4, 11, "AUTO.EXTERNAL1", Control.OTHER),
+        (4, 19, "AUTO.COURSE", Control.OTHER),
         (6, 0, "OFFBOARD", Control.REFERENCES),
         (7, 0, "STABILIZED", Control.OTHER),
         (4, 99, "AUTO.99", Control.OTHER),
