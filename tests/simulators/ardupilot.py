@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 
+from tests.simulators import parameter_files
 from tests.simulators.autopilot import ACCEPTED, FAILED, STEP_S, UNSUPPORTED, Autopilot, Sticks
 from tests.simulators.channel import Channel
 from tests.simulators.mission_store import ArduPilotStore, Sender
@@ -142,6 +143,7 @@ class ArduPilot(Autopilot):
             seed=seed,
             wander_m=wander_m,
         )
+        self.files.made[parameter_files.PACKED] = lambda: parameter_files.packed(self.parameters)
 
     def default_parameters(self) -> dict[str, float]:
         return {

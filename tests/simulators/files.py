@@ -28,6 +28,8 @@ class FileStore:
 
     def __init__(self, *, is_px4: bool, is_armed: Callable[[], bool] = lambda: False) -> None:
         self.files: dict[str, bytes] = {}
+        self.made: dict[str, Callable[[], bytes]] = {}
+        """Files that are made when they are opened, by path."""
         self.times_utc_s: dict[str, int] = {}
         self.has_ftp = True
         """Whether it answers to MAVFTP."""
@@ -161,6 +163,8 @@ class FileStore:
 
     def _open(self, packet: FtpPacket, sender: Sender, now_s: float) -> None:
         path = packet.data.decode()
+        if path in self.made:
+            self.files[path] = self.made[path]()
         if self._path is not None:
             self._refuse(packet, sender, Nak.NO_SESSIONS_AVAILABLE if self._is_px4 else Nak.FAIL, now_s)
         elif path not in self.files:

@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
+from tests.simulators import parameter_files
 from tests.simulators.autopilot import (
     ACCEPTED,
     FAILED,
@@ -23,6 +24,7 @@ from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
 from ual_daemon.backends.firmwares.px4_events import event_id
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.newer_messages import COMPONENT_METADATA_ID, ComponentMetadataMessage
 from ual_daemon.geodesy import SphereProjection
 
 
@@ -643,8 +645,15 @@ class Px4(Autopilot):
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda: None,  # accepted; without a transmitter none comes
             # reports the position of the pilot, from GPS
             mavlink.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM: lambda: remote_id() if self.is_gps_good else None,
+            COMPONENT_METADATA_ID: self._component_metadata,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: lambda: mavlink.MAVLink_system_time_message(0, self.time_ms),
         }
+
+    def _component_metadata(self) -> Message:
+        files, crc = parameter_files.described()
+        self.files.files.update(files)
+        uri = f"mftp://{parameter_files.GENERAL}".encode()
+        return ComponentMetadataMessage(self.time_ms, crc, uri)
 
     def _stream(self, channel: Channel, message_id: int) -> None:
         if message_id == mavlink.MAVLINK_MSG_ID_CURRENT_MODE:

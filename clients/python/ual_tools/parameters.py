@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import fnmatch
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from ual.errors import InvalidArgumentError
-from ual.parameters import Difference, Parameter, compare, read, write
+from ual.parameters import Difference, Parameter, compare, range_text, read, write
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.session import REFUSED, Session, pass_session
@@ -55,9 +56,10 @@ def list_parameters(session: Session, pattern: str) -> None:
             session.emit(each)
         return
     rows = [
-        (each.name, each.text, each.type.name, "a flight relies on it" if each.is_relied_on else "") for each in found
+        (each.name, each.text, each.unit, each.type.name, _range(each), _notes(each), each.description)
+        for each in found
     ]
-    print_table(("name", "value", "type", ""), rows)
+    print_table(("name", "value", "unit", "type", "range", "", "description"), rows)
 
 
 @param.command("get", cls=UalCommand, examples=("ual param get MPC_XY_CRUISE",))
@@ -73,13 +75,18 @@ def get(session: Session, name: str) -> None:
 @param.command("set", cls=UalCommand, examples=("ual param set MPC_XY_CRUISE 5",))
 @click.argument("name")
 @click.argument("value", type=float)
-@click.option("--force", is_flag=True, help="Also while the UAV is armed. Not for those on which a flight relies.")
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Also while the UAV is armed, or out of range. Not for those on which a flight relies.",
+)
 @pass_session
 def set_parameter(session: Session, name: str, value: float, force: bool) -> None:
     """Write VALUE to the parameter NAME, and read it back."""
     with session.connect() as uav:
         found = uav.parameters.set(name.upper(), value, force=force)
-    session.emit(found, f"{found.name} is {found.text}")
+    later = "; it takes effect at the next boot of the autopilot" if found.needs_reboot else ""
+    session.emit(found, f"{found.name} is {found.text}{later}")
 
 
 @param.command("save", cls=UalCommand, examples=("ual param save before.params", "ual param save before.param"))
@@ -115,6 +122,15 @@ def compare_file(session: Session, file: Path, all_names: bool) -> None:
         click.echo(f"all {len(in_file)} parameters of {file} are alike on the UAV")
     if differences:
         raise click.exceptions.Exit(REFUSED)
+
+
+def _range(parameter: Parameter) -> str:
+    return range_text(replace(parameter, unit=""))
+
+
+def _notes(parameter: Parameter) -> str:
+    notes = ("a flight relies on it" if parameter.is_relied_on else "", "reboot" if parameter.needs_reboot else "")
+    return ", ".join(filter(None, notes))
 
 
 def _saved(parameters: list[Parameter], file: Path) -> int:

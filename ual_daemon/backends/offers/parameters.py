@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 
 from ual.errors import UalError
-from ual.parameters.values import Parameter
+from ual.parameters.values import Description, Parameter
 
 Refusal = Callable[[], UalError | None]
 """Why a value may not be written now: the UAV may have been armed meanwhile. None while it may."""
@@ -23,6 +23,15 @@ class AutopilotParameters(ABC):
     @abstractmethod
     def relied_on(self) -> frozenset[str]:
         """The names of those on which a flight relies: UAL has read them, or its failsafes are by them."""
+
+    def descriptions(self) -> Future[Mapping[str, Description]]:
+        """Returns what the autopilot tells about its parameters, by name: nothing where it tells none.
+
+        The future ends soon, without an error: what takes long to read is there the next time.
+        """
+        nothing: Future[Mapping[str, Description]] = Future()
+        nothing.set_result({})
+        return nothing
 
     @abstractmethod
     def read(self, name: str) -> Future[Parameter]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
 from typing import TypeVar
@@ -13,7 +13,7 @@ from typing_extensions import override
 
 from ual import interface
 from ual.errors import UalError
-from ual.parameters.values import Parameter, real32
+from ual.parameters.values import Description, Parameter, range_text, real32
 from ual_daemon import logs, validation
 from ual_daemon.backends.offers.parameters import AutopilotParameters
 from ual_daemon.extensions.shipped.vehicle import (
@@ -33,6 +33,9 @@ ALL_S = 620.0
 _NAME = re.compile(r"[!-~]{1,64}")
 _SET = "set a parameter"
 
+_NOTHING = Description()
+Descriptions = Mapping[str, Description]
+
 _log = logging.getLogger(__name__)
 
 
@@ -45,17 +48,18 @@ class VehicleParameters:
     def get(self, name: str) -> Future[Parameter]:
         """See `ual.interface.Parameters`."""
         offer = self._offer()
-        return then(offer.read(_checked_name(name)), lambda found: _marked(found, offer.relied_on))
+        name = _checked_name(name)
+        return then_wait(offer.descriptions(), lambda known: self._read(offer, name, known))
 
     def get_all(self) -> Future[list[Parameter]]:
         """See `ual.interface.Parameters`."""
         offer = self._offer()
 
-        def marked(found: list[Parameter]) -> list[Parameter]:
+        def marked(found: list[Parameter], known: Descriptions) -> list[Parameter]:
             relied_on = offer.relied_on
-            return [_marked(each, relied_on) for each in found]
+            return [_described(each, relied_on, known) for each in found]
 
-        return then(offer.read_all(), marked)
+        return then_wait(offer.read_all(), lambda found: then(offer.descriptions(), lambda known: marked(found, known)))
 
     def set(self, name: str, value: float, lease_id: str, *, force: bool) -> Future[Parameter]:
         """See `ual.interface.Parameters`. Reads the parameter first, as its type is the autopilot's."""
@@ -73,14 +77,22 @@ class VehicleParameters:
                 return error
             return None
 
-        def write(before: Parameter) -> Future[Parameter]:
+        def write(before: Parameter, known: Descriptions) -> Future[Parameter]:
+            wanted = _fitted(before, value)
+            if not force:
+                _require_range(before, wanted.value)
             return then(
-                offer.write(_fitted(before, value), refusal),
-                lambda found: _written(before, _marked(found, offer.relied_on)),
+                offer.write(wanted, refusal), lambda found: _written(before, _described(found, offer.relied_on, known))
             )
 
         require()
-        return then_wait(offer.read(name), write)
+        return then_wait(
+            offer.descriptions(),
+            lambda known: then_wait(self._read(offer, name, known), lambda before: write(before, known)),
+        )
+
+    def _read(self, offer: AutopilotParameters, name: str, known: Descriptions) -> Future[Parameter]:
+        return then(offer.read(name), lambda found: _described(found, offer.relied_on, known))
 
     def _require_ground(self, name: str, offer: AutopilotParameters, *, force: bool) -> None:
         if name in offer.relied_on:
@@ -172,8 +184,27 @@ def _checked_name(name: str) -> str:
     return name
 
 
-def _marked(found: Parameter, relied_on: frozenset[str]) -> Parameter:
-    return replace(found, is_relied_on=found.name in relied_on)
+def _described(found: Parameter, relied_on: frozenset[str], known: Descriptions) -> Parameter:
+    """Returns a parameter with what is known of it."""
+    about = known.get(found.name, _NOTHING)
+    return replace(
+        found,
+        is_relied_on=found.name in relied_on,
+        minimum=about.minimum,
+        maximum=about.maximum,
+        unit=about.unit,
+        description=about.text,
+        needs_reboot=about.needs_reboot,
+    )
+
+
+def _require_range(before: Parameter, value: float) -> None:
+    """Checks the range that the autopilot tells. The value that it has already may be written."""
+    is_low = before.minimum is not None and value < before.minimum
+    is_high = before.maximum is not None and value > before.maximum
+    if (is_low or is_high) and value != before.value:
+        text = f"{value:.7g} is out of range: {before.name} has {range_text(before)} (force writes it all the same)"
+        raise validation.refuse("value", text)
 
 
 def _fitted(before: Parameter, value: float) -> Parameter:

@@ -46,11 +46,12 @@ class Parameters:
         Args:
             name: The autopilot's own name.
             value: In the autopilot's own unit. A whole number where the parameter is one.
-            force: Write it also while the UAV is armed. Those on which a flight relies are refused all the same.
+            force: Write it also while the UAV is armed, or out of the range that the autopilot tells. Armed, those on
+                which a flight relies are refused all the same.
 
         Raises:
             WrongStateError: The UAV is armed, or that is not known.
-            InvalidArgumentError: There is none of this name, or the value does not fit its type.
+            InvalidArgumentError: There is none of this name, or the value does not fit its type or its range.
             RejectedByAutopilotError: The autopilot has kept another value, which the metadata `kept` has.
             LeaseHeldError: Another program holds the lease.
             LinkLostError: It is not heard.

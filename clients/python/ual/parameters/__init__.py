@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from ual.parameters.files import Difference, compare, read, write
-from ual.parameters.values import Parameter, ParameterType
+from ual.parameters.values import Description, Parameter, ParameterType, range_text
 
-__all__ = ["Difference", "Parameter", "ParameterType", "compare", "read", "write"]
+__all__ = ["Description", "Difference", "Parameter", "ParameterType", "compare", "range_text", "read", "write"]

@@ -46,6 +46,26 @@ _LIMITS: dict[ParameterType, tuple[float, float]] = {
 
 
 @dataclass(frozen=True, slots=True)
+class Description:
+    """What the autopilot tells about a parameter.
+
+    Args:
+        minimum: The least value that it should have; None where the autopilot does not say.
+        maximum: The largest one.
+        unit: Such as ``m/s``.
+        text: What it is, in one line.
+        needs_reboot: Whether it takes effect at the next boot.
+
+    """
+
+    minimum: float | None = None
+    maximum: float | None = None
+    unit: str = ""
+    text: str = ""
+    needs_reboot: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Parameter:
     """A parameter of the autopilot, as it was read.
 
@@ -54,6 +74,11 @@ class Parameter:
         value: In the autopilot's own unit: an int for a whole type, else a float.
         type: How the autopilot keeps it.
         is_relied_on: Whether a flight relies on it: it cannot be written while the UAV is armed.
+        minimum: The least value that it should have; None where the autopilot does not say.
+        maximum: The largest one.
+        unit: Such as ``m/s``; empty where the autopilot does not say.
+        description: What it is, in one line of the autopilot's own words; empty where it does not say.
+        needs_reboot: Whether it takes effect at the next boot, as far as the autopilot says.
 
     """
 
@@ -61,11 +86,25 @@ class Parameter:
     value: float
     type: ParameterType
     is_relied_on: bool = False
+    minimum: float | None = None
+    maximum: float | None = None
+    unit: str = ""
+    description: str = ""
+    needs_reboot: bool = False
 
     @property
     def text(self) -> str:
         """The value, as short as it can be written without becoming another one."""
         return str(int(self.value)) if self.type.is_whole else real32_text(self.value)
+
+
+def range_text(parameter: Parameter) -> str:
+    """Returns the range of a parameter, human-readable, with its unit; empty where none is known."""
+    low, high = (None if each is None else f"{each:.7g}" for each in (parameter.minimum, parameter.maximum))
+    if low is None and high is None:
+        return ""
+    limits = f"up to {high}" if low is None else f"from {low}" if high is None else f"{low} to {high}"
+    return f"{limits} {parameter.unit}".rstrip()
 
 
 def real32(value: float) -> float:

@@ -24,29 +24,29 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17ual/v1/parameters.proto\x12\x06ual.v1\"c\n\tParameter\x12\x0c\n\x04name\x18\x01 \x01(\t\x12#\n\x04type\x18\x02 \x01(\x0e\x32\x15.ual.v1.ParameterType\x12\r\n\x05value\x18\x03 \x01(\x01\x12\x14\n\x0cis_relied_on\x18\x04 \x01(\x08\"#\n\x13GetParameterRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"<\n\x14GetParameterResponse\x12$\n\tparameter\x18\x01 \x01(\x0b\x32\x11.ual.v1.Parameter\"\x17\n\x15ListParametersRequest\"?\n\x16ListParametersResponse\x12%\n\nparameters\x18\x01 \x03(\x0b\x32\x11.ual.v1.Parameter\"A\n\x13SetParameterRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01\x12\r\n\x05\x66orce\x18\x03 \x01(\x08\"<\n\x14SetParameterResponse\x12$\n\tparameter\x18\x01 \x01(\x0b\x32\x11.ual.v1.Parameter*\xe7\x01\n\rParameterType\x12\x1e\n\x1aPARAMETER_TYPE_UNSPECIFIED\x10\x00\x12\x18\n\x14PARAMETER_TYPE_UINT8\x10\x01\x12\x17\n\x13PARAMETER_TYPE_INT8\x10\x02\x12\x19\n\x15PARAMETER_TYPE_UINT16\x10\x03\x12\x18\n\x14PARAMETER_TYPE_INT16\x10\x04\x12\x19\n\x15PARAMETER_TYPE_UINT32\x10\x05\x12\x18\n\x14PARAMETER_TYPE_INT32\x10\x06\x12\x19\n\x15PARAMETER_TYPE_REAL32\x10\t2\xf9\x01\n\x10ParameterService\x12I\n\x0cGetParameter\x12\x1b.ual.v1.GetParameterRequest\x1a\x1c.ual.v1.GetParameterResponse\x12O\n\x0eListParameters\x12\x1d.ual.v1.ListParametersRequest\x1a\x1e.ual.v1.ListParametersResponse\x12I\n\x0cSetParameter\x12\x1b.ual.v1.SetParameterRequest\x1a\x1c.ual.v1.SetParameterResponseb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17ual/v1/parameters.proto\x12\x06ual.v1\"\xe0\x01\n\tParameter\x12\x0c\n\x04name\x18\x01 \x01(\t\x12#\n\x04type\x18\x02 \x01(\x0e\x32\x15.ual.v1.ParameterType\x12\r\n\x05value\x18\x03 \x01(\x01\x12\x14\n\x0cis_relied_on\x18\x04 \x01(\x08\x12\x14\n\x07minimum\x18\x05 \x01(\x01H\x00\x88\x01\x01\x12\x14\n\x07maximum\x18\x06 \x01(\x01H\x01\x88\x01\x01\x12\x0c\n\x04unit\x18\x07 \x01(\t\x12\x13\n\x0b\x64\x65scription\x18\x08 \x01(\t\x12\x14\n\x0cneeds_reboot\x18\t \x01(\x08\x42\n\n\x08_minimumB\n\n\x08_maximum\"#\n\x13GetParameterRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"<\n\x14GetParameterResponse\x12$\n\tparameter\x18\x01 \x01(\x0b\x32\x11.ual.v1.Parameter\"\x17\n\x15ListParametersRequest\"?\n\x16ListParametersResponse\x12%\n\nparameters\x18\x01 \x03(\x0b\x32\x11.ual.v1.Parameter\"A\n\x13SetParameterRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01\x12\r\n\x05\x66orce\x18\x03 \x01(\x08\"<\n\x14SetParameterResponse\x12$\n\tparameter\x18\x01 \x01(\x0b\x32\x11.ual.v1.Parameter*\xe7\x01\n\rParameterType\x12\x1e\n\x1aPARAMETER_TYPE_UNSPECIFIED\x10\x00\x12\x18\n\x14PARAMETER_TYPE_UINT8\x10\x01\x12\x17\n\x13PARAMETER_TYPE_INT8\x10\x02\x12\x19\n\x15PARAMETER_TYPE_UINT16\x10\x03\x12\x18\n\x14PARAMETER_TYPE_INT16\x10\x04\x12\x19\n\x15PARAMETER_TYPE_UINT32\x10\x05\x12\x18\n\x14PARAMETER_TYPE_INT32\x10\x06\x12\x19\n\x15PARAMETER_TYPE_REAL32\x10\t2\xf9\x01\n\x10ParameterService\x12I\n\x0cGetParameter\x12\x1b.ual.v1.GetParameterRequest\x1a\x1c.ual.v1.GetParameterResponse\x12O\n\x0eListParameters\x12\x1d.ual.v1.ListParametersRequest\x1a\x1e.ual.v1.ListParametersResponse\x12I\n\x0cSetParameter\x12\x1b.ual.v1.SetParameterRequest\x1a\x1c.ual.v1.SetParameterResponseb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'ual.v1.parameters_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_PARAMETERTYPE']._serialized_start=455
-  _globals['_PARAMETERTYPE']._serialized_end=686
-  _globals['_PARAMETER']._serialized_start=35
-  _globals['_PARAMETER']._serialized_end=134
-  _globals['_GETPARAMETERREQUEST']._serialized_start=136
-  _globals['_GETPARAMETERREQUEST']._serialized_end=171
-  _globals['_GETPARAMETERRESPONSE']._serialized_start=173
-  _globals['_GETPARAMETERRESPONSE']._serialized_end=233
-  _globals['_LISTPARAMETERSREQUEST']._serialized_start=235
-  _globals['_LISTPARAMETERSREQUEST']._serialized_end=258
-  _globals['_LISTPARAMETERSRESPONSE']._serialized_start=260
-  _globals['_LISTPARAMETERSRESPONSE']._serialized_end=323
-  _globals['_SETPARAMETERREQUEST']._serialized_start=325
-  _globals['_SETPARAMETERREQUEST']._serialized_end=390
-  _globals['_SETPARAMETERRESPONSE']._serialized_start=392
-  _globals['_SETPARAMETERRESPONSE']._serialized_end=452
-  _globals['_PARAMETERSERVICE']._serialized_start=689
-  _globals['_PARAMETERSERVICE']._serialized_end=938
+  _globals['_PARAMETERTYPE']._serialized_start=581
+  _globals['_PARAMETERTYPE']._serialized_end=812
+  _globals['_PARAMETER']._serialized_start=36
+  _globals['_PARAMETER']._serialized_end=260
+  _globals['_GETPARAMETERREQUEST']._serialized_start=262
+  _globals['_GETPARAMETERREQUEST']._serialized_end=297
+  _globals['_GETPARAMETERRESPONSE']._serialized_start=299
+  _globals['_GETPARAMETERRESPONSE']._serialized_end=359
+  _globals['_LISTPARAMETERSREQUEST']._serialized_start=361
+  _globals['_LISTPARAMETERSREQUEST']._serialized_end=384
+  _globals['_LISTPARAMETERSRESPONSE']._serialized_start=386
+  _globals['_LISTPARAMETERSRESPONSE']._serialized_end=449
+  _globals['_SETPARAMETERREQUEST']._serialized_start=451
+  _globals['_SETPARAMETERREQUEST']._serialized_end=516
+  _globals['_SETPARAMETERRESPONSE']._serialized_start=518
+  _globals['_SETPARAMETERRESPONSE']._serialized_end=578
+  _globals['_PARAMETERSERVICE']._serialized_start=815
+  _globals['_PARAMETERSERVICE']._serialized_end=1064
 # @@protoc_insertion_point(module_scope)

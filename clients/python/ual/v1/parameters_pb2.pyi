@@ -59,6 +59,11 @@ class Parameter(google.protobuf.message.Message):
     TYPE_FIELD_NUMBER: builtins.int
     VALUE_FIELD_NUMBER: builtins.int
     IS_RELIED_ON_FIELD_NUMBER: builtins.int
+    MINIMUM_FIELD_NUMBER: builtins.int
+    MAXIMUM_FIELD_NUMBER: builtins.int
+    UNIT_FIELD_NUMBER: builtins.int
+    DESCRIPTION_FIELD_NUMBER: builtins.int
+    NEEDS_REBOOT_FIELD_NUMBER: builtins.int
     name: builtins.str
     """The autopilot's own name, such as MPC_XY_CRUISE."""
     type: Global___ParameterType.ValueType
@@ -66,6 +71,15 @@ class Parameter(google.protobuf.message.Message):
     """In the autopilot's own unit. Exact for every type."""
     is_relied_on: builtins.bool
     """Whether a flight relies on it: it cannot be written while the UAV is armed."""
+    minimum: builtins.float
+    """Its range, by the autopilot's own description. Absent where it describes none."""
+    maximum: builtins.float
+    unit: builtins.str
+    """Such as m/s. Empty where the autopilot does not say."""
+    description: builtins.str
+    """What it is, in one line of the autopilot's own words. Empty where it does not say."""
+    needs_reboot: builtins.bool
+    """Whether it takes effect at the next boot, by the autopilot's own description."""
     def __init__(
         self,
         *,
@@ -73,8 +87,18 @@ class Parameter(google.protobuf.message.Message):
         type: Global___ParameterType.ValueType = ...,
         value: builtins.float = ...,
         is_relied_on: builtins.bool = ...,
+        minimum: builtins.float | None = ...,
+        maximum: builtins.float | None = ...,
+        unit: builtins.str = ...,
+        description: builtins.str = ...,
+        needs_reboot: builtins.bool = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["is_relied_on", b"is_relied_on", "name", b"name", "type", b"type", "value", b"value"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["_maximum", b"_maximum", "_minimum", b"_minimum", "maximum", b"maximum", "minimum", b"minimum"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_maximum", b"_maximum", "_minimum", b"_minimum", "description", b"description", "is_relied_on", b"is_relied_on", "maximum", b"maximum", "minimum", b"minimum", "name", b"name", "needs_reboot", b"needs_reboot", "type", b"type", "unit", b"unit", "value", b"value"]) -> None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_maximum", b"_maximum"]) -> typing.Literal["maximum"] | None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_minimum", b"_minimum"]) -> typing.Literal["minimum"] | None: ...
 
 Global___Parameter: typing_extensions.TypeAlias = Parameter
 
@@ -146,7 +170,7 @@ class SetParameterRequest(google.protobuf.message.Message):
     name: builtins.str
     value: builtins.float
     force: builtins.bool
-    """Also while the UAV is armed. Not for parameters on which a flight relies."""
+    """Also while the UAV is armed, or out of its range. Not for parameters on which a flight relies."""
     def __init__(
         self,
         *,

@@ -75,7 +75,7 @@ class ParameterServiceServicer(object):
     def SetParameter(self, request, context):
         """Writes one parameter, and reads it back. The type is the autopilot's.
         Errors: WRONG_STATE (it is armed, or that is not known), LEASE_HELD, LINK_LOST.
-        INVALID_ARGUMENT: there is none of this name, or the value does not fit its type.
+        INVALID_ARGUMENT: there is none of this name, or the value does not fit its type or its range.
         REJECTED_BY_AUTOPILOT: it has kept another value, which the metadata `kept` has.
         TIMEOUT: it is not known whether it was written.
         """

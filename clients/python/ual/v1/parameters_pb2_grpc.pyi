@@ -123,7 +123,7 @@ class ParameterServiceStub(typing.Generic[_ParameterServiceGetParameterType, _Pa
     SetParameter: _ParameterServiceSetParameterType
     """Writes one parameter, and reads it back. The type is the autopilot's.
     Errors: WRONG_STATE (it is armed, or that is not known), LEASE_HELD, LINK_LOST.
-    INVALID_ARGUMENT: there is none of this name, or the value does not fit its type.
+    INVALID_ARGUMENT: there is none of this name, or the value does not fit its type or its range.
     REJECTED_BY_AUTOPILOT: it has kept another value, which the metadata `kept` has.
     TIMEOUT: it is not known whether it was written.
     """
@@ -174,7 +174,7 @@ class ParameterServiceServicer(metaclass=abc.ABCMeta):
     ) -> typing.Union[ual.v1.parameters_pb2.SetParameterResponse, collections.abc.Awaitable[ual.v1.parameters_pb2.SetParameterResponse]]:
         """Writes one parameter, and reads it back. The type is the autopilot's.
         Errors: WRONG_STATE (it is armed, or that is not known), LEASE_HELD, LINK_LOST.
-        INVALID_ARGUMENT: there is none of this name, or the value does not fit its type.
+        INVALID_ARGUMENT: there is none of this name, or the value does not fit its type or its range.
         REJECTED_BY_AUTOPILOT: it has kept another value, which the metadata `kept` has.
         TIMEOUT: it is not known whether it was written.
         """

@@ -15,6 +15,11 @@ def to_proto(parameter: Parameter) -> pb.Parameter:
         type=pb.ParameterType.ValueType(parameter.type.value),
         value=parameter.value,
         is_relied_on=parameter.is_relied_on,
+        minimum=parameter.minimum,
+        maximum=parameter.maximum,
+        unit=parameter.unit,
+        description=parameter.description,
+        needs_reboot=parameter.needs_reboot,
     )
 
 
@@ -23,7 +28,17 @@ def from_proto(message: pb.Parameter) -> Parameter:
     kind = ParameterType(message.type) if message.type in _KNOWN else ParameterType.REAL32
     is_integer = kind.is_whole and message.value.is_integer()
     value = int(message.value) if is_integer else message.value
-    return Parameter(message.name, value, kind, message.is_relied_on)
+    return Parameter(
+        message.name,
+        value,
+        kind,
+        message.is_relied_on,
+        message.minimum if message.HasField("minimum") else None,
+        message.maximum if message.HasField("maximum") else None,
+        message.unit,
+        message.description,
+        message.needs_reboot,
+    )
 
 
 def of_response(response: pb.GetParameterResponse | pb.SetParameterResponse) -> Parameter:

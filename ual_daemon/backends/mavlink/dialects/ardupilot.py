@@ -41,6 +41,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
     parameter_codec = Cast()
+    packed_parameters = "@PARAM/param.pck"
     keeps_items = True
 
     @override

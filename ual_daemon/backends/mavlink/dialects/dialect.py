@@ -39,6 +39,10 @@ class Dialect(Autopilot):
 
     parameter_codec: ParameterCodec | None = None
     """How values of parameters are sent; None where UAL neither reads nor writes them all."""
+    has_descriptions = False
+    """Whether it may have a file that describes its parameters."""
+    packed_parameters = ""
+    """The file with all parameters and their values; empty where there is none."""
     keeps_items = False
     """Whether UAL transfers its mission, its fence and its rally points by the mission protocol."""
 

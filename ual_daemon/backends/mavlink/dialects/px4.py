@@ -48,6 +48,7 @@ class Px4(px4.Px4, Dialect):
     )
     changing_messages = frozenset({mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN})
     parameter_codec = ByteWise()
+    has_descriptions = True
     keeps_items = True
 
     @override

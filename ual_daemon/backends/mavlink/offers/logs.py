@@ -15,12 +15,12 @@ from typing_extensions import override
 from ual.errors import InvalidArgumentError, UalError
 from ual.logs.values import Log
 from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.offers.files import has_files
 from ual_daemon.backends.mavlink.protocols.ftp import Entry, Ftp, Steps
 from ual_daemon.backends.mavlink.protocols.ftp_packet import FtpNakError, Nak
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogEntry
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.offers.logs import AutopilotLogs
 
 T = TypeVar("T")
@@ -33,7 +33,6 @@ _ENDINGS = (".ulg", ".ulge", ".bin", ".px4log")
 _NO_DIRECTORY = {Nak.FILE_NOT_FOUND, Nak.FAIL, Nak.FAIL_ERRNO}
 _PX4_NAME = re.compile(r"(\d{4}-\d\d-\d\d)/(\d\d_\d\d_\d\d)\b.*")
 _ARDUPILOT_NAME = re.compile(r"(\d{1,9})\.BIN", re.IGNORECASE)
-_FTP = mavlink.MAV_PROTOCOL_CAPABILITY_FTP
 
 
 class MavlinkLogs(AutopilotLogs):
@@ -136,12 +135,6 @@ class MavlinkLogs(AutopilotLogs):
 
         entries.add_done_callback(on_entries)
         discovery.protocols.logs.list(entries)
-
-
-def has_files(session: Session) -> bool:
-    """Whether the autopilot says that it has MAVFTP."""
-    version = session.telemetry.version
-    return version is not None and bool(version.capabilities & _FTP)
 
 
 def unknown(log_id: str) -> InvalidArgumentError:

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+import threading
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import TypeVar
 
 from typing_extensions import override
 
-from ual.errors import UalError
-from ual.parameters.values import Parameter
+from ual.errors import LinkLostError, UalError
+from ual.parameters.values import Description, Parameter
+from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.dialects.parameter_files import packed_list
+from ual_daemon.backends.mavlink.offers.files import has_files
+from ual_daemon.backends.mavlink.offers.parameter_descriptions import ParameterDescriptions
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 
 T = TypeVar("T")
+
+MOST_PACKED = 500_000
+"""So many bytes the packed list may have. ArduPilot's has 20,000."""
+
+_log = logging.getLogger(__name__)
 
 
 class MavlinkParameters(AutopilotParameters):
@@ -37,6 +48,8 @@ class MavlinkParameters(AutopilotParameters):
         self._session = session
         self._reach = reach
         self._post = post
+        self._lock = threading.Lock()
+        self._descriptions: ParameterDescriptions | None = None
 
     @property
     @override
@@ -52,11 +65,56 @@ class MavlinkParameters(AutopilotParameters):
 
     @override
     def read_all(self) -> Future[list[Parameter]]:
-        return self._give("read its parameters", ParameterTransfers.read_all)
+        session = self._session()
+        if session is None or not session.dialect.packed_parameters or not has_files(session):
+            return self._give("read its parameters", ParameterTransfers.read_all)
+        return self._read_packed(session.dialect.packed_parameters)
 
     @override
     def write(self, parameter: Parameter, refusal: Refusal) -> Future[Parameter]:
         return self._give("write a parameter", lambda transfers, future: transfers.write(parameter, refusal, future))
+
+    @override
+    def descriptions(self) -> Future[Mapping[str, Description]]:
+        session = self._session()
+        if session is None:
+            return super().descriptions()
+        with self._lock:
+            known = self._descriptions
+            if known is None or known.session is not session or known.is_cut_off:
+                self._descriptions = known = ParameterDescriptions(session, self._post)
+        return known.get()
+
+    def _read_packed(self, path: str) -> Future[list[Parameter]]:
+        """Reads the packed list, which takes a fifth of the time; where that fails, the list as it is streamed."""
+        future: Future[list[Parameter]] = Future()
+        session = self._reach("read its parameters")
+        if isinstance(session, UalError):
+            future.set_exception(session)
+            return future
+
+        def begin(discovery: Discovery) -> None:
+            data: Future[bytes] = Future()
+            data.add_done_callback(lambda ended: self._on_packed(discovery, ended, future))
+            discovery.protocols.files.run(data, discovery.protocols.files.read_all(path, MOST_PACKED))
+
+        self._post(begin)
+        return future
+
+    def _on_packed(self, discovery: Discovery, data: Future[bytes], future: Future[list[Parameter]]) -> None:
+        """Takes the packed list, on the thread that receives."""
+        transfers = discovery.protocols.parameters
+        try:
+            found = packed_list(data.result())
+        except LinkLostError as error:
+            futures.fail(future, error)
+        except (UalError, ValueError) as error:
+            _log.info("the packed list of parameters cannot be read, so they are streamed: %s", error)
+            transfers.read_all(future)
+        else:
+            transfers.note_names(frozenset(each.name for each in found))
+            if future.set_running_or_notify_cancel():
+                future.set_result(found)
 
     def _give(self, what: str, begin: Callable[[ParameterTransfers, Future[T]], None]) -> Future[T]:
         future: Future[T] = Future()

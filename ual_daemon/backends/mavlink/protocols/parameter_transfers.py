@@ -117,6 +117,10 @@ class ParameterTransfers(Protocol):
             self._listing = Listing(listed, requests)
         self._listeners.append(future)
 
+    def note_names(self, names: frozenset[str]) -> None:
+        """Takes the names of all, which were listed in another way."""
+        self._names = names
+
     def _add(
         self, future: Future[Parameter], name: str, make: Callable[[Requests], ParameterExchange[Parameter]]
     ) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing_extensions import override
 
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMetadata
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
@@ -37,7 +38,14 @@ class Protocols(Protocol):
         self.missions = MissionTransfers(send, is_up)
         self.files = Ftp(send, is_up, is_gentle)
         self.logs = LogTransfers(send, is_up, is_gentle)
-        self._all: tuple[Protocol, ...] = (self.parameters, self.missions, self.files, self.logs)
+        self.component_metadata = ComponentMetadata(send)
+        self._all: tuple[Protocol, ...] = (
+            self.parameters,
+            self.missions,
+            self.files,
+            self.logs,
+            self.component_metadata,
+        )
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
             for message_id, handler in protocol.handlers.items():

@@ -5,6 +5,8 @@ from __future__ import annotations
 from fastcrc import crc16
 from pymavlink.dialects.v20 import all as mavlink
 
+from ual_daemon.backends.mavlink.wire.newer_messages import ComponentMetadataMessage
+
 _EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map.items()} | {
     # Messages of PX4 that no dialect of pymavlink has. Without the seed such a frame looks like garbage: its bytes
     # would count as corrupt and its sequence number as lost. All but 412 and 413 are verified with recorded flights.
@@ -14,6 +16,7 @@ _EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map
     411: 106,  # CURRENT_EVENT_SEQUENCE
     412: 33,  # REQUEST_EVENT
     413: 77,  # RESPONSE_EVENT_ERROR
+    ComponentMetadataMessage.id: ComponentMetadataMessage.crc_extra,
 }
 
 KNOWN_IDS = frozenset(_EXTRA)

@@ -1,0 +1,12 @@
+"""Whether an autopilot has MAVFTP."""
+
+from __future__ import annotations
+
+from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+
+def has_files(session: Session) -> bool:
+    """Whether the autopilot says that it has MAVFTP."""
+    version = session.telemetry.version
+    return version is not None and bool(version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_FTP)
