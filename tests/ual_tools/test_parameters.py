@@ -78,7 +78,8 @@ def test_both_clients_have_the_same_values_and_errors(daemon: DaemonProcess, veh
             return await uav.parameters.set("EKF2_EV_CTRL", 5), await uav.parameters.get_all()
 
     written, listed = asyncio.run(ask())
-    assert written == Parameter("EKF2_EV_CTRL", 5, ParameterType.INT32)
+    assert (written.value, written.type, written.maximum) == (5, ParameterType.INT32, 15.0)
+    assert written.needs_reboot
     with ual.Uav(address=daemon.address) as uav:
         assert uav.parameters.get_all() == listed
         assert written in listed

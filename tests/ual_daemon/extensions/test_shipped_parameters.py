@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from concurrent.futures import CancelledError, Future
 from typing import Any, TypeVar
 
@@ -17,7 +18,7 @@ from ual.errors import (
     UalTimeoutError,
     WrongStateError,
 )
-from ual.parameters import Parameter, ParameterType
+from ual.parameters import Description, Parameter, ParameterType
 from ual.types import State
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 from ual_daemon.extensions.shipped import parameters
@@ -220,3 +221,51 @@ def test_a_time_out_of_the_backend_keeps_its_words() -> None:
         wait(late(), 1.0, "reading")
     with pytest.raises(UalTimeoutError, match="GAIN was not answered"):
         asyncio.run(ended(late(), 1.0, "reading"))
+
+
+# --- What the autopilot tells about them ------------------------------------------------------------------------------
+
+ABOUT = Description(0.0, 10.0, "m/s", "a gain", needs_reboot=True)
+
+
+class DescribingOffer(Offer):
+    """Tells about GAIN."""
+
+    def descriptions(self) -> Future[Mapping[str, Description]]:
+        future: Future[Mapping[str, Description]] = Future()
+        future.set_result({GAIN: ABOUT})
+        return future
+
+
+def test_what_the_autopilot_tells_stands_beside_the_value() -> None:
+    offer = DescribingOffer()
+    parameters = VehicleParameters(Vehicle(offer))
+    offer.reading.set_result(Parameter(GAIN, 1.0, REAL32))
+    offer.listing.set_result([Parameter(LIMIT, 2.0, REAL32), Parameter(GAIN, 1.0, REAL32)])
+    described = Parameter(GAIN, 1.0, REAL32, False, 0.0, 10.0, "m/s", "a gain", True)
+    assert parameters.get(GAIN).result(0) == described
+    assert parameters.get_all().result(0) == [Parameter(LIMIT, 2.0, REAL32, is_relied_on=True), described]
+
+
+@pytest.mark.parametrize(
+    ("before", "value", "force", "is_written"),
+    [
+        (1.0, 10.0, False, True),
+        (1.0, 0.0, False, True),
+        (1.0, 10.5, False, False),
+        (1.0, -0.5, False, False),
+        (1.0, 10.5, True, True),
+        (50.0, 50.0, False, True),  # as it is
+    ],
+)
+def test_a_value_out_of_its_range_is_written_only_by_force(
+    before: float, value: float, force: bool, is_written: bool
+) -> None:
+    offer = DescribingOffer()
+    future = VehicleParameters(Vehicle(offer)).set(GAIN, value, "mine", force=force)
+    offer.reading.set_result(Parameter(GAIN, before, REAL32))
+    assert bool(offer.written) is is_written
+    if not is_written:
+        error = future.exception(0)
+        assert isinstance(error, InvalidArgumentError)
+        assert "GAIN has 0 to 10 m/s (force writes it all the same)" in error.message

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from tests.simulators import Faults
+from tests.simulators.mission_store import Sender
+from tests.simulators.parameter_files import PACKED
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import SILENT, Flight
 from ual.errors import (
     InvalidArgumentError,
@@ -16,10 +18,12 @@ from ual.errors import (
     UalTimeoutError,
     WrongStateError,
 )
-from ual.parameters import Parameter, ParameterType
+from ual.parameters import ParameterType
 from ual.parameters.values import real32
 from ual.types import State
 from ual_daemon import UAL
+from ual_daemon.backends.mavlink.protocols.ftp_packet import Opcode
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 LOSSY = Faults(loss=0.2, jitter_s=0.1, duplication=0.1)
 NAMES_COUNT = 300
@@ -45,9 +49,52 @@ def kind_of(flight: Flight) -> str:
 def test_a_value_is_read_with_its_type(flight: Flight) -> None:
     name, whole = UNUSED[kind_of(flight)], WHOLE[kind_of(flight)]
     found = flight.uav.parameters.get(name)
-    assert found == Parameter(name, real32(flight.autopilot.parameters[name]), ParameterType.REAL32)
+    assert (found.value, found.type) == (real32(flight.autopilot.parameters[name]), ParameterType.REAL32)
     assert flight.uav.parameters.get(whole).type is ParameterType.INT32
     assert flight.uav.parameters.get(whole).value == flight.autopilot.parameters[whole]
+
+
+def test_px4_tells_ranges_units_and_what_needs_a_boot() -> None:
+    flight = Flight("px4")
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.wait_for(lambda: flight.backend.info().autopilot_version != "", "its version")
+    cruise = flight.uav.parameters.get("MPC_XY_CRUISE")
+    assert (cruise.minimum, cruise.maximum, cruise.unit) == (3.0, 20.0, "m/s")
+    listed = {each.name: each for each in flight.uav.parameters.get_all()}
+    assert listed["MPC_XY_CRUISE"] == cruise
+    assert listed["EKF2_EV_CTRL"].needs_reboot
+    assert listed["MPC_ACC_HOR"].minimum is None
+    with pytest.raises(InvalidArgumentError, match="21 is out of range: MPC_XY_CRUISE has 3 to 20 m/s"):
+        flight.uav.parameters.set("MPC_XY_CRUISE", 21.0)
+    assert flight.autopilot.parameters["MPC_XY_CRUISE"] != 21.0
+    assert flight.uav.parameters.set("MPC_XY_CRUISE", 21.0, force=True).value == 21.0
+    opened = [each.data for each in flight.autopilot.files.requests if each.opcode == Opcode.OPEN_FILE_RO]
+    assert len(opened) == 2  # once each
+    flight.uav.close()
+
+
+def test_ardupilots_list_is_read_as_a_file_and_streamed_where_that_fails() -> None:
+    flight = Flight("ardupilot")
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.wait_for(lambda: flight.backend.info().autopilot_version != "", "its version")
+    flight.autopilot.parameters.update({f"TEST_{count:04}": float(count) for count in range(NAMES_COUNT)})
+    streams: list[int] = []
+    of_request = flight.autopilot._handlers[mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST]
+
+    def counted(message: Message, sender: Sender) -> None:
+        streams.append(1)
+        of_request(message, sender)
+
+    flight.autopilot._handlers[mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST] = counted
+    listed = flight.uav.parameters.get_all()
+    assert {each.name: each.value for each in listed} == pytest.approx(flight.autopilot.parameters, rel=1e-6)
+    assert streams == []
+    flight.autopilot.files.made[PACKED] = lambda: b"damaged"
+    assert flight.uav.parameters.get_all() == listed
+    del flight.autopilot.files.made[PACKED], flight.autopilot.files.files[PACKED]
+    assert flight.uav.parameters.get_all() == listed
+    assert streams
+    flight.uav.close()
 
 
 def test_what_a_flight_relies_on_is_marked(flight: Flight) -> None:
