@@ -20,14 +20,26 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError, Message
 
-from ual.v1 import logs_pb2, parameters_pb2, simulation_pb2, ual_pb2
+from ual.v1 import fence_pb2, logs_pb2, parameters_pb2, simulation_pb2, ual_pb2
 
 ROOT = Path(__file__).parents[1]
 RECORDS = ROOT / "tests" / "data" / "wire"
 BASELINE = ROOT / "proto" / "baseline.binpb"
 """An image of the contract (a FileDescriptorSet, by buf), which it must stay compatible with."""
-FILES = ("ual/v1/ual.proto", "ual/v1/simulation.proto", "ual/v1/parameters.proto", "ual/v1/logs.proto")
-SERVICES = ("ual.v1.UalService", "ual.v1.SimulationService", "ual.v1.ParameterService", "ual.v1.LogService")
+FILES = (
+    "ual/v1/ual.proto",
+    "ual/v1/simulation.proto",
+    "ual/v1/parameters.proto",
+    "ual/v1/fence.proto",
+    "ual/v1/logs.proto",
+)
+SERVICES = (
+    "ual.v1.UalService",
+    "ual.v1.SimulationService",
+    "ual.v1.ParameterService",
+    "ual.v1.FenceService",
+    "ual.v1.LogService",
+)
 
 REMEDY = (
     "Programs that are installed would be misunderstood. Undo it: a field keeps its number, name and type for ever; "
@@ -82,7 +94,7 @@ def changed_pool(change: Any) -> DescriptorPool:
 
 
 def _modules() -> tuple[Any, ...]:
-    return ual_pb2, simulation_pb2, parameters_pb2, logs_pb2
+    return ual_pb2, simulation_pb2, parameters_pb2, fence_pb2, logs_pb2
 
 
 def _pool(files: Iterable[descriptor_pb2.FileDescriptorProto]) -> DescriptorPool:

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-from ual import _log_calls, _parameter_calls
+from ual import _fence_calls, _log_calls, _parameter_calls
 from ual._calls import MEMBERS, Kind
 from ual.shared import views
 
@@ -41,7 +41,7 @@ _WAYS = {
     Kind.EXTERNAL_POSE: _Way("_external_poses.send"),
     Kind.SIMULATION: _Way("_connection.run"),
 }
-PARTS: Mapping[str, ModuleType] = {"Parameters": _parameter_calls, "Logs": _log_calls}
+PARTS: Mapping[str, ModuleType] = {"Parameters": _parameter_calls, "Fence": _fence_calls, "Logs": _log_calls}
 """The services beside that of the UAV, by the class of their interface: the module with their calls. A member of the
 UAV returns each of them (`ual.Uav.parameters`).
 """

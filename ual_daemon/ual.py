@@ -51,6 +51,7 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.choice import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
+from ual_daemon.extensions.shipped.fence import Fence
 from ual_daemon.extensions.shipped.logs import Logs
 from ual_daemon.extensions.shipped.parameters import Parameters
 from ual_daemon.flight.policy.lease import NOBODY
@@ -359,6 +360,11 @@ class UAL(Uav):
     @override
     def parameters(self) -> Parameters:
         return Parameters(self.vehicle, lambda: self._lease_id)
+
+    @property
+    @override
+    def fence(self) -> Fence:
+        return Fence(self.vehicle, lambda: self._lease_id)
 
     @cached_property
     @override

@@ -17,7 +17,19 @@ from ual import _calls, _client, _derived_parts
 from ual.aio import _derived_parts as aio_parts
 
 ROOT = Path(__file__).parents[2]
-BY_HAND = {"ns", "close", "subscribe", "lease", "extension", "task", "dry_run", "simulation", "parameters", "logs"}
+BY_HAND = {
+    "ns",
+    "close",
+    "subscribe",
+    "lease",
+    "extension",
+    "task",
+    "dry_run",
+    "simulation",
+    "parameters",
+    "fence",
+    "logs",
+}
 """What is more than one call, or another thing for asyncio."""
 
 

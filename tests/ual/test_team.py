@@ -34,7 +34,17 @@ def team(fleet: DaemonProcess) -> Iterator[ual.Team]:
         yield team
 
 
-NOT_OF_A_TEAM = {"ns", "simulation", "subscribe", "set_external_pose", "task", "extension", "parameters"}
+NOT_OF_A_TEAM = {
+    "ns",
+    "simulation",
+    "subscribe",
+    "set_external_pose",
+    "task",
+    "extension",
+    "parameters",
+    "fence",
+    "logs",
+}
 """What makes sense for one UAV only: `team["uav_1"]` is one."""
 
 

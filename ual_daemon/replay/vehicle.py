@@ -150,6 +150,10 @@ class PlayedVehicle(ReportedVehicle):
         """Returns None: nothing can be asked of what was recorded."""
         return None
 
+    def configured_fence(self) -> tuple[tuple[float, float], ...]:
+        """Returns no corners: nothing is uploaded to what was recorded."""
+        return ()
+
     def is_armed(self) -> None:
         """Returns None: what is recorded is over."""
 

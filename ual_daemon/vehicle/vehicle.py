@@ -30,8 +30,10 @@ from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.vehicle.commands import Commands
 from ual_daemon.vehicle.external_poses import ExternalPoses
+from ual_daemon.vehicle.fence_notice import FenceNotice
 from ual_daemon.vehicle.figures import Figures
 from ual_daemon.vehicle.in_map import geofence_in_map, route_in_map
+from ual_daemon.vehicle.on_earth import fence_on_earth
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.reported import ReportedVehicle
 from ual_daemon.vehicle.telemetry import make_telemetry
@@ -83,6 +85,9 @@ class Vehicle(ReportedVehicle):
             self._jumps.announce,
         )
         """The poses that are measured from outside."""
+        own = settings.geofence
+        has_polygon = own is not None and bool(own.polygon or own.polygon_geo)
+        self._fence_notice = FenceNotice(backend.info, is_needed=has_polygon and not watch_only)
 
     # --- Lifetime -----------------------------------------------------------------------------------------------------
 
@@ -273,6 +278,10 @@ class Vehicle(ReportedVehicle):
 
         self._flight.sender.on_sent = callback if before is None else call_both
 
+    def configured_fence(self) -> tuple[tuple[float, float], ...]:
+        """Returns the corners of the configured polygon; see `fence_on_earth`, also for what is raised."""
+        return fence_on_earth(self._flight.geofence, self.backend.snapshot())
+
     def geofence(self) -> Geofence:
         """Returns where the UAV may fly; see `geofence_in_map`, also for what is raised."""
         return geofence_in_map(self._flight.geofence, self._resolver, self.backend.snapshot())
@@ -317,6 +326,7 @@ class Vehicle(ReportedVehicle):
         if not self._follow_jumps(snapshot):
             self._flight.step(snapshot)
         self._publish(snapshot, self._flight.estimate(snapshot))
+        self._fence_notice.observe(snapshot.time_s)
 
     def _follow_jumps(self, snapshot: Snapshot) -> bool:
         """Follows jumps of the estimate. Returns whether one is suspected: nothing is then sent to where it was."""

@@ -11,7 +11,7 @@ from typing_extensions import override
 from ual import _calls, interface
 from ual._connection import Connection
 from ual._derived import SimulationMembers, UavMembers
-from ual._derived_parts import Logs, Parameters
+from ual._derived_parts import Fence, Logs, Parameters
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
@@ -64,6 +64,7 @@ class Uav(UavMembers):
         self._simulation = Simulation(self._connection)
         self._is_simulation = False
         self._parameters = Parameters(self._connection)
+        self._fence = Fence(self._connection)
         self._logs = Logs(self._connection)
         self._subscriptions = Subscriptions(self._connection)
 
@@ -140,6 +141,11 @@ class Uav(UavMembers):
     @override
     def parameters(self) -> Parameters:
         return self._parameters
+
+    @property
+    @override
+    def fence(self) -> Fence:
+        return self._fence
 
     @property
     @override

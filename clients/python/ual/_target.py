@@ -16,7 +16,7 @@ from ual._calls import Call, Service
 from ual.credentials import Credentials, read
 from ual.errors import InvalidArgumentError
 from ual.shared import environment
-from ual.v1 import logs_pb2_grpc, parameters_pb2_grpc, simulation_pb2_grpc, ual_pb2_grpc
+from ual.v1 import fence_pb2_grpc, logs_pb2_grpc, parameters_pb2_grpc, simulation_pb2_grpc, ual_pb2_grpc
 
 ADDRESS_VARIABLE = "UAL_ADDRESS"
 NS_VARIABLE = "UAL_NS"
@@ -47,6 +47,7 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
 _MADE_BY: Mapping[Service, Callable[[Any], Any]] = {
     Service.SIMULATION: simulation_pb2_grpc.SimulationServiceStub,
     Service.PARAMETERS: parameters_pb2_grpc.ParameterServiceStub,
+    Service.FENCE: fence_pb2_grpc.FenceServiceStub,
     Service.LOGS: logs_pb2_grpc.LogServiceStub,
 }
 

@@ -17,6 +17,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError
+from ual.fences.values import FencePlan, KeptFence
 from ual.geometry import (
     PointStamped,
     Pose,
@@ -302,6 +303,93 @@ class Logs(Protocol):
             InvalidArgumentError: There is no such log, or it ends before the offset.
             ResourceExhaustedError: Another download is under way.
             RejectedByAutopilotError: The autopilot refuses it, or the log has become shorter.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        ...
+
+
+class Fence(Protocol):
+    """The fence and the rally points that the autopilot keeps, and applies by itself. The manual is ``docs/fence.md``.
+
+    UAL's own geofence is `Uav.geofence`.
+
+    Raises:
+        NotSupportedError: UAL reads and uploads none of this autopilot.
+
+    """
+
+    def get(self) -> KeptFence:
+        """Returns what the autopilot keeps, read from it now.
+
+        Raises:
+            LinkLostError: It is not heard.
+            RejectedByAutopilotError: It refuses, or what it has is no fence.
+            UalTimeoutError: It has not answered.
+
+        """
+        ...
+
+    def upload(
+        self, plan: FencePlan | None = None, *, replace: bool = False, enable: bool = True, force: bool = False
+    ) -> KeptFence:
+        """Uploads a fence, reads it back, and has the autopilot apply it. Returns what was read back.
+
+        Args:
+            plan: The zones and the rally points. None: the polygon of UAL's own geofence.
+            replace: Also where the autopilot has another fence, or other rally points.
+            enable: Have the autopilot apply its zones; False leaves it as it is.
+            force: Upload it also while the UAV is armed.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known; or the autopilot has another fence.
+            InvalidArgumentError: A zone is none that an autopilot can have.
+            GeofenceError: The UAV is not where the fence lets it be.
+            RejectedByAutopilotError: It refuses an item, or keeps another one.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: it is not known what it has now.
+
+        """
+        ...
+
+    def clear(self, *, with_rally_points: bool = False, force: bool = False) -> KeptFence:
+        """Removes all zones of the autopilot's fence, and returns what it then keeps.
+
+        Args:
+            with_rally_points: Remove these, too.
+            force: Remove them also while the UAV is armed.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: it is not known what it has now.
+
+        """
+        ...
+
+    def enable(self) -> KeptFence:
+        """Has the autopilot apply its zones. Returns what it keeps.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known.
+            LeaseHeldError: Another program holds the lease.
+            RejectedByAutopilotError: It keeps another value of a parameter.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        ...
+
+    def disable(self) -> KeptFence:
+        """Has the autopilot no longer apply its zones. Returns what it keeps, as `enable`.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known.
+            LeaseHeldError: Another program holds the lease.
+            RejectedByAutopilotError: It keeps another value of a parameter.
             LinkLostError: It is not heard.
             UalTimeoutError: It has not answered.
 
@@ -1091,6 +1179,11 @@ class Uav(TaskCommands[Task]):
     @abstractmethod
     def parameters(self) -> Parameters:
         """The autopilot's own parameters."""
+
+    @property
+    @abstractmethod
+    def fence(self) -> Fence:
+        """The fence and the rally points that the autopilot keeps."""
 
     @property
     @abstractmethod

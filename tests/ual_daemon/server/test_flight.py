@@ -300,6 +300,7 @@ def test_it_flies_by_reflection_alone(start_daemon: StartDaemon) -> None:
     uav, simulation = "ual.v1.UalService", "ual.v1.SimulationService"
     beside = {
         "ual.v1.ParameterService",
+        "ual.v1.FenceService",
         "ual.v1.LogService",
         "grpc.health.v1.Health",
         "grpc.reflection.v1alpha.ServerReflection",

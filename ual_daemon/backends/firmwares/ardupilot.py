@@ -22,6 +22,7 @@ from ual_daemon.backends.firmwares.autopilot import (
 from ual_daemon.backends.firmwares.feed_forward import TILT_S
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, Sensor, VtolState
+from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
     NO_FENCE,
     AutopilotFence,
@@ -247,6 +248,7 @@ class ArduCopter(Autopilot):
         }
     )
     has_zones = True
+    fence_switches = (FenceSwitch("FENCE_TYPE", _FENCE_POLYGON, is_bit=True), FenceSwitch("FENCE_ENABLE", 1))
     drops_positions_beyond_fence = True  # ModeGuided::set_destination_posvelaccel checks each one
     # Two more than the corners and circles, or 0 for fewer than 3 of them (AC_PolyFence_loader::write_fence). It comes
     # after each upload, also where it stays the same (measured with 4.6.3).
@@ -349,8 +351,12 @@ class ArduCopter(Autopilot):
             "; ".join(filter(None, [unread, f"{', '.join(not_sent)}, which it has not sent" if not_sent else ""])),
             is_cut_by_unread=bool(unread),
             zones=(found.zones or ()) if has_zones else (),
-            unites_inclusions=bool(int(parameters.get("FENCE_OPTIONS", 0.0)) & _FENCE_UNION),
+            unites_inclusions=self.unites_inclusions(parameters),
         )
+
+    @override
+    def unites_inclusions(self, parameters: Mapping[str, float]) -> bool:
+        return bool(int(parameters.get("FENCE_OPTIONS", 0.0)) & _FENCE_UNION)
 
     @override
     def position_setpoint(self, setpoint: PositionSetpoint, parameters: Mapping[str, float]) -> PositionSetpoint:

@@ -13,6 +13,7 @@ from ual.types import Capability, Limits
 from ual_daemon.backends.engine.command import NotYetError
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, VehicleType
+from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
     NO_FENCE,
     AutopilotFence,
@@ -120,8 +121,14 @@ class Autopilot(ABC):
     """Whether its own fence may have polygons and circles, which it keeps like the items of a mission."""
     drops_positions_beyond_fence = False
     """See `ual_daemon.backends.values.VehicleInfo`."""
+    fence_switches: tuple[FenceSwitch, ...] = ()
+    """The parameters by which it applies its zones."""
     zones_parameter = ""
     """The name of a parameter that it sends whenever it has got others; empty where there is none."""
+
+    def unites_inclusions(self, parameters: Mapping[str, float]) -> bool:
+        """Whether the UAV may be in any one of several inclusions of its fence."""
+        return False
 
     @abstractmethod
     def mode(self, custom_mode: int) -> Mode:

@@ -30,6 +30,14 @@ class FenceReader:
         self.limits: AutopilotFence | None = None
         """The fence, where it limits something."""
 
+    @property
+    def is_applied(self) -> bool | None:
+        """Whether the autopilot applies a fence. None while that is not read."""
+        needed = (each.name for each in self._autopilot.fence_switches)
+        if self._awaits_zones or not all(name in self._parameters for name in needed):
+            return None
+        return bool(self._fence.limits or self._fence.zones or self._fence.unread)
+
     def set_enabled(self, is_enabled: bool) -> None:
         """Takes whether the fence is switched on, by the newest SYS_STATUS."""
         if is_enabled is not self._is_enabled:

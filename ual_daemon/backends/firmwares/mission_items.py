@@ -56,6 +56,9 @@ class MissionList(NamedTuple):
     opaque_id: int = 0
 
 
+UNSUPPORTED = 3
+"""MAV_MISSION_UNSUPPORTED."""
+
 Difference = Callable[[Sequence[MissionItem], Sequence[MissionItem]], str]
 """Says, human-readable, how the list that was read back differs from the one that was sent; empty if it does not."""
 

@@ -18,6 +18,7 @@ from ual_daemon.backends.firmwares.autopilot import (
 from ual_daemon.backends.firmwares.feed_forward import VELOCITY_GAINS
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.numbers import Sensor, VtolState
+from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
     NO_FENCE,
     AutopilotFence,
@@ -29,6 +30,8 @@ from ual_daemon.backends.values import (
 )
 from ual_daemon.geodesy import Projection, SphereProjection
 
+_HOLD_AT_FENCE = 2
+"""GF_ACTION by which it holds its position at its fence. 1 only warns."""
 _MAIN = {
     1: "MANUAL",
     2: "ALTCTL",
@@ -165,6 +168,7 @@ class Px4(Autopilot):
         }
     )
     has_zones = True
+    fence_switches = (FenceSwitch("GF_ACTION", _HOLD_AT_FENCE, least=_HOLD_AT_FENCE),)
 
     @override
     def mode(self, custom_mode: int) -> Mode:

@@ -31,8 +31,10 @@ from ual_daemon.backends.mavlink.links.endpoints import (
     vehicle_key,
     vehicle_urls,
 )
+from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
+from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
 from ual_daemon.backends.mavlink.session.discovery import Discovery
@@ -79,6 +81,7 @@ class MavlinkBackend(Backend):
         self._desk: CommandDesk[CommandLong] | None = None
         self._offers = (
             MavlinkParameters(self._last_session, self._reach, self._post),
+            MavlinkFenceStore(Reach(self._last_session, self._reach, self._post)),
             MavlinkLogs(self._reach, self._post),
         )
 

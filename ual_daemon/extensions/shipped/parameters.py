@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import TypeVar
 
 from typing_extensions import override
 
@@ -16,6 +15,7 @@ from ual.errors import UalError
 from ual.parameters.values import Description, Parameter, range_text, real32
 from ual_daemon import logs, validation
 from ual_daemon.backends.offers.parameters import AutopilotParameters
+from ual_daemon.extensions.shipped.chain import then, then_wait
 from ual_daemon.extensions.shipped.vehicle import (
     ServedVehicle,
     offered,
@@ -23,9 +23,6 @@ from ual_daemon.extensions.shipped.vehicle import (
     require_disarmed,
     wait,
 )
-
-S = TypeVar("S")
-T = TypeVar("T")
 
 ONE_S = 25.0
 """How long one parameter may take, with those that others have asked for before. A backend ends by itself before."""
@@ -123,58 +120,6 @@ class Parameters(interface.Parameters):
     @override
     def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
         return wait(self._of_vehicle.set(name, value, self._lease_id(), force=force), ONE_S, f"writing {name}")
-
-
-def then(first: Future[S], step: Callable[[S], T]) -> Future[T]:
-    """Returns the future of what a step makes of a result, where the first one ends. Cancelling it cancels that."""
-
-    def ended(result: S) -> Future[T]:
-        future: Future[T] = Future()
-        future.set_result(step(result))
-        return future
-
-    return then_wait(first, ended)
-
-
-def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
-    """As `then`, for a step that has a future itself. A step that raises ends the result with its error."""
-    result: Future[T] = Future()
-    running: list[Future[S] | Future[T]] = [first]
-
-    def on_last(last: Future[T]) -> None:
-        if last.cancelled():
-            result.cancel()
-        elif not result.done() and result.set_running_or_notify_cancel():
-            _copy(last, result)
-
-    def on_first(done: Future[S]) -> None:
-        if done.cancelled() or result.cancelled():
-            result.cancel()
-            return
-        try:
-            last = step(done.result())
-        except Exception as error:  # noqa: BLE001  whatever it is, who waits for the result has to get it
-            last = Future()
-            last.set_exception(error)
-        running.append(last)
-        last.add_done_callback(on_last)
-
-    def on_result(ended: Future[T]) -> None:
-        if ended.cancelled():
-            for each in running:
-                each.cancel()
-
-    result.add_done_callback(on_result)
-    first.add_done_callback(on_first)
-    return result
-
-
-def _copy(source: Future[T], target: Future[T]) -> None:
-    error = source.exception()
-    if error is None:
-        target.set_result(source.result())
-    else:
-        target.set_exception(error)
 
 
 def _checked_name(name: str) -> str:

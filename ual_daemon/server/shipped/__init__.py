@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ual.access.roles import Role
-from ual_daemon.extensions.shipped.vehicle import ServedVehicle
+from ual_daemon.extensions.shipped.fence import FencedVehicle
+from ual_daemon.server.shipped.fence import fence_service
 from ual_daemon.server.shipped.logs import log_service
 from ual_daemon.server.shipped.parameters import parameter_service
 
@@ -19,10 +20,10 @@ class ShippedService(NamedTuple):
     roles: Mapping[str, Role] = {}
 
 
-_MAKERS = (parameter_service, log_service)
+_MAKERS = (parameter_service, fence_service, log_service)
 """What makes each of them for a UAV: its full name, and what registers its servicer."""
 
 
-def services(vehicle: ServedVehicle) -> Sequence[ShippedService]:
+def services(vehicle: FencedVehicle) -> Sequence[ShippedService]:
     """Returns all of them for a UAV. Each refuses with NOT_SUPPORTED what its backend does not offer."""
     return [ShippedService(*make(vehicle)) for make in _MAKERS]

@@ -15,7 +15,7 @@ from ual._setpoints import EXTERNAL_POSES
 from ual._target import Target
 from ual.aio._connection import Connection
 from ual.aio._derived import SimulationMembers, UavMembers
-from ual.aio._derived_parts import Logs, Parameters
+from ual.aio._derived_parts import Fence, Logs, Parameters
 from ual.aio._lease import Lease
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
@@ -63,6 +63,7 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         self._dry_run: DryRun[Coroutine[Any, Any, Plan]] = DryRun(self._plan)
         self._simulation = Simulation(self._connection)
         self._parameters = Parameters(self._connection)
+        self._fence = Fence(self._connection)
         self._logs = Logs(self._connection)
         self._subscriptions: set[Subscription] = set()
 
@@ -203,6 +204,11 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
     def parameters(self) -> Parameters:
         """The autopilot's own parameters."""
         return self._parameters
+
+    @property
+    def fence(self) -> Fence:
+        """The fence and the rally points that the autopilot keeps."""
+        return self._fence
 
     @property
     def logs(self) -> Logs:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 
-from ual import _log_calls, _parameter_calls
+from ual import _fence_calls, _log_calls, _parameter_calls
 from ual.aio._connection import Connection
+from ual.fences.values import FencePlan, KeptFence
 from ual.logs.values import Log, LogChunk
 from ual.parameters.values import Parameter
 
@@ -59,6 +60,92 @@ class Parameters:
 
         """
         return await self._connection.run(_parameter_calls.set_(name=name, value=value, force=force))
+
+
+class Fence:
+    """`ual.interface.Fence`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Fence of {self._connection.described}>"
+
+    async def get(self) -> KeptFence:
+        """Returns what the autopilot keeps, read from it now.
+
+        Raises:
+            LinkLostError: It is not heard.
+            RejectedByAutopilotError: It refuses, or what it has is no fence.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_fence_calls.get())
+
+    async def upload(
+        self, plan: FencePlan | None = None, *, replace: bool = False, enable: bool = True, force: bool = False
+    ) -> KeptFence:
+        """Uploads a fence, reads it back, and has the autopilot apply it. Returns what was read back.
+
+        Args:
+            plan: The zones and the rally points. None: the polygon of UAL's own geofence.
+            replace: Also where the autopilot has another fence, or other rally points.
+            enable: Have the autopilot apply its zones; False leaves it as it is.
+            force: Upload it also while the UAV is armed.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known; or the autopilot has another fence.
+            InvalidArgumentError: A zone is none that an autopilot can have.
+            GeofenceError: The UAV is not where the fence lets it be.
+            RejectedByAutopilotError: It refuses an item, or keeps another one.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: it is not known what it has now.
+
+        """
+        return await self._connection.run(_fence_calls.upload(plan, replace=replace, enable=enable, force=force))
+
+    async def clear(self, *, with_rally_points: bool = False, force: bool = False) -> KeptFence:
+        """Removes all zones of the autopilot's fence, and returns what it then keeps.
+
+        Args:
+            with_rally_points: Remove these, too.
+            force: Remove them also while the UAV is armed.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: it is not known what it has now.
+
+        """
+        return await self._connection.run(_fence_calls.clear(with_rally_points=with_rally_points, force=force))
+
+    async def enable(self) -> KeptFence:
+        """Has the autopilot apply its zones. Returns what it keeps.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known.
+            LeaseHeldError: Another program holds the lease.
+            RejectedByAutopilotError: It keeps another value of a parameter.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_fence_calls.enable())
+
+    async def disable(self) -> KeptFence:
+        """Has the autopilot no longer apply its zones. Returns what it keeps, as `enable`.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known.
+            LeaseHeldError: Another program holds the lease.
+            RejectedByAutopilotError: It keeps another value of a parameter.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_fence_calls.disable())
 
 
 class Logs:

@@ -10,6 +10,7 @@ from ual.conformance import (
     flying,
     grounded,
     missions,
+    own_fence,
     own_parameters,
     paths,
     piloted,
@@ -25,6 +26,7 @@ from ual.conformance.runner import run, run_check
 CHECKS: tuple[Check, ...] = (
     *reports.CHECKS,
     *own_parameters.ON_GROUND,
+    *own_fence.ON_GROUND,
     *grounded.CHECKS,
     *dry_runs.CHECKS,
     *flying.CHECKS,
@@ -33,6 +35,7 @@ CHECKS: tuple[Check, ...] = (
     *tasks.CHECKS,
     *refusals.CHECKS,
     *own_parameters.IN_FLIGHT,
+    *own_fence.IN_FLIGHT,
     *piloted.CHECKS,
     *missions.CHECKS,
 )

@@ -210,6 +210,10 @@ class RosUav(Uav):
         inexpressible("parameters")
 
     @property
+    def fence(self) -> ual.interface.Fence:
+        inexpressible("fence")
+
+    @property
     def logs(self) -> ual.interface.Logs:
         inexpressible("logs")
 

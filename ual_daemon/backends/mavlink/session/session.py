@@ -357,6 +357,7 @@ class Session:
             acceleration_share=dialect.acceleration_share(telemetry.parameters),
             velocity_responses=dialect.velocity_responses(telemetry.parameters),
             drops_positions_beyond_fence=dialect.drops_positions_beyond_fence,
+            applies_fence=telemetry.fence.is_applied if dialect.fence_switches else None,
         )
 
     def _identity(self) -> str:

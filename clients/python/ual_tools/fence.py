@@ -1,0 +1,124 @@
+"""`ual fence`: the fence and the rally points that the autopilot keeps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ual.fences import FenceZone, KeptFence, RallyPoint, read
+from ual.types import AltitudeReference
+from ual_tools.app import UalCommand, UalGroup
+from ual_tools.help import Section
+from ual_tools.session import Session, pass_session
+from ual_tools.tables import print_table
+
+_EXISTING = click.Path(path_type=Path, dir_okay=False, exists=True)
+_FORCE = "Also while the UAV is armed."
+
+
+@click.group(
+    "fence",
+    cls=UalGroup,
+    section=Section.TOOLS,
+    examples=(
+        "ual fence show",
+        "ual fence upload",
+        "ual fence upload field.plan --replace",
+        "ual fence disable",
+        "ual fence clear",
+    ),
+)
+def fence() -> None:
+    """Read, upload, enable and remove the fence that the autopilot keeps.
+
+    It applies it by itself, also while UAL is not there. It is written while the UAV is disarmed, and read back.
+    """
+
+
+@fence.command("show", cls=UalCommand, examples=("ual fence show", "ual --json fence show"))
+@pass_session
+def show(session: Session) -> None:
+    """Print the zones and the rally points that the autopilot keeps, and whether it applies the zones."""
+    with session.connect() as uav:
+        _print(session, uav.fence.get())
+
+
+@fence.command("upload", cls=UalCommand, examples=("ual fence upload", "ual fence upload field.plan --replace"))
+@click.argument("file", type=_EXISTING, required=False)
+@click.option("--replace", is_flag=True, help="Also where the autopilot has another fence, or other rally points.")
+@click.option("--keep-disabled", is_flag=True, help="Leave it as it is whether the autopilot applies its zones.")
+@click.option("--force", is_flag=True, help=_FORCE)
+@pass_session
+def upload(session: Session, file: Path | None, replace: bool, keep_disabled: bool, force: bool) -> None:
+    """Upload the fence and the rally points in FILE, read them back, and enable the fence.
+
+    Without FILE it is the polygon of the geofence in UAL's own configuration. FILE is a .plan of QGroundControl, or a
+    file of a fence or of rally points of Mission Planner or MAVProxy.
+    """
+    plan = None if file is None else read(file)
+    with session.connect() as uav:
+        _print(session, uav.fence.upload(plan, replace=replace, enable=not keep_disabled, force=force))
+
+
+@fence.command("clear", cls=UalCommand, examples=("ual fence clear", "ual fence clear --rally-points"))
+@click.option("--rally-points", is_flag=True, help="Remove the rally points, too.")
+@click.option("--force", is_flag=True, help=_FORCE)
+@pass_session
+def clear(session: Session, rally_points: bool, force: bool) -> None:
+    """Remove all zones."""
+    with session.connect() as uav:
+        _print(session, uav.fence.clear(with_rally_points=rally_points, force=force))
+
+
+@fence.command("enable", cls=UalCommand, examples=("ual fence enable",))
+@pass_session
+def enable(session: Session) -> None:
+    """Have the autopilot apply its zones."""
+    with session.connect() as uav:
+        _print(session, uav.fence.enable())
+
+
+@fence.command("disable", cls=UalCommand, examples=("ual fence disable",))
+@pass_session
+def disable(session: Session) -> None:
+    """Have the autopilot no longer apply its zones."""
+    with session.connect() as uav:
+        _print(session, uav.fence.disable())
+
+
+def _print(session: Session, kept: KeptFence) -> None:
+    if session.as_json:
+        session.emit(kept)
+        return
+    rows = [*map(_zone_row, kept.zones), *map(_rally_row, kept.rally_points)]
+    if rows:
+        print_table(("what", "places"), rows)
+    click.echo(_summary(kept))
+
+
+def _zone_row(zone: FenceZone) -> tuple[str, str]:
+    return zone.text, " ".join(_place(*each) for each in zone.points)
+
+
+def _rally_row(point: RallyPoint) -> tuple[str, str]:
+    above = "the sea" if point.reference is AltitudeReference.AMSL else "home"
+    return f"rally point, {point.height_m} m above {above}", _place(point.latitude_deg, point.longitude_deg)
+
+
+def _place(latitude_deg: float, longitude_deg: float) -> str:
+    return f"{latitude_deg:.7f},{longitude_deg:.7f}"
+
+
+def _summary(kept: KeptFence) -> str:
+    applied = {
+        True: "it applies them",
+        False: "it does not apply them",
+        None: "it does not say whether it applies them",
+    }
+    if not kept.zones:
+        return "the autopilot has no fence of zones"
+    return f"the autopilot has {len(kept.zones)} zones, and {applied[kept.is_enabled]}"
+
+
+COMMANDS = (fence,)

@@ -1,0 +1,81 @@
+"""Between the zones and rally points of the contract and the items that an autopilot keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from ual.errors import RejectedByAutopilotError
+from ual.fences.values import FenceZone, RallyPoint
+from ual.types import AltitudeReference
+from ual_daemon.backends.firmwares.fence_zones import FenceCommand, FenceItem, find_zones
+from ual_daemon.backends.firmwares.mission_items import MissionItem
+
+_POLYGONS = {True: FenceCommand.POLYGON_INCLUSION, False: FenceCommand.POLYGON_EXCLUSION}
+_CIRCLES = {True: FenceCommand.CIRCLE_INCLUSION, False: FenceCommand.CIRCLE_EXCLUSION}
+_RALLY_POINT = 5100
+_FRAMES = {AltitudeReference.AMSL: 0, AltitudeReference.HOME: 3}
+"""MAV_FRAME_GLOBAL and MAV_FRAME_GLOBAL_RELATIVE_ALT."""
+_REFERENCES = {
+    0: AltitudeReference.AMSL,
+    5: AltitudeReference.AMSL,
+    3: AltitudeReference.HOME,
+    6: AltitudeReference.HOME,
+}
+_E7 = 1e7
+
+
+def items_of_zones(zones: Sequence[FenceZone]) -> list[MissionItem]:
+    """Returns the items that mean the zones. Their places are kept to 1e-7 degrees, about 1 cm."""
+    return [item for zone in zones for item in _items(zone)]
+
+
+def _items(zone: FenceZone) -> Iterator[MissionItem]:
+    is_polygon = zone.radius_m is None
+    command = (_POLYGONS if is_polygon else _CIRCLES)[zone.is_inclusion]
+    size = float(len(zone.points)) if zone.radius_m is None else zone.radius_m
+    for latitude_deg, longitude_deg in zone.points:
+        yield MissionItem(0, command, size, x=round(latitude_deg * _E7), y=round(longitude_deg * _E7))
+
+
+def zones_of_items(items: Sequence[MissionItem]) -> tuple[FenceZone, ...]:
+    """Returns the zones that the items mean, without the point to return to.
+
+    Raises:
+        RejectedByAutopilotError: They make no fence.
+
+    """
+    found = find_zones([FenceItem(each.command, each.frame, each.param1, each.x / _E7, each.y / _E7) for each in items])
+    if found.zones is None:
+        raise RejectedByAutopilotError(f"fence: what the autopilot has is no fence: {found.why}", {"list": "fence"})
+    return tuple(FenceZone(zone.is_inclusion, zone.points, zone.radius_m) for zone in found.zones)
+
+
+def items_of_rally(points: Sequence[RallyPoint]) -> list[MissionItem]:
+    """Returns the items of rally points."""
+    return [
+        MissionItem(
+            _FRAMES[each.reference],
+            _RALLY_POINT,
+            x=round(each.latitude_deg * _E7),
+            y=round(each.longitude_deg * _E7),
+            z=float(each.height_m),
+        )
+        for each in points
+    ]
+
+
+def rally_of_items(items: Sequence[MissionItem]) -> tuple[RallyPoint, ...]:
+    """Returns the rally points that the items mean.
+
+    Raises:
+        RejectedByAutopilotError: One is none that UAL can tell.
+
+    """
+    found = []
+    for number, item in enumerate(items, 1):
+        reference = _REFERENCES.get(item.frame)
+        if item.command != _RALLY_POINT or reference is None:
+            text = f"rally points: number {number} is none that UAL knows (command {item.command}, frame {item.frame})"
+            raise RejectedByAutopilotError(text, {"list": "rally points"})
+        found.append(RallyPoint(item.x / _E7, item.y / _E7, round(item.z), reference))
+    return tuple(found)

@@ -1,0 +1,71 @@
+"""Futures in turn: what follows from a result, where the one before ends. No thread waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+
+def done(result: T) -> Future[T]:
+    """Returns a future that has ended well."""
+    future: Future[T] = Future()
+    future.set_result(result)
+    return future
+
+
+def then(first: Future[S], step: Callable[[S], T]) -> Future[T]:
+    """Returns the future of what a step makes of a result, where the first one ends. Cancelling it cancels that."""
+    return then_wait(first, lambda result: done(step(result)))
+
+
+def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
+    """As `then`, for a step that has a future itself. A step that raises ends the result with its error."""
+    result: Future[T] = Future()
+    running: list[Future[S] | Future[T]] = [first]
+
+    def on_last(last: Future[T]) -> None:
+        if last.cancelled():
+            result.cancel()
+        elif not result.done() and result.set_running_or_notify_cancel():
+            _copy(last, result)
+
+    def on_first(done: Future[S]) -> None:
+        if done.cancelled() or result.cancelled():
+            result.cancel()
+            return
+        try:
+            last = step(done.result())
+        except Exception as error:  # noqa: BLE001  whatever it is, who waits for the result has to get it
+            last = Future()
+            last.set_exception(error)
+        running.append(last)
+        last.add_done_callback(on_last)
+
+    def on_result(ended: Future[T]) -> None:
+        if ended.cancelled():
+            for each in running:
+                each.cancel()
+
+    result.add_done_callback(on_result)
+    first.add_done_callback(on_first)
+    return result
+
+
+def in_turn(first: Callable[[], Future[Any]], *steps: Callable[[], Future[Any]]) -> Future[Any]:
+    """Returns the future of the last of some steps, each begun where the one before has ended well."""
+    future = first()
+    for step in steps:
+        future = then_wait(future, lambda _, begin=step: begin())  # type: ignore[misc]  # of a default
+    return future
+
+
+def _copy(source: Future[T], target: Future[T]) -> None:
+    error = source.exception()
+    if error is None:
+        target.set_result(source.result())
+    else:
+        target.set_exception(error)

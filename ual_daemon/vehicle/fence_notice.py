@@ -1,0 +1,36 @@
+"""Says once that UAL has a geofence, and the autopilot none: without UAL nothing keeps the UAV inside."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+
+from ual_daemon import logs
+from ual_daemon.backends.values import VehicleInfo
+
+LOOK_S = 1.0
+"""How often it looks until it is known whether the autopilot has one."""
+
+_log = logging.getLogger(__name__)
+
+
+class FenceNotice:
+    """Belongs to the thread that updates. `is_needed`: UAL has a polygon of its own, and does not only watch."""
+
+    def __init__(self, info: Callable[[], VehicleInfo], *, is_needed: bool) -> None:
+        self._info = info
+        self._next_s = -math.inf if is_needed else math.inf
+
+    def observe(self, now_s: float) -> None:
+        """Looks, now and then. To be called at each update."""
+        if now_s < self._next_s:
+            return
+        self._next_s = now_s + LOOK_S
+        applies = self._info().applies_fence
+        if applies is None:
+            return
+        self._next_s = math.inf
+        if not applies:
+            why = "UAL has a geofence, the autopilot applies none: without UAL nothing keeps the UAV inside"
+            logs.event(_log, logging.WARNING, "autopilot_lacks_fence", why=why, remedy="ual fence upload")
