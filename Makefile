@@ -14,7 +14,13 @@ TOOLS := clients/python/ual_tools
 DISTRIBUTIONS := pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml ual_daemon/_version.py \
 	$(CLIENT)/ual/__init__.py $(TOOLS)/__init__.py
 STUBS := clients/python/ual/v1
-PROTOS := proto/ual/v1/ual.proto proto/ual/v1/simulation.proto proto/ual/v1/network.proto proto/ual/v1/parameters.proto proto/ual/v1/fence.proto proto/ual/v1/logs.proto
+PROTOS := proto/ual/v1/ual.proto \
+	proto/ual/v1/simulation.proto \
+	proto/ual/v1/network.proto \
+	proto/ual/v1/parameters.proto \
+	proto/ual/v1/fence.proto \
+	proto/ual/v1/logs.proto \
+	proto/ual/v1/corrections.proto
 GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plugin=$(BIN)/protoc-gen-mypy \
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)

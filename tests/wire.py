@@ -20,7 +20,7 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError, Message
 
-from ual.v1 import fence_pb2, logs_pb2, parameters_pb2, simulation_pb2, ual_pb2
+from ual.v1 import corrections_pb2, fence_pb2, logs_pb2, parameters_pb2, simulation_pb2, ual_pb2
 
 ROOT = Path(__file__).parents[1]
 RECORDS = ROOT / "tests" / "data" / "wire"
@@ -32,6 +32,7 @@ FILES = (
     "ual/v1/parameters.proto",
     "ual/v1/fence.proto",
     "ual/v1/logs.proto",
+    "ual/v1/corrections.proto",
 )
 SERVICES = (
     "ual.v1.UalService",
@@ -39,6 +40,7 @@ SERVICES = (
     "ual.v1.ParameterService",
     "ual.v1.FenceService",
     "ual.v1.LogService",
+    "ual.v1.CorrectionsService",
 )
 
 REMEDY = (
@@ -94,7 +96,14 @@ def changed_pool(change: Any) -> DescriptorPool:
 
 
 def _modules() -> tuple[Any, ...]:
-    return ual_pb2, simulation_pb2, parameters_pb2, fence_pb2, logs_pb2
+    return (
+        ual_pb2,
+        simulation_pb2,
+        parameters_pb2,
+        fence_pb2,
+        logs_pb2,
+        corrections_pb2,
+    )
 
 
 def _pool(files: Iterable[descriptor_pb2.FileDescriptorProto]) -> DescriptorPool:

@@ -51,6 +51,7 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.choice import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
+from ual_daemon.extensions.shipped.corrections import Corrections
 from ual_daemon.extensions.shipped.fence import Fence
 from ual_daemon.extensions.shipped.logs import Logs
 from ual_daemon.extensions.shipped.parameters import Parameters
@@ -370,6 +371,11 @@ class UAL(Uav):
     @override
     def logs(self) -> Logs:
         return Logs(self.vehicle)
+
+    @property
+    @override
+    def corrections(self) -> Corrections:
+        return Corrections(self.vehicle)
 
 
 class _Task(Task):

@@ -19,6 +19,7 @@ from tests.simulators.fence import CIRCLES, POLYGONS, Fence, Item
 from tests.simulators.files import FileStore
 from tests.simulators.mission_store import MissionStore, Sender
 from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus, wrap
+from tests.simulators.satellite_receiver import SatelliteReceiver
 from ual.geometry import Vector3
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -120,12 +121,15 @@ class Autopilot(ABC):
         self.kept_parameters: set[str] = set()
         """Names of parameters that it keeps as they are, whatever is written."""
         self.builders: dict[int, Callable[[], Message | None]] = self._builders()
+        self.receiver = SatelliteReceiver()
+        """What its satellite receiver is given."""
         self._handlers: dict[int, Callable[[Message, Sender], None]] = {
             mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self._on_command_long,
             mavlink.MAVLINK_MSG_ID_COMMAND_INT: self._on_command_int,
             mavlink.MAVLINK_MSG_ID_SET_MODE: self._on_set_mode,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._on_param_request_read,
+            mavlink.MAVLINK_MSG_ID_GPS_RTCM_DATA: lambda message, _: self.receiver.on_rtcm_data(message),
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._on_param_request_list,
             mavlink.MAVLINK_MSG_ID_PARAM_SET: self._on_param_set,
             mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._on_local_target,

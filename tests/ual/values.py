@@ -84,6 +84,8 @@ gps_infos = st.builds(
     st.none() | st.integers(1, 99),
     st.none() | numbers,
     st.none() | numbers,
+    st.none() | numbers,
+    st.none() | numbers,
 )
 odometries = st.builds(types.Odometry, poses, twists, frame_ids, frame_ids, stamps)
 telemetries = st.builds(

@@ -95,6 +95,7 @@ class Service(Enum):
     PARAMETERS = "ParameterService"
     FENCE = "FenceService"
     LOGS = "LogService"
+    CORRECTIONS = "CorrectionsService"
 
 
 _UNTRACED: AbstractContextManager[Metadata] = nullcontext(())

@@ -10,6 +10,7 @@ from typing_extensions import override
 
 from ual import _calls, interface
 from ual._connection import Connection
+from ual._corrections import Corrections
 from ual._derived import SimulationMembers, UavMembers
 from ual._derived_parts import Fence, Logs, Parameters
 from ual._lease import Lease
@@ -66,6 +67,7 @@ class Uav(UavMembers):
         self._parameters = Parameters(self._connection)
         self._fence = Fence(self._connection)
         self._logs = Logs(self._connection)
+        self._corrections = Corrections(self._connection)
         self._subscriptions = Subscriptions(self._connection)
 
     def __repr__(self) -> str:
@@ -151,6 +153,11 @@ class Uav(UavMembers):
     @override
     def logs(self) -> Logs:
         return self._logs
+
+    @property
+    @override
+    def corrections(self) -> Corrections:
+        return self._corrections
 
     @override
     def _command(self, call: _calls.Call[T], timeout_s: float | None = None) -> T:

@@ -16,7 +16,14 @@ from ual._calls import Call, Service
 from ual.credentials import Credentials, read
 from ual.errors import InvalidArgumentError
 from ual.shared import environment
-from ual.v1 import fence_pb2_grpc, logs_pb2_grpc, parameters_pb2_grpc, simulation_pb2_grpc, ual_pb2_grpc
+from ual.v1 import (
+    corrections_pb2_grpc,
+    fence_pb2_grpc,
+    logs_pb2_grpc,
+    parameters_pb2_grpc,
+    simulation_pb2_grpc,
+    ual_pb2_grpc,
+)
 
 ADDRESS_VARIABLE = "UAL_ADDRESS"
 NS_VARIABLE = "UAL_NS"
@@ -49,6 +56,7 @@ _MADE_BY: Mapping[Service, Callable[[Any], Any]] = {
     Service.PARAMETERS: parameters_pb2_grpc.ParameterServiceStub,
     Service.FENCE: fence_pb2_grpc.FenceServiceStub,
     Service.LOGS: logs_pb2_grpc.LogServiceStub,
+    Service.CORRECTIONS: corrections_pb2_grpc.CorrectionsServiceStub,
 }
 
 
@@ -63,7 +71,11 @@ class Stubs:
 
     def method(self, call: Call[Any]) -> Any:  # noqa: ANN401 (its type depends on the method and on the channel)
         """Returns the gRPC method of a call."""
-        return getattr(self.ual if call.service is Service.UAL else self._other(call.service), call.method)
+        return self.method_of(call.service, call.method)
+
+    def method_of(self, service: Service, method: str) -> Any:  # noqa: ANN401 (as above)
+        """Returns the gRPC method of this name."""
+        return getattr(self.ual if service is Service.UAL else self._other(service), method)
 
     def _other(self, service: Service) -> Any:  # noqa: ANN401 (as above)
         if service not in self._others:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
+from ual.corrections import CorrectionsStatus
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError
 from ual.fences.values import FencePlan, KeptFence
 from ual.geometry import (
@@ -307,6 +308,33 @@ class Logs(Protocol):
             UalTimeoutError: It has not answered.
 
         """
+        ...
+
+
+class Corrections(Protocol):
+    """Corrections for the satellite receiver of the UAV (RTK). The manual is ``docs/corrections.md``.
+
+    Raises:
+        NotSupportedError: They cannot be passed on to this autopilot.
+
+    """
+
+    def stream(self, rtcm: Iterable[bytes], sender: str = "") -> CorrectionsStatus:
+        """Passes on a stream of RTCM 3, cut anywhere, until it ends. Needs no lease. Returns what has become of it.
+
+        Args:
+            rtcm: The bytes of a base station, as they come. Whole messages with a right checksum are passed on.
+            sender: What sends, human-readable, such as the name of the caster. It is in the error that others get.
+
+        Raises:
+            ResourceExhaustedError: Another program sends, whom the metadata `held_by` names; or it is too much.
+            PermissionDeniedError: The daemon only watches.
+
+        """
+        ...
+
+    def status(self) -> CorrectionsStatus:
+        """Returns what has been sent and dropped since the daemon began, and by whom."""
         ...
 
 
@@ -1179,6 +1207,11 @@ class Uav(TaskCommands[Task]):
     @abstractmethod
     def parameters(self) -> Parameters:
         """The autopilot's own parameters."""
+
+    @property
+    @abstractmethod
+    def corrections(self) -> Corrections:
+        """Corrections for its satellite receiver (RTK)."""
 
     @property
     @abstractmethod

@@ -214,13 +214,17 @@ class Battery:
 class GpsInfo:
     """The satellite receiver; accuracies are one standard deviation, None where not reported.
 
-    `satellites_count` is None where it is not reported, or none is received.
+    `satellites_count` is None where it is not reported, or none is received. `corrections_age_s` is how long ago the
+    last corrections (RTK) came to it, or were sent to it where it does not tell (None: none were). `baseline_m` is its
+    distance from the base station (None: not told).
     """
 
     fix: GpsFix
     satellites_count: int | None = None
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
+    corrections_age_s: float | None = None
+    baseline_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,6 +36,7 @@ from ual_tools.app import UalGroup
 from ual_tools.help import WIDEST
 from ual_tools.network import gateway, router
 from ual_tools.ros2 import command as ros2
+from ual_tools.rtcm import command as rtcm
 from ual_tools.teleop import command as teleop
 from ual_tools.view import command as view
 
@@ -75,6 +76,7 @@ for command in (
     *parameters.COMMANDS,
     *fence.COMMANDS,
     *logs.COMMANDS,
+    *rtcm.COMMANDS,
     *simulation.COMMANDS,
     *tokens.COMMANDS,
     *certificates.COMMANDS,

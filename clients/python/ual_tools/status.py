@@ -153,6 +153,7 @@ def state(session: Session) -> None:
             "reason": telemetry.state_reason,
             "battery_percent": None if telemetry.battery is None else telemetry.battery.remaining_percent,
             "flight_mode": telemetry.flight_mode,
+            "gps": telemetry.gps,
             "frame_lost": telemetry.frame_lost,
             **_health_fields(telemetry.health or Health()),
         },

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from ual.types import State, Telemetry
+from ual.types import GpsInfo, State, Telemetry
 from ual_tools import condition, places, watch_table
 from ual_tools.condition import STYLES
 from ual_tools.keys import Key
@@ -142,8 +142,14 @@ def rows(t: Telemetry) -> list[tuple[str, str, str]]:
         ("battery", " ".join((condition.battery_text(battery), _known(voltage, "{:.1f} V"))).strip(), STYLES[level]),
         ("position", "" if geo is None else f"{geo.latitude_deg:.6f} {geo.longitude_deg:.6f}", ""),
         ("satellites", "" if gps is None else f"{gps.satellites_count or '?'} ({gps.fix.name})", ""),
+        ("corrections", "" if gps is None else _corrections(gps), ""),
         ("autopilot says", t.status_text, "dim"),
     ]
+
+
+def _corrections(gps: GpsInfo) -> str:
+    parts = _known(gps.corrections_age_s, "{:.1f} s old"), _known(gps.baseline_m, "{:.0f} m away")
+    return ", ".join(filter(None, parts))
 
 
 def _known(value: float | None, text: str) -> str:

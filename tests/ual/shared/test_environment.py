@@ -18,6 +18,7 @@ from ual_daemon import UAL
 from ual_daemon.program.main import main as daemon
 from ual_tools.main import cli
 from ual_tools.options import shared
+from ual_tools.rtcm import ntrip
 
 MISSPELLED = [
     ("UAL_ADRESS", "UAL_ADRESS: there is no such environment variable; did you mean UAL_ADDRESS?"),
@@ -28,7 +29,7 @@ MISSPELLED = [
 
 def test_all_that_are_read_are_known() -> None:
     options = {str(each.envvar) for each in shared() if each.envvar}
-    constants = {**vars(credentials), **vars(discovery), **vars(_target), **vars(environment)}
+    constants = {**vars(credentials), **vars(discovery), **vars(_target), **vars(environment), **vars(ntrip)}
     read = {value for name, value in constants.items() if name.endswith("_VARIABLE")}
     assert options | read == set(environment.OF_CLIENTS)
 

@@ -7,6 +7,7 @@ import random
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
+from typing import TypeVar
 
 from typing_extensions import override
 
@@ -18,6 +19,7 @@ from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon._version import __version__
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.engine.loop import Loop
+from ual_daemon.backends.light.corrections import LightCorrections
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
 from ual_daemon.backends.light.settings import LightSettings
@@ -46,6 +48,8 @@ from ual_daemon.backends.values import (
 )
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import ConfigError, convert
+
+T = TypeVar("T")
 
 _EXTERNAL_POSE_TIMEOUT_S = 0.5
 """Without satellites, the position is lost when no pose has come from outside for so long."""
@@ -108,6 +112,7 @@ class LightBackend(Backend):
         self._is_faulty = False
         self._holds_by: Cause | None = None
         """The failsafe by which it holds its position."""
+        self._corrections = LightCorrections(self.world.now_s)
         self._snapshot = Snapshot(0.0)
         with self.world.lock:
             self._update_snapshot()
@@ -197,6 +202,10 @@ class LightBackend(Backend):
     @override
     def safety_pilot(self) -> SafetyPilot:
         return SimulatedPilot(lambda: True, self.pilot_arm)
+
+    @override
+    def offer(self, kind: type[T]) -> T | None:
+        return self._corrections if isinstance(self._corrections, kind) else None
 
     @override
     def simulation(self) -> Simulation:
@@ -418,7 +427,7 @@ class LightBackend(Backend):
                 battery=Battery(
                     percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if seen.is_armed else 0.5
                 ),
-                gps=_FIX if seen.has_position else _NO_FIX,
+                gps=_gps(seen, self._corrections.age_s),
                 status_text=self._status_text,
                 health=_health(seen),
             ),
@@ -436,6 +445,13 @@ def _health(seen: Report) -> Health:
 
 
 _FIX, _NO_FIX = GpsInfo(GpsFix.FIX_3D, 14, 0.5, 0.8), GpsInfo(GpsFix.NONE)
+
+
+def _gps(seen: Report, corrections_age_s: float | None) -> GpsInfo:
+    fix = _FIX if seen.has_position else _NO_FIX
+    return fix if corrections_age_s is None else replace(fix, corrections_age_s=corrections_age_s)
+
+
 _GOOD = Estimator(True)
 _LOST = Estimator(False, "its position is lost (simulated)")
 

@@ -31,6 +31,7 @@ from ual_daemon.backends.mavlink.links.endpoints import (
     vehicle_key,
     vehicle_urls,
 )
+from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
 from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
@@ -83,6 +84,7 @@ class MavlinkBackend(Backend):
             MavlinkParameters(self._last_session, self._reach, self._post),
             MavlinkFenceStore(Reach(self._last_session, self._reach, self._post)),
             MavlinkLogs(self._reach, self._post),
+            MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
         )
 
     @classmethod

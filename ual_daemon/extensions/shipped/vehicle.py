@@ -64,9 +64,19 @@ def require_change(vehicle: ServedVehicle, command: str, lease_id: str) -> None:
         LeaseLostError: The caller's lease has ended.
 
     """
+    require_not_watching(vehicle, command)
+    vehicle.require_lease(command, lease_id)
+
+
+def require_not_watching(vehicle: ServedVehicle, command: str) -> None:
+    """Checks that anything may be sent.
+
+    Raises:
+        PermissionDeniedError: The daemon only watches.
+
+    """
     if vehicle.is_watch_only:
         raise only_watching(command)
-    vehicle.require_lease(command, lease_id)
 
 
 def require_disarmed(vehicle: ServedVehicle, command: str, what_then: str) -> None:

@@ -40,6 +40,9 @@ _UAV = {
     "ual_battery_remaining_ratio": Metric("gauge", "ratio", "What is left of the battery, 0 to 1."),
     "ual_battery_voltage_volts": Metric("gauge", "volts", "The voltage of the battery."),
     "ual_battery_current_amperes": Metric("gauge", "amperes", "The current of the battery; positive: it is used."),
+    "ual_gps_fix": Metric("gauge", "", "1 for the kind of the fix that the satellite receiver has, 0 for the others."),
+    "ual_gps_corrections_age_seconds": Metric("gauge", "seconds", "How old the last corrections of satellites are."),
+    "ual_gps_baseline_meters": Metric("gauge", "meters", "The distance from the base station of the corrections."),
 }
 _LINK = {
     "ual_link_up": Metric("gauge", "", "Whether the autopilot is heard."),

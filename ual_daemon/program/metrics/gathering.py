@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from ual.recording.recorder import QueueFigures
-from ual.types import Battery, State
+from ual.types import Battery, GpsFix, GpsInfo, State
 from ual_daemon._version import __version__
 from ual_daemon.backends.values import LinkReport
 from ual_daemon.program.metrics.catalogue import Sample
@@ -65,6 +65,7 @@ class UavMetrics:
         now, served = self._vehicle.figures(), self._server.figures()
         yield from self._of_uav(now)
         yield from self._of_battery(now.snapshot.condition.battery)
+        yield from self._of_gps(now.snapshot.condition.gps)
         yield from self._of_link(now)
         yield from self._of_setpoints()
         yield from self._of_tasks(now)
@@ -102,6 +103,14 @@ class UavMetrics:
                 "ual_battery_voltage_volts": found.voltage_v,
                 "ual_battery_current_amperes": found.current_a,
             }
+        )
+
+    def _of_gps(self, gps: GpsInfo | None) -> Iterator[Sample]:
+        if gps is None:
+            return
+        yield from (self._of("ual_gps_fix", each is gps.fix, fix=each.name) for each in GpsFix)
+        yield from self._known(
+            {"ual_gps_corrections_age_seconds": gps.corrections_age_s, "ual_gps_baseline_meters": gps.baseline_m}
         )
 
     def _of_link(self, now: Figures) -> Iterator[Sample]:

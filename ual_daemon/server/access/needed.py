@@ -52,6 +52,8 @@ _OF_METHOD: Mapping[str, Role] = {
     "ual.v1.ParameterService/ListParameters": Role.OBSERVER,
     "ual.v1.FenceService/GetFence": Role.OBSERVER,
     "ual.v1.LogService/ListLogs": Role.OBSERVER,
+    "ual.v1.CorrectionsService/StreamCorrections": Role.PILOT,
+    "ual.v1.CorrectionsService/GetCorrectionsStatus": Role.OBSERVER,
 }
 _OF_SERVICE: Mapping[str, Role] = {
     "ual.v1.UalService": Role.COMMANDER,  # what is new and was forgotten above
@@ -59,6 +61,7 @@ _OF_SERVICE: Mapping[str, Role] = {
     "ual.v1.ParameterService": Role.COMMANDER,  # who writes them decides how the UAV flies
     "ual.v1.FenceService": Role.COMMANDER,  # who uploads one decides where it may fly
     "ual.v1.LogService": Role.PILOT,  # a log tells all flights and all settings, and its download takes up the link
+    "ual.v1.CorrectionsService": Role.PILOT,  # false ones move the position by which it flies
     "grpc.health.v1.Health": Role.OBSERVER,
     "grpc.reflection.v1alpha.ServerReflection": Role.OBSERVER,
 }

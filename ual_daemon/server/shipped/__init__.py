@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from ual.access.roles import Role
 from ual_daemon.extensions.shipped.fence import FencedVehicle
+from ual_daemon.server.shipped.corrections import corrections_service
 from ual_daemon.server.shipped.fence import fence_service
 from ual_daemon.server.shipped.logs import log_service
 from ual_daemon.server.shipped.parameters import parameter_service
@@ -20,7 +21,12 @@ class ShippedService(NamedTuple):
     roles: Mapping[str, Role] = {}
 
 
-_MAKERS = (parameter_service, fence_service, log_service)
+_MAKERS = (
+    parameter_service,
+    fence_service,
+    log_service,
+    corrections_service,
+)
 """What makes each of them for a UAV: its full name, and what registers its servicer."""
 
 

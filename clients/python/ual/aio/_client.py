@@ -14,6 +14,7 @@ from ual._calls import Call
 from ual._setpoints import EXTERNAL_POSES
 from ual._target import Target
 from ual.aio._connection import Connection
+from ual.aio._corrections import Corrections
 from ual.aio._derived import SimulationMembers, UavMembers
 from ual.aio._derived_parts import Fence, Logs, Parameters
 from ual.aio._lease import Lease
@@ -65,6 +66,7 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         self._parameters = Parameters(self._connection)
         self._fence = Fence(self._connection)
         self._logs = Logs(self._connection)
+        self._corrections = Corrections(self._connection)
         self._subscriptions: set[Subscription] = set()
 
     def __repr__(self) -> str:
@@ -214,6 +216,11 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
     def logs(self) -> Logs:
         """The logs that the autopilot has written."""
         return self._logs
+
+    @property
+    def corrections(self) -> Corrections:
+        """Corrections for its satellite receiver (RTK)."""
+        return self._corrections
 
     async def _plan(self, motion: MotionRequest) -> Plan:
         return await self._connection.run(_calls.dry_run(motion))

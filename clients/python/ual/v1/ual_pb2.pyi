@@ -629,12 +629,18 @@ class GpsInfo(google.protobuf.message.Message):
     SATELLITES_COUNT_FIELD_NUMBER: builtins.int
     HORIZONTAL_ACCURACY_M_FIELD_NUMBER: builtins.int
     VERTICAL_ACCURACY_M_FIELD_NUMBER: builtins.int
+    CORRECTIONS_AGE_S_FIELD_NUMBER: builtins.int
+    BASELINE_M_FIELD_NUMBER: builtins.int
     fix: Global___GpsFix.ValueType
     satellites_count: builtins.int
     """0 where it is not reported, or none is received."""
     horizontal_accuracy_m: builtins.float
     """One standard deviation."""
     vertical_accuracy_m: builtins.float
+    corrections_age_s: builtins.float
+    """How long ago the last corrections (RTK) came to it, or were sent to it where it does not tell; not set where none were."""
+    baseline_m: builtins.float
+    """The distance from the base station whose corrections it uses, where it tells."""
     def __init__(
         self,
         *,
@@ -642,9 +648,15 @@ class GpsInfo(google.protobuf.message.Message):
         satellites_count: builtins.int = ...,
         horizontal_accuracy_m: builtins.float | None = ...,
         vertical_accuracy_m: builtins.float | None = ...,
+        corrections_age_s: builtins.float | None = ...,
+        baseline_m: builtins.float | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["_horizontal_accuracy_m", b"_horizontal_accuracy_m", "_vertical_accuracy_m", b"_vertical_accuracy_m", "horizontal_accuracy_m", b"horizontal_accuracy_m", "vertical_accuracy_m", b"vertical_accuracy_m"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_horizontal_accuracy_m", b"_horizontal_accuracy_m", "_vertical_accuracy_m", b"_vertical_accuracy_m", "fix", b"fix", "horizontal_accuracy_m", b"horizontal_accuracy_m", "satellites_count", b"satellites_count", "vertical_accuracy_m", b"vertical_accuracy_m"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["_baseline_m", b"_baseline_m", "_corrections_age_s", b"_corrections_age_s", "_horizontal_accuracy_m", b"_horizontal_accuracy_m", "_vertical_accuracy_m", b"_vertical_accuracy_m", "baseline_m", b"baseline_m", "corrections_age_s", b"corrections_age_s", "horizontal_accuracy_m", b"horizontal_accuracy_m", "vertical_accuracy_m", b"vertical_accuracy_m"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_baseline_m", b"_baseline_m", "_corrections_age_s", b"_corrections_age_s", "_horizontal_accuracy_m", b"_horizontal_accuracy_m", "_vertical_accuracy_m", b"_vertical_accuracy_m", "baseline_m", b"baseline_m", "corrections_age_s", b"corrections_age_s", "fix", b"fix", "horizontal_accuracy_m", b"horizontal_accuracy_m", "satellites_count", b"satellites_count", "vertical_accuracy_m", b"vertical_accuracy_m"]) -> None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_baseline_m", b"_baseline_m"]) -> typing.Literal["baseline_m"] | None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_corrections_age_s", b"_corrections_age_s"]) -> typing.Literal["corrections_age_s"] | None: ...
     @typing.overload
     def WhichOneof(self, oneof_group: typing.Literal["_horizontal_accuracy_m", b"_horizontal_accuracy_m"]) -> typing.Literal["horizontal_accuracy_m"] | None: ...
     @typing.overload

@@ -657,6 +657,8 @@ def _gps_to_proto(gps: GpsInfo) -> pb.GpsInfo:
         satellites_count=gps.satellites_count or 0,
         horizontal_accuracy_m=gps.horizontal_accuracy_m,
         vertical_accuracy_m=gps.vertical_accuracy_m,
+        corrections_age_s=gps.corrections_age_s,
+        baseline_m=gps.baseline_m,
     )
 
 
@@ -668,6 +670,8 @@ def _gps_from_proto(message: pb.GpsInfo) -> GpsInfo:
         message.satellites_count or None,
         message.horizontal_accuracy_m if has("horizontal_accuracy_m") else None,
         message.vertical_accuracy_m if has("vertical_accuracy_m") else None,
+        message.corrections_age_s if has("corrections_age_s") else None,
+        message.baseline_m if has("baseline_m") else None,
     )
 
 

@@ -218,6 +218,10 @@ class RosUav(Uav):
         inexpressible("logs")
 
     @property
+    def corrections(self) -> ual.interface.Corrections:
+        inexpressible("corrections")
+
+    @property
     def dry_run(self) -> DryRun[ual.types.Plan]:
         inexpressible("dry_run")
 

@@ -5,12 +5,14 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.rtcm import message
 from tests.ual_daemon.program.metrics.scraped import Values
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import TaskAbortedError
 from ual.recording.recorder import QueueFigures
 from ual.simulation import BatteryLow, FailsafeTriggered, LinkLost
 from ual.types import State
+from ual_daemon.backends.offers.corrections import AutopilotCorrections
 from ual_daemon.backends.values import LinkReport
 from ual_daemon.program.metrics.gathering import ProcessMetrics
 from ual_daemon.server.calls import CallFigures
@@ -122,6 +124,17 @@ def test_the_battery_is_a_ratio_in_base_units(measured: Measured) -> None:
     measured.uav.sim.begin_fault(BatteryLow(10.0))
     measured.uav.run(0.1)
     assert measured.values()("ual_battery_remaining_ratio") == pytest.approx(0.1, abs=0.01)
+
+
+def test_the_fix_and_the_age_of_the_corrections(measured: Measured) -> None:
+    assert measured.values().all("ual_gps_corrections_age_seconds") == []
+    offer = measured.uav.vehicle.offer(AutopilotCorrections)  # type: ignore[type-abstract]  # it is only looked for
+    assert offer is not None
+    offer.inject(message(100))
+    measured.uav.run(2.0)
+    values = measured.values()
+    assert (values("ual_gps_fix", fix="FIX_3D"), values("ual_gps_fix", fix="RTK_FIXED")) == (1, 0)
+    assert values("ual_gps_corrections_age_seconds") == pytest.approx(2.0, abs=0.2)
 
 
 def test_a_failsafe_is_there_only_while_it_is_active(measured: Measured) -> None:

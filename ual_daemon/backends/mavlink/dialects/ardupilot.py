@@ -43,6 +43,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     parameter_codec = Cast()
     packed_parameters = "@PARAM/param.pck"
     keeps_items = True
+    tells_baseline = True
 
     @override
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:

@@ -37,6 +37,8 @@ class Dialect(Autopilot):
     changing_messages: frozenset[int] = frozenset()
     """Those of `wanted_messages` that are requested again now and then, as a lost change of them would matter."""
 
+    tells_baseline = False
+    """Whether it may send GPS_RTK, with the distance from the base station."""
     parameter_codec: ParameterCodec | None = None
     """How values of parameters are sent; None where UAL neither reads nor writes them all."""
     has_descriptions = False

@@ -47,6 +47,11 @@ class Transport(Protocol):
     def peer(self) -> Address | None:
         """See `Link`."""
 
+    @property
+    def has_room(self) -> bool:
+        """See `Link`."""
+        return True
+
     def answer_to(self, address: Address | None) -> None:
         """See `Link`."""
 
@@ -120,6 +125,11 @@ class Link(ABC):
     def peer(self) -> Address | None:
         """The address that frames are sent to; None while it is not known."""
 
+    @property
+    def has_room(self) -> bool:
+        """Whether so little waits to leave that what is not urgent may be sent, too. From any thread."""
+        return True
+
     def answer_to(self, address: Address | None) -> None:  # noqa: B027 - only links with many other ends have a choice
         """Sets the address that frames are sent to from now on."""
 
@@ -137,11 +147,12 @@ class StreamWriter:
     """Writes frames to a non-blocking descriptor: each is completed before the next, and old ones do not pile up.
 
     `write` is like `os.write`. The lock is held during writes, which never block; without it two threads could mix
-    their frames.
+    their frames. `roomy_bytes` is how much may be unsent where there is room for what is not urgent.
     """
 
-    def __init__(self, write: Callable[[int, bytes], int]) -> None:
+    def __init__(self, write: Callable[[int, bytes], int], roomy_bytes: int = 0) -> None:
         self._write = write
+        self._roomy_bytes = roomy_bytes
         self._lock = threading.Lock()
         self._descriptor: int | None = None
         self._rest = b""
@@ -156,6 +167,17 @@ class StreamWriter:
     def is_attached(self) -> bool:
         """Whether there is a descriptor to write to."""
         return self._descriptor is not None
+
+    @property
+    def has_room(self) -> bool:
+        """See `Link.has_room`."""
+        with self._lock:
+            if self._descriptor is None or self._rest:
+                return False
+            try:
+                return _unsent_count(self._descriptor) <= self._roomy_bytes
+            except OSError:
+                return False
 
     def write(self, data: bytes, *, is_perishable: bool) -> bool:
         """Writes a frame, or drops it and returns False. Reading shows whether the link broke."""

@@ -66,6 +66,11 @@ class Connection(Transport):
     def peer(self) -> Address | None:
         return self._link.peer
 
+    @property
+    @override
+    def has_room(self) -> bool:
+        return self._link.has_room
+
     @override
     def answer_to(self, address: Address | None) -> None:
         self._link.answer_to(address)

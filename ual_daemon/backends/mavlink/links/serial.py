@@ -81,6 +81,11 @@ class SerialLink(Link):
             raise LinkError(f"{self._endpoint} is gone (unplugged?); opening it anew")
         return [(data, self.peer)]
 
+    @property
+    @override
+    def has_room(self) -> bool:
+        return self._writer.has_room
+
     @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
         return self._writer.write(data, is_perishable=is_perishable)

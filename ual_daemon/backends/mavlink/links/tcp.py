@@ -26,6 +26,8 @@ from ual_daemon.backends.mavlink.links.endpoints import TcpEndpoint
 
 _log = logging.getLogger(__name__)
 
+ROOMY_BYTES = 512
+"""So much may wait for its acknowledgement where there is room for what is not urgent: setpoints always do."""
 HANDOVER_S = 1.5
 """A connection that is silent for this long is replaced by a new one: an autopilot sends a heartbeat each second."""
 
@@ -40,7 +42,7 @@ class TcpClientLink(Link):
         self._host = Host(endpoint.host, endpoint.port, socket.SOCK_STREAM, LinkError)
         self._address: Address | None = None
         self._socket: socket.socket | None = None
-        self._writer = StreamWriter(os.write)
+        self._writer = StreamWriter(os.write, ROOMY_BYTES)
 
     @override
     def open(self) -> None:
@@ -89,6 +91,11 @@ class TcpClientLink(Link):
             raise LinkError(f"{self._endpoint} closed the connection; connecting anew")
         return [(data, self._address)]
 
+    @property
+    @override
+    def has_room(self) -> bool:
+        return self._writer.has_room
+
     @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
         return self._writer.write(data, is_perishable=is_perishable)
@@ -125,7 +132,7 @@ class TcpServerLink(Link):
         self._client: socket.socket | None = None
         self._address: Address | None = None
         self._received_s = 0.0
-        self._writer = StreamWriter(os.write)
+        self._writer = StreamWriter(os.write, ROOMY_BYTES)
 
     @override
     def open(self) -> None:
@@ -165,6 +172,11 @@ class TcpServerLink(Link):
             return [(data, address)]
         self._accept(now_s)  # only when all data of the one before are read
         return []
+
+    @property
+    @override
+    def has_room(self) -> bool:
+        return self._writer.has_room
 
     @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:

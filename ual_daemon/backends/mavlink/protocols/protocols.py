@@ -9,6 +9,7 @@ from typing_extensions import override
 
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMetadata
+from ual_daemon.backends.mavlink.protocols.corrections_injection import CorrectionsInjection
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
@@ -25,6 +26,7 @@ class Protocols(Protocol):
         send: Sends a message.
         is_up: Says whether the link is up at a time.
         is_gentle: Says whether it may be flying, so that nothing may delay what flies it.
+        has_room: Says whether nothing that is urgent has to wait for what is sent now.
 
     """
 
@@ -33,18 +35,21 @@ class Protocols(Protocol):
         send: Callable[[Message], object],
         is_up: Callable[[float], bool],
         is_gentle: Callable[[], bool] = lambda: True,
+        has_room: Callable[[], bool] = lambda: True,
     ) -> None:
         self.parameters = ParameterTransfers(send, is_up)
         self.missions = MissionTransfers(send, is_up)
         self.files = Ftp(send, is_up, is_gentle)
         self.logs = LogTransfers(send, is_up, is_gentle)
         self.component_metadata = ComponentMetadata(send)
+        self.corrections = CorrectionsInjection(send, is_up, has_room)
         self._all: tuple[Protocol, ...] = (
             self.parameters,
             self.missions,
             self.files,
             self.logs,
             self.component_metadata,
+            self.corrections,
         )
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:

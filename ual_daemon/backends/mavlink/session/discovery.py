@@ -62,7 +62,7 @@ class Discovery(Selector):
         self.watch = LinkWatch(url, Dialect.freshness.link_s, on_lost=self.discard_state, on_anew=self._request_anew)
         self.supervision = Supervision(self.watch)
         self.session: Session | None = None
-        self.protocols = Protocols(self.sender.send, self.watch.is_up, self._may_be_flying)
+        self.protocols = Protocols(self.sender.send, self.watch.is_up, self._may_be_flying, lambda: link.has_room)
         self._settings = settings
         self._link = link
         self._setpoints = setpoints

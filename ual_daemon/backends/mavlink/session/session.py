@@ -316,6 +316,7 @@ class Session:
             updated_s=updated_s,
             scheduling_gap=scheduling_gap,
             refused=self.refused if self._setup.refused else "",
+            corrections=self._protocols.corrections.seen(now_s),
         )
 
     @property

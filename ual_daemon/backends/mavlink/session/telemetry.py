@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
@@ -17,6 +18,7 @@ from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
 from ual_daemon.backends.mavlink.dialects.axes import frd_to_flu, ned_to_enu, orientation_to_enu
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.corrections_injection import NO_CORRECTIONS, SeenCorrections
 from ual_daemon.backends.mavlink.session.conversions import battery, degrees, geo_point, gps_info, landed_state, milli
 from ual_daemon.backends.mavlink.session.mode_names import ModeNames
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
@@ -227,6 +229,7 @@ class Telemetry:
         updated_s: float = math.inf,
         scheduling_gap: str = "",
         refused: str = "",
+        corrections: SeenCorrections = NO_CORRECTIONS,
     ) -> Snapshot:
         """Returns all values as of now, with those that are known elsewhere."""
         home = self._home.sample
@@ -234,7 +237,10 @@ class Telemetry:
         earth = (self.origin.projection, place, altitude_m, self._geoid_separation_m)
         if earth != self._earth:  # seldom: to compare a group costs less than to make it
             self._earth = EarthReference(*earth)
-        condition = (self._battery, self._gps, self._status_text.text, health, self._has_rangefinder)
+        gps = self._gps
+        if gps is not None and corrections is not NO_CORRECTIONS:
+            gps = replace(gps, corrections_age_s=corrections.age_s, baseline_m=corrections.baseline_m)
+        condition = (self._battery, gps, self._status_text.text, health, self._has_rangefinder)
         if condition != self._condition:
             self._condition = Condition(*condition)
         link = ("", refused, self.conflict, self._boots_count, 0)

@@ -242,6 +242,12 @@ class VehicleLink(Link):
 
     @property
     @override
+    def has_room(self) -> bool:
+        reading = self._reading
+        return reading is not None and reading.connection.has_room
+
+    @property
+    @override
     def trouble(self) -> str:
         return self.link_trouble or self._trouble
 

@@ -1,0 +1,60 @@
+"""The calls of `CorrectionsService`: the status, and the elements of the stream."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterable, AsyncIterator, Iterable, Iterator
+
+from ual._calls import Call, Service
+from ual._wrong_type import require
+from ual.corrections import CorrectionsStatus, cut, cut_one
+from ual.v1 import corrections_pb2 as pb
+from ual.wire import corrections as convert
+
+METHOD = "StreamCorrections"
+
+
+def status() -> Call[CorrectionsStatus]:
+    request = pb.GetCorrectionsStatusRequest()
+    return Call(Service.CORRECTIONS, "GetCorrectionsStatus", request, convert.of_response)
+
+
+class Elements:
+    """The elements of a stream, for gRPC, which takes them on its own thread. `failure` is what its bytes raised."""
+
+    def __init__(self, rtcm: Iterable[bytes], sender: str) -> None:
+        require(sender, str, "sender")
+        self.failure: BaseException | None = None
+        self._rtcm = rtcm
+        self._sender = sender
+
+    def __iter__(self) -> Iterator[pb.StreamCorrectionsRequest]:
+        yield first(self._sender)
+        try:
+            for each in cut(self._rtcm):
+                yield pb.StreamCorrectionsRequest(rtcm=each)
+        except Exception as error:  # noqa: BLE001  whatever it is, the stream ends, and its caller gets it
+            self.failure = error
+
+
+class AsyncElements:
+    """The same, for asyncio."""
+
+    def __init__(self, rtcm: AsyncIterable[bytes], sender: str) -> None:
+        require(sender, str, "sender")
+        self.failure: BaseException | None = None
+        self._rtcm = rtcm
+        self._sender = sender
+
+    async def __aiter__(self) -> AsyncIterator[pb.StreamCorrectionsRequest]:
+        yield first(self._sender)
+        try:
+            async for data in self._rtcm:
+                for each in cut_one(data):
+                    yield pb.StreamCorrectionsRequest(rtcm=each)
+        except Exception as error:  # noqa: BLE001  whatever it is, the stream ends, and its caller gets it
+            self.failure = error
+
+
+def first(sender: str) -> pb.StreamCorrectionsRequest:
+    """Returns the element that says who sends. It comes before the first bytes, so that a refusal does, too."""
+    return pb.StreamCorrectionsRequest(sender=sender)
