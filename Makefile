@@ -18,6 +18,7 @@ PROTOS := proto/ual/v1/ual.proto \
 	proto/ual/v1/simulation.proto \
 	proto/ual/v1/network.proto \
 	proto/ual/v1/parameters.proto \
+	proto/ual/v1/camera.proto \
 	proto/ual/v1/fence.proto \
 	proto/ual/v1/logs.proto \
 	proto/ual/v1/corrections.proto

@@ -20,7 +20,7 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError, Message
 
-from ual.v1 import corrections_pb2, fence_pb2, logs_pb2, parameters_pb2, simulation_pb2, ual_pb2
+from ual.v1 import camera_pb2, corrections_pb2, fence_pb2, logs_pb2, parameters_pb2, simulation_pb2, ual_pb2
 
 ROOT = Path(__file__).parents[1]
 RECORDS = ROOT / "tests" / "data" / "wire"
@@ -30,6 +30,7 @@ FILES = (
     "ual/v1/ual.proto",
     "ual/v1/simulation.proto",
     "ual/v1/parameters.proto",
+    "ual/v1/camera.proto",
     "ual/v1/fence.proto",
     "ual/v1/logs.proto",
     "ual/v1/corrections.proto",
@@ -38,6 +39,7 @@ SERVICES = (
     "ual.v1.UalService",
     "ual.v1.SimulationService",
     "ual.v1.ParameterService",
+    "ual.v1.CameraService",
     "ual.v1.FenceService",
     "ual.v1.LogService",
     "ual.v1.CorrectionsService",
@@ -100,6 +102,7 @@ def _modules() -> tuple[Any, ...]:
         ual_pb2,
         simulation_pb2,
         parameters_pb2,
+        camera_pb2,
         fence_pb2,
         logs_pb2,
         corrections_pb2,

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-from ual import _fence_calls, _log_calls, _parameter_calls
+from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _parameter_calls
 from ual._calls import MEMBERS, Kind
 from ual.shared import views
 
@@ -41,9 +41,16 @@ _WAYS = {
     Kind.EXTERNAL_POSE: _Way("_external_poses.send"),
     Kind.SIMULATION: _Way("_connection.run"),
 }
-PARTS: Mapping[str, ModuleType] = {"Parameters": _parameter_calls, "Fence": _fence_calls, "Logs": _log_calls}
+PARTS: Mapping[str, ModuleType] = {
+    "Camera": _camera_calls,
+    "Cameras": _cameras_calls,
+    "Parameters": _parameter_calls,
+    "Fence": _fence_calls,
+    "Logs": _log_calls,
+}
 """The services beside that of the UAV, by the class of their interface: the module with their calls. A member of the
-UAV returns each of them (`ual.Uav.parameters`).
+UAV returns each of them (`ual.Uav.parameters`). Where the module has `BOUND`, there are several of the class, as of
+cameras: its objects have a value of that name, which each call takes first.
 """
 _OF_UAV_BY_HAND = {"wait_for": "ask"}
 """Members that each client has of its own, and how a team gives them to its UAVs."""
@@ -129,7 +136,14 @@ def _name(calls: ModuleType) -> str:
 
 def _part_call(calls: ModuleType, member: _Member) -> str:
     way = "iterate" if member.is_stream else "run"
-    return f"self._connection.{way}({_name(calls)}.{calls.MEMBERS[member.name].__name__}({member.passed()}))"
+    bound = _bound(calls)
+    passed = ", ".join(filter(None, (f"self._{bound}" if bound else "", member.passed())))
+    return f"self._connection.{way}({_name(calls)}.{calls.MEMBERS[member.name].__name__}({passed}))"
+
+
+def _bound(calls: ModuleType) -> str:
+    bound: str = getattr(calls, "BOUND", "")
+    return bound
 
 
 def _sync_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
@@ -141,7 +155,7 @@ def _sync_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
 """
         for member in members
     ]
-    return _part_head(owner, f"(interface.{owner})") + "".join(body)
+    return _part_head(owner, calls, f"(interface.{owner})") + "".join(body)
 
 
 def _aio_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
@@ -153,23 +167,27 @@ def _aio_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
 """
         for member in members
     ]
-    return _part_head(owner, "") + "".join(body)
+    return _part_head(owner, calls, "") + "".join(body)
 
 
 def _of_aio(member: _Member) -> str:
     return f"Async{member.returned}" if member.is_stream else member.returned
 
 
-def _part_head(owner: str, bases: str) -> str:
+def _part_head(owner: str, calls: ModuleType, bases: str) -> str:
+    bound = _bound(calls)
+    parameter, kept, shown = "", "", owner
+    if bound:
+        parameter, kept, shown = f", {bound}: int", f"\n        self._{bound} = {bound}", f"{owner} {{self._{bound}}}"
     return f"""
 class {owner}{bases}:
     \"\"\"`ual.interface.{owner}`, over gRPC.\"\"\"
 
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
+    def __init__(self, connection: Connection{parameter}) -> None:
+        self._connection = connection{kept}
 
     def __repr__(self) -> str:
-        return f"<{owner} of {{self._connection.described}}>"
+        return f"<{shown} of {{self._connection.described}}>"
 """
 
 

@@ -51,6 +51,7 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.choice import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
+from ual_daemon.extensions.shipped.cameras import Cameras
 from ual_daemon.extensions.shipped.corrections import Corrections
 from ual_daemon.extensions.shipped.fence import Fence
 from ual_daemon.extensions.shipped.logs import Logs
@@ -361,6 +362,11 @@ class UAL(Uav):
     @override
     def parameters(self) -> Parameters:
         return Parameters(self.vehicle, lambda: self._lease_id)
+
+    @property
+    @override
+    def cameras(self) -> Cameras:
+        return Cameras(self.vehicle)
 
     @property
     @override

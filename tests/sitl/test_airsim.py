@@ -15,7 +15,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, daemon_environment
-from tests.patient_checks import WITHOUT_PARAMETERS
+from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_PARAMETERS
 from tests.waiting import until
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
@@ -32,6 +32,7 @@ NOT_HERE = {
     "bad_poses_from_outside_are_refused",
     "scales_a_velocity_down",
     *WITHOUT_PARAMETERS,
+    *WITHOUT_CAMERAS,
 }
 """What may be skipped: its daemon may arm, it takes no poses, and its limit of 5 m/s needs more room than there is."""
 

@@ -20,7 +20,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, daemon_environment
-from tests.patient_checks import WITHOUT_PARAMETERS, wait_until_ready
+from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_PARAMETERS, wait_until_ready
 from tests.simulators.dji import Aircraft, Front, OsdkSdkNode, OsdkVehicleNode, Psdk
 from tests.simulators.lockstep_dji import DjiPilot
 from tests.simulators.rosbridge import Bridge
@@ -50,6 +50,7 @@ NOT_HERE = {
     "bad_poses_from_outside_are_refused",
     "goes_to_a_geographic_waypoint",
     *WITHOUT_PARAMETERS,
+    *WITHOUT_CAMERAS,
 }
 """What may be skipped: it may arm, authority is obtained and never given, and dji_osdk_ros does not know the geoid."""
 

@@ -29,6 +29,7 @@ BY_HAND = {
     "parameters",
     "fence",
     "logs",
+    "cameras",
     "corrections",
 }
 """What is more than one call, or another thing for asyncio."""

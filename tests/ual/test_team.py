@@ -42,6 +42,7 @@ NOT_OF_A_TEAM = {
     "task",
     "extension",
     "parameters",
+    "cameras",
     "corrections",
     "fence",
     "logs",

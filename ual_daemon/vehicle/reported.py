@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
-from ual.geometry import Transform
+from ual.geometry import Pose, PoseStamped, Transform
 from ual.types import Frame, State, Telemetry
 from ual_daemon import logs
 from ual_daemon.backends.base import Clock
@@ -64,6 +64,15 @@ class ReportedVehicle(ABC):
     def state(self) -> State:
         """Returns the state, estimated now."""
         return self._estimate(self._snapshot()).state
+
+    def in_odom(self, local: Pose, boots_count: int) -> PoseStamped | None:
+        """Returns a pose of the backend's local frame in ``<ns>/odom``; None where that is not known any more.
+
+        `boots_count` is that of the snapshot from which the pose is (`LinkState.boots_count`).
+        """
+        if self._resolver.odom_loss is not None or self._snapshot().link.boots_count != boots_count:
+            return None
+        return PoseStamped(self._resolver.to_odom(local), self._resolver.tree.odom)
 
     def figures(self) -> Figures:
         """Returns what is measured of it, as it is now."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 from ual.errors import WrongStateError
 from ual.geometry import IDENTITY, Pose, Transform, Twist
-from ual.types import GeoPoint, GpsFix, Health, Odometry, TaskInfo, Telemetry
+from ual.types import Health, Odometry, TaskInfo, Telemetry
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
@@ -83,7 +83,7 @@ def make_telemetry(
     late: dict[str, Callable[[], Any]] = {
         "odometry": partial(_odometry, body if odom_loss is None else None, twist, tree.odom, tree.body, stamp_s),
         "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
-        "position_geo": partial(_position_geo, snapshot),
+        "position_geo": snapshot.position_geo,
         "health": partial(_health, snapshot),
     }
     if is_late:
@@ -134,33 +134,6 @@ def _in_map(home: Transform | None, body: Pose | None, body_frame_id: str, stamp
     if home.rotation is not IDENTITY:  # rarely
         position, orientation = home.apply(body.position), home.rotation * body.orientation
     return Transform(position, orientation, MAP, body_frame_id, stamp_s)
-
-
-def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
-    """Returns the position on Earth: as the autopilot reports it, or by its projection.
-
-    None while the autopilot does not trust its position: ArduPilot then goes on reporting the last one. Of an autopilot
-    that does not say whether it does (iNav, Betaflight), the reported one is told while its satellites are good.
-    """
-    motion, earth, gps = snapshot.motion, snapshot.earth, snapshot.condition.gps
-    if motion.estimator is None:
-        return motion.position_geo if gps is not None and gps.fix >= GpsFix.FIX_3D else None
-    if not motion.estimator.value.is_good:
-        return None
-    if motion.position_geo is not None:
-        return motion.position_geo
-    if motion.pose is None or earth.projection is None:
-        return None
-    point = earth.projection.to_geo(motion.pose.value.position)
-    amsl_m, home_m, separation_m = point.altitude_amsl_m, earth.home_altitude_amsl_m, earth.geoid_separation_m
-    assert amsl_m is not None
-    return GeoPoint(
-        point.latitude_deg,
-        point.longitude_deg,
-        amsl_m,
-        None if home_m is None else amsl_m - home_m,
-        None if separation_m is None else amsl_m + separation_m,
-    )
 
 
 def _lookup(resolver: FrameResolver, target: str | None, source: str, body: Pose | None) -> Transform | None:

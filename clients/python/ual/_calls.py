@@ -93,6 +93,7 @@ class Service(Enum):
     UAL = "UalService"
     SIMULATION = "SimulationService"
     PARAMETERS = "ParameterService"
+    CAMERAS = "CameraService"
     FENCE = "FenceService"
     LOGS = "LogService"
     CORRECTIONS = "CorrectionsService"
@@ -123,6 +124,8 @@ class Call(Generic[T]):
     read: Callable[[Any], T]
     quick_s: float | None = QUICK_S
     at_timeout: str = ""
+    is_stream: bool = False
+    """Whether the responses are a stream, of which `read` takes all."""
 
 
 def traced(call: Call[Any]) -> AbstractContextManager[Metadata]:

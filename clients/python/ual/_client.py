@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from typing_extensions import override
 
 from ual import _calls, interface
+from ual._cameras import Cameras
 from ual._connection import Connection
 from ual._corrections import Corrections
 from ual._derived import SimulationMembers, UavMembers
@@ -65,6 +66,7 @@ class Uav(UavMembers):
         self._simulation = Simulation(self._connection)
         self._is_simulation = False
         self._parameters = Parameters(self._connection)
+        self._cameras = Cameras(self._connection)
         self._fence = Fence(self._connection)
         self._logs = Logs(self._connection)
         self._corrections = Corrections(self._connection)
@@ -143,6 +145,11 @@ class Uav(UavMembers):
     @override
     def parameters(self) -> Parameters:
         return self._parameters
+
+    @property
+    @override
+    def cameras(self) -> Cameras:
+        return self._cameras
 
     @property
     @override

@@ -169,6 +169,8 @@ class Connection:
 
     def _invoke(self, stubs: Stubs, call: Call[T], limit_s: float | None, metadata: Metadata) -> Any:  # noqa: ANN401 (a response)
         method = stubs.method(call)
+        if call.is_stream:
+            return _all_of(method(call.request, timeout=limit_s, metadata=metadata))
         if call.quick_s is not None:
             return method(call.request, timeout=limit_s, metadata=metadata)
         # A future can be cancelled when Ctrl-C, or anything else, ends the wait for it.
@@ -256,6 +258,14 @@ class Connection:
                 raise self.error(error) from None
             if self.target.address() == address:
                 raise unreachable from None
+
+
+def _all_of(responses: Any) -> list[Any]:  # noqa: ANN401 (an iterator and a call: gRPC has no type for it)
+    """Returns all responses of a stream. It is cancelled where anything else ends the wait for it."""
+    try:
+        return list(responses)
+    finally:
+        responses.cancel()
 
 
 class TelemetryStream:

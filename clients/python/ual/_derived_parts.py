@@ -6,11 +6,87 @@ from collections.abc import Iterator
 
 from typing_extensions import override
 
-from ual import _fence_calls, _log_calls, _parameter_calls, interface
+from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _parameter_calls, interface
 from ual._connection import Connection
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
 from ual.logs.values import Log, LogChunk
 from ual.parameters.values import Parameter
+
+
+class Camera(interface.Camera):
+    """`ual.interface.Camera`, over gRPC."""
+
+    def __init__(self, connection: Connection, number: int) -> None:
+        self._connection = connection
+        self._number = number
+
+    def __repr__(self) -> str:
+        return f"<Camera {self._number} of {self._connection.described}>"
+
+    @override
+    def status(self) -> CameraStatus:
+        return self._connection.run(_camera_calls.status(self._number))
+
+    @override
+    def take_photo(self) -> Photo:
+        return self._connection.run(_camera_calls.take_photo(self._number))
+
+    @override
+    def start_photos(self, *, interval_s: float | None = None, distance_m: float | None = None, count: int = 0) -> None:
+        self._connection.run(
+            _camera_calls.start_photos(self._number, interval_s=interval_s, distance_m=distance_m, count=count)
+        )
+
+    @override
+    def stop_photos(self) -> None:
+        self._connection.run(_camera_calls.stop_photos(self._number))
+
+    @override
+    def start_video(self) -> None:
+        self._connection.run(_camera_calls.start_video(self._number))
+
+    @override
+    def stop_video(self) -> None:
+        self._connection.run(_camera_calls.stop_video(self._number))
+
+    @override
+    def set_mode(self, mode: CameraMode) -> None:
+        self._connection.run(_camera_calls.set_mode(self._number, mode))
+
+    @override
+    def set_zoom(self, percent: float) -> None:
+        self._connection.run(_camera_calls.set_zoom(self._number, percent))
+
+    @override
+    def set_focus(self, percent: float | None = None) -> None:
+        self._connection.run(_camera_calls.set_focus(self._number, percent))
+
+    @override
+    def photos(self, first: int = 0) -> list[Photo]:
+        return self._connection.run(_camera_calls.photos(self._number, first))
+
+    @override
+    def streams(self) -> list[VideoStream]:
+        return self._connection.run(_camera_calls.streams(self._number))
+
+    @override
+    def image(self, photo: int | None = None) -> Image:
+        return self._connection.run(_camera_calls.image(self._number, photo))
+
+
+class Cameras(interface.Cameras):
+    """`ual.interface.Cameras`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Cameras of {self._connection.described}>"
+
+    @override
+    def get_all(self) -> list[CameraInfo]:
+        return self._connection.run(_cameras_calls.get_all())
 
 
 class Parameters(interface.Parameters):

@@ -17,6 +17,7 @@ from ual.credentials import Credentials, read
 from ual.errors import InvalidArgumentError
 from ual.shared import environment
 from ual.v1 import (
+    camera_pb2_grpc,
     corrections_pb2_grpc,
     fence_pb2_grpc,
     logs_pb2_grpc,
@@ -54,6 +55,7 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
 _MADE_BY: Mapping[Service, Callable[[Any], Any]] = {
     Service.SIMULATION: simulation_pb2_grpc.SimulationServiceStub,
     Service.PARAMETERS: parameters_pb2_grpc.ParameterServiceStub,
+    Service.CAMERAS: camera_pb2_grpc.CameraServiceStub,
     Service.FENCE: fence_pb2_grpc.FenceServiceStub,
     Service.LOGS: logs_pb2_grpc.LogServiceStub,
     Service.CORRECTIONS: corrections_pb2_grpc.CorrectionsServiceStub,

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, Photo, VideoStream
 from ual.corrections import CorrectionsStatus
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError
 from ual.fences.values import FencePlan, KeptFence
@@ -422,6 +423,100 @@ class Fence(Protocol):
             UalTimeoutError: It has not answered.
 
         """
+        ...
+
+
+class Camera(Protocol):
+    """One camera of a UAV. The manual is ``docs/cameras.md``.
+
+    Raises:
+        InvalidArgumentError: There is no camera of this number, or a value cannot be meant.
+        NotSupportedError: It cannot do that.
+        LinkLostError: It is not heard.
+        RejectedByAutopilotError: It refuses, in its own words.
+        UalTimeoutError: It does not answer. It is not known whether it did what it was asked.
+
+    """
+
+    def status(self) -> CameraStatus:
+        """Returns what it does now."""
+        ...
+
+    def take_photo(self) -> Photo:
+        """Takes a picture, and returns once the camera has said that it was taken."""
+        ...
+
+    def start_photos(self, *, interval_s: float | None = None, distance_m: float | None = None, count: int = 0) -> None:
+        """Begins to take pictures by time or by distance. Replaces what was begun before.
+
+        Args:
+            interval_s: The time between two pictures.
+            distance_m: How far the UAV has flown from the place of the last picture, when the next one is taken.
+            count: By time: after so many pictures it ends. 0: it goes on until `stop_photos`.
+
+        """
+        ...
+
+    def stop_photos(self) -> None:
+        """Ends what `start_photos` has begun. Does nothing if nothing was."""
+        ...
+
+    def start_video(self) -> None:
+        """Begins to record a video in the camera."""
+        ...
+
+    def stop_video(self) -> None:
+        """Ends the video."""
+        ...
+
+    def set_mode(self, mode: CameraMode) -> None:
+        """Sets its mode."""
+        ...
+
+    def set_zoom(self, percent: float) -> None:
+        """Zooms, from 0 (wide) to 100."""
+        ...
+
+    def set_focus(self, percent: float | None = None) -> None:
+        """Focuses, from 0 (near) to 100 (far). None: the camera focuses by itself, once."""
+        ...
+
+    def photos(self, first: int = 0) -> list[Photo]:
+        """Returns the pictures taken since the daemon was started, from a number on: the last 10,000 at most."""
+        ...
+
+    def streams(self) -> list[VideoStream]:
+        """Returns where its videos can be watched, by a player of video streams."""
+        ...
+
+    def image(self, photo: int | None = None) -> Image:
+        """Returns a picture as bytes, with its stamp and its poses.
+
+        Args:
+            photo: The number of a picture that was taken. None: what the camera sees now.
+
+        """
+        ...
+
+
+class Cameras(Protocol):
+    """The cameras of a UAV, by their numbers: ``uav.cameras[0]`` is the first that was found.
+
+    Raises:
+        NotSupportedError: The backend has no cameras.
+
+    """
+
+    def get_all(self) -> list[CameraInfo]:
+        """Returns all cameras that were found, also those that are not heard any more."""
+        ...
+
+    def __getitem__(self, number: int) -> Camera:
+        """Returns the camera of a number. Asks nothing: whether there is one shows when it is used."""
+        ...
+
+    def __iter__(self) -> Iterator[Camera]:
+        """Yields each camera that was found."""
         ...
 
 
@@ -1207,6 +1302,11 @@ class Uav(TaskCommands[Task]):
     @abstractmethod
     def parameters(self) -> Parameters:
         """The autopilot's own parameters."""
+
+    @property
+    @abstractmethod
+    def cameras(self) -> Cameras:
+        """The cameras that it carries."""
 
     @property
     @abstractmethod

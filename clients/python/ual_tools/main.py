@@ -11,6 +11,7 @@ from ual.shared import environment
 from ual_tools import (
     __version__,
     audit,
+    cameras,
     certificates,
     check,
     completion,
@@ -74,6 +75,7 @@ for command in (
     *where.COMMANDS,
     *waypoints.COMMANDS,
     *parameters.COMMANDS,
+    *cameras.COMMANDS,
     *fence.COMMANDS,
     *logs.COMMANDS,
     *rtcm.COMMANDS,

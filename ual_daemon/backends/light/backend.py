@@ -19,6 +19,7 @@ from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon._version import __version__
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.engine.loop import Loop
+from ual_daemon.backends.light.camera import LightCameras, Seen
 from ual_daemon.backends.light.corrections import LightCorrections
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
@@ -114,6 +115,7 @@ class LightBackend(Backend):
         """The failsafe by which it holds its position."""
         self._corrections = LightCorrections(self.world.now_s)
         self._snapshot = Snapshot(0.0)
+        self._cameras = LightCameras(settings.cameras, settings.seed, self._seen)
         with self.world.lock:
             self._update_snapshot()
 
@@ -143,6 +145,7 @@ class LightBackend(Backend):
     @override
     def close(self) -> None:
         self.world.unlisten(self._index)
+        self._cameras.close()
 
     @override
     def info(self) -> VehicleInfo:
@@ -205,7 +208,8 @@ class LightBackend(Backend):
 
     @override
     def offer(self, kind: type[T]) -> T | None:
-        return self._corrections if isinstance(self._corrections, kind) else None
+        offers: tuple[object, ...] = (self._corrections, self._cameras)
+        return next((each for each in offers if isinstance(each, kind)), None)
 
     @override
     def simulation(self) -> Simulation:
@@ -337,7 +341,20 @@ class LightBackend(Backend):
 
     def _is_step_needed(self) -> bool:
         """Whether the next step needs an update although the conditions have not changed."""
-        return self.is_update_needed() or self._is_faulty or self._faults.any_active or bool(self._late_acks)
+        return self.is_update_needed() or self._is_faulty or self._has_work
+
+    @property
+    def _has_work(self) -> bool:
+        return self._faults.any_active or bool(self._late_acks) or self._cameras.is_busy
+
+    def _seen(self) -> Seen:
+        """Returns what its cameras see from, and what the autopilot says at the same step."""
+        with self.world.lock:
+            if self._snapshot_step != self.world.steps or self.world.speed_factor == 0.0:
+                self._update_snapshot()
+            fleet, i = self.world.fleet, self._index
+            body = Pose(Vector3(*map(float, fleet.position[i])), Quaternion.from_yaw(float(fleet.yaw[i])))
+            return Seen(body, float(fleet.ground[i]), self._snapshot, self.world.steps, self._faults.is_link_lost)
 
     def _after_step(self) -> None:
         now_s = self.world.now_s()
@@ -348,6 +365,8 @@ class LightBackend(Backend):
                 self._faults.apply(self.world.fleet, self._index, now_s)
                 self._apply_external_pose(now_s)
             self._update_snapshot()
+        if self._cameras.is_busy:
+            self._cameras.step(self._seen())
         for due_s, ack in list(self._late_acks):
             if now_s >= due_s:
                 self._late_acks.remove((due_s, ack))

@@ -2,13 +2,61 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from ual_daemon.settings import Angle, GeoPosition, NotNegative, Position, Positive, Settings
+from ual_daemon.settings import Angle, Coordinate, GeoPosition, NotNegative, Position, Positive, Settings
 
 Percent = Annotated[float, Meta(ge=0.0, le=100.0)]
+
+
+ARUCO_0 = ("1011", "0101", "0011", "0010")
+"""The cells of marker 0 of OpenCV's dictionary DICT_4X4_50."""
+
+
+class LightMarkerSettings(Settings, frozen=True, kw_only=True):
+    """A square marker on the ground, such as an ArUco marker or an AprilTag, with a black and a white border around it.
+
+    `position` is x and y in the local frame, m. `size_m` is the side of its black border. `rows` are its cells from the
+    upper left corner on: 1 is white. With a yaw of 0 its top is towards y.
+    """
+
+    position: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    size_m: Annotated[float, Meta(ge=0.01, le=1000.0)] = 1.0
+    yaw_rad: Angle = 0.0
+    rows: tuple[Annotated[str, Meta(pattern=r"^[01]{1,16}\Z")], ...] = ARUCO_0
+
+    def __post_init__(self) -> None:
+        if any(len(row) != len(self.rows) for row in self.rows) or not self.rows:
+            raise ValueError(f"rows: a marker is a square, and not {' / '.join(self.rows) or 'empty'}")
+
+    @property
+    def cells(self) -> tuple[tuple[bool, ...], ...]:
+        """The cells: True is white."""
+        return tuple(tuple(each == "1" for each in row) for row in self.rows)
+
+
+class LightCameraSettings(Settings, frozen=True, kw_only=True):
+    """A simulated camera: a pinhole without distortion.
+
+    `horizontal_view_rad` is the angle from the left edge of its picture to the right one. It is mounted in the body at
+    `mount_position` (m), and turned there by roll, pitch and yaw: with zeros it looks forward, with a pitch of pi / 2
+    straight down. `noise` is the standard deviation of each colour, of 255.
+    """
+
+    name: Annotated[str, Meta(min_length=1, max_length=64)] = "light camera"
+    width_px: Annotated[int, Meta(ge=16, le=4096)] = 640
+    height_px: Annotated[int, Meta(ge=16, le=4096)] = 480
+    horizontal_view_rad: Annotated[float, Meta(ge=0.05, le=2.8)] = 1.2
+    mount_position: Position = (0.0, 0.0, 0.0)
+    mount_roll_rad: Angle = 0.0
+    mount_pitch_rad: Angle = math.pi / 2.0
+    mount_yaw_rad: Angle = 0.0
+    noise: Annotated[float, Meta(ge=0.0, le=255.0)] = 0.0
+    storage_mib: Annotated[float, Meta(ge=0.0, le=1e9)] = 32_000.0
+    markers: tuple[LightMarkerSettings, ...] = ()
 
 
 class LightSettings(Settings, frozen=True, kw_only=True):
@@ -17,7 +65,8 @@ class LightSettings(Settings, frozen=True, kw_only=True):
     `speed_factor` is how fast simulated time runs: 1 is real time, with 0 the time stands still until it is stepped,
     "max" is as fast as the computer can. `origin_geo` is the origin of the local frame on Earth (latitude, longitude,
     metres above mean sea level). The ground is level, at the height of `start`. `takes` says which setpoints the
-    simulated autopilot takes (see `ual_daemon.backends.values.Takes`).
+    simulated autopilot takes (see `ual_daemon.backends.values.Takes`). `cameras` are those that it carries: one that
+    looks down, unless others are given.
     """
 
     speed_factor: Annotated[float, Meta(ge=0.0, le=100.0)] | Literal["max"] = 1.0
@@ -40,3 +89,4 @@ class LightSettings(Settings, frozen=True, kw_only=True):
     velocity_noise_m_s: NotNegative = 0.0
     wind_m_s: Position = (0.0, 0.0, 0.0)
     seed: int = 0
+    cameras: Annotated[tuple[LightCameraSettings, ...], Meta(max_length=8)] = (LightCameraSettings(),)

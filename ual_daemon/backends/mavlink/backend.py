@@ -31,13 +31,16 @@ from ual_daemon.backends.mavlink.links.endpoints import (
     vehicle_key,
     vehicle_urls,
 )
+from ual_daemon.backends.mavlink.offers.cameras import MavlinkCameras
 from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
 from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
 from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.offers.trigger_camera import TriggerCamera
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
+from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
@@ -46,6 +49,7 @@ from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
 from ual_daemon.backends.mavlink.wire.shared_link import SharedLink
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
+from ual_daemon.backends.offers.cameras import Viewpoint
 from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError, convert
 
@@ -85,6 +89,7 @@ class MavlinkBackend(Backend):
             MavlinkFenceStore(Reach(self._last_session, self._reach, self._post)),
             MavlinkLogs(self._reach, self._post),
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
+            MavlinkCameras(self._cameras_found, self._now_s, self._reach, self._post, self._camera_trigger()),
         )
 
     @classmethod
@@ -200,6 +205,31 @@ class MavlinkBackend(Backend):
     def offer(self, kind: type[T]) -> T | None:
         return next((each for each in self._offers if isinstance(each, kind)), None)
 
+    def _now_s(self) -> float:
+        return self.clock.now_s()
+
+    def _camera_trigger(self) -> TriggerCamera | None:
+        if not self._settings.has_camera_trigger:
+            return None
+        return TriggerCamera(
+            0,
+            lambda: None if self._discovery is None else self._discovery.protocols.cameras.trigger,
+            lambda what, command: self._command(what, lambda _: command),
+            lambda act: self._post(lambda _: act()),
+            lambda: self._session_in_reach(self.clock.now_s()) is not None,
+        )
+
+    def _cameras_found(self) -> Sequence[CameraLink]:
+        return () if self._discovery is None else self._discovery.protocols.cameras.found
+
+    def _viewpoint(self) -> Viewpoint:
+        """Returns from where a picture is taken now."""
+        snapshot = self.snapshot()
+        pose, freshness = snapshot.motion.pose, self.freshness
+        is_fresh = pose is not None and snapshot.time_s - pose.time_s <= freshness.pose_s
+        body = pose.value if pose is not None and is_fresh else None
+        return Viewpoint(body, snapshot.link.boots_count, None, snapshot.position_geo() if is_fresh else None)
+
     def _last_session(self) -> Session | None:
         return None if self._discovery is None else self._discovery.session
 
@@ -214,6 +244,10 @@ class MavlinkBackend(Backend):
         discovery = self._discovery = Discovery(
             self._settings, connection, self.url, self._setpoints, self._signer, self._payload_messages
         )
+        cameras = discovery.protocols.cameras
+        cameras.look = cameras.trigger.look = self._viewpoint
+        cameras.trigger.utc_s = self.utc_s
+        cameras.first_number = int(self._settings.has_camera_trigger)
         name = f"mavlink {self.options.ns}"
         loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update, name)
         self._desk = CommandDesk(loop.loop, self.clock, self._reach)

@@ -27,6 +27,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     need different ones. `pose_rate_hz` is the rate at which position and attitude are requested. With
     `learns_feed_forward` PX4's drag and the error of its estimate are learned and compensated: see `FeedForward`;
     `drag_1_s` is the drag that it begins with.
+    With `has_camera_trigger` the autopilot itself triggers a camera, which is offered as the first one.
     `signing_key_file` holds the key of an autopilot that signs its messages: see `signing.read_key`.
     """
 
@@ -38,6 +39,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     learns_feed_forward: bool = True
     drag_1_s: Drag = 0.0
     signing_key_file: str | None = None
+    has_camera_trigger: bool = False
 
 
 def default_url(ns: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ual.geometry import Pose, Twist, Vector3
-from ual.types import Battery, GeoPoint, GpsInfo, Health
+from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
 from ual_daemon.backends.values.autopilot_fence import AutopilotFence
 from ual_daemon.backends.values.modes import Cause, LandedState, Mode
 from ual_daemon.backends.values.sample import Sample
@@ -208,3 +208,30 @@ class Snapshot(NamedTuple):
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""
         return Snapshot._make((time_s, *self[1:]))
+
+    def position_geo(self) -> GeoPoint | None:
+        """Returns the position on Earth: as the autopilot reports it, or by its projection.
+
+        None while the autopilot does not trust its position: ArduPilot then goes on reporting the last one. Of an
+        autopilot that does not say whether it does (iNav, Betaflight), the reported one is told while its satellites
+        are good.
+        """
+        motion, earth, gps = self.motion, self.earth, self.condition.gps
+        if motion.estimator is None:
+            return motion.position_geo if gps is not None and gps.fix >= GpsFix.FIX_3D else None
+        if not motion.estimator.value.is_good:
+            return None
+        if motion.position_geo is not None:
+            return motion.position_geo
+        if motion.pose is None or earth.projection is None:
+            return None
+        point = earth.projection.to_geo(motion.pose.value.position)
+        amsl_m, home_m, separation_m = point.altitude_amsl_m, earth.home_altitude_amsl_m, earth.geoid_separation_m
+        assert amsl_m is not None
+        return GeoPoint(
+            point.latitude_deg,
+            point.longitude_deg,
+            amsl_m,
+            None if home_m is None else amsl_m - home_m,
+            None if separation_m is None else amsl_m + separation_m,
+        )

@@ -6,6 +6,7 @@ from concurrent.futures import Future
 from typing import Protocol, TypeVar
 
 from ual.errors import NotSupportedError, UalError, UalTimeoutError, WrongStateError
+from ual.geometry import Pose, PoseStamped
 from ual.types import State
 from ual_daemon.backends import futures
 from ual_daemon.flight.refusals import only_watching
@@ -39,6 +40,13 @@ class ServedVehicle(Protocol):
 
     def require_lease(self, command: str, lease_id: str) -> None:
         """Raises `LeaseHeldError` or `LeaseLostError`, or returns."""
+
+
+class LocatedVehicle(ServedVehicle, Protocol):
+    """One that knows how the backend's local frame lies to its own frames."""
+
+    def in_odom(self, local: Pose, boots_count: int) -> PoseStamped | None:
+        """Returns a pose of the backend's local frame in ``<ns>/odom``; None where that is not known any more."""
 
 
 def offered(vehicle: ServedVehicle, kind: type[T], what: str) -> T:

@@ -40,6 +40,7 @@ _FLYING = (
     "KeepLease",
     "ReleaseLease",
 )
+_SEEING = ("ListCameras", "GetCameraStatus", "ListPhotos", "ListVideoStreams", "GetImage")
 _COMMANDING = ("Arm", "Disarm", "SetHome")
 
 _OF_METHOD: Mapping[str, Role] = {
@@ -50,6 +51,7 @@ _OF_METHOD: Mapping[str, Role] = {
     "ual.v1.SimulationService/ListFaults": Role.OBSERVER,
     "ual.v1.ParameterService/GetParameter": Role.OBSERVER,
     "ual.v1.ParameterService/ListParameters": Role.OBSERVER,
+    **{f"ual.v1.CameraService/{name}": Role.OBSERVER for name in _SEEING},
     "ual.v1.FenceService/GetFence": Role.OBSERVER,
     "ual.v1.LogService/ListLogs": Role.OBSERVER,
     "ual.v1.CorrectionsService/StreamCorrections": Role.PILOT,
@@ -62,6 +64,7 @@ _OF_SERVICE: Mapping[str, Role] = {
     "ual.v1.FenceService": Role.COMMANDER,  # who uploads one decides where it may fly
     "ual.v1.LogService": Role.PILOT,  # a log tells all flights and all settings, and its download takes up the link
     "ual.v1.CorrectionsService": Role.PILOT,  # false ones move the position by which it flies
+    "ual.v1.CameraService": Role.PILOT,
     "grpc.health.v1.Health": Role.OBSERVER,
     "grpc.reflection.v1alpha.ServerReflection": Role.OBSERVER,
 }

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ual.access.roles import Role
 from ual_daemon.extensions.shipped.fence import FencedVehicle
+from ual_daemon.extensions.shipped.vehicle import LocatedVehicle
+from ual_daemon.server.shipped.cameras import camera_service
 from ual_daemon.server.shipped.corrections import corrections_service
 from ual_daemon.server.shipped.fence import fence_service
 from ual_daemon.server.shipped.logs import log_service
@@ -23,6 +25,7 @@ class ShippedService(NamedTuple):
 
 _MAKERS = (
     parameter_service,
+    camera_service,
     fence_service,
     log_service,
     corrections_service,
@@ -30,6 +33,10 @@ _MAKERS = (
 """What makes each of them for a UAV: its full name, and what registers its servicer."""
 
 
-def services(vehicle: FencedVehicle) -> Sequence[ShippedService]:
+class ShippedVehicle(FencedVehicle, LocatedVehicle, Protocol):
+    """What all of them need of their UAV."""
+
+
+def services(vehicle: ShippedVehicle) -> Sequence[ShippedService]:
     """Returns all of them for a UAV. Each refuses with NOT_SUPPORTED what its backend does not offer."""
     return [ShippedService(*make(vehicle)) for make in _MAKERS]

@@ -13,6 +13,7 @@ from ual import _calls
 from ual._calls import Call
 from ual._setpoints import EXTERNAL_POSES
 from ual._target import Target
+from ual.aio._cameras import Cameras
 from ual.aio._connection import Connection
 from ual.aio._corrections import Corrections
 from ual.aio._derived import SimulationMembers, UavMembers
@@ -64,6 +65,7 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         self._dry_run: DryRun[Coroutine[Any, Any, Plan]] = DryRun(self._plan)
         self._simulation = Simulation(self._connection)
         self._parameters = Parameters(self._connection)
+        self._cameras = Cameras(self._connection)
         self._fence = Fence(self._connection)
         self._logs = Logs(self._connection)
         self._corrections = Corrections(self._connection)
@@ -206,6 +208,11 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
     def parameters(self) -> Parameters:
         """The autopilot's own parameters."""
         return self._parameters
+
+    @property
+    def cameras(self) -> Cameras:
+        """The cameras that it carries."""
+        return self._cameras
 
     @property
     def fence(self) -> Fence:

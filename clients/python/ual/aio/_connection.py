@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import grpc
 import grpc.aio
@@ -163,7 +163,8 @@ class Connection:
         with _calls.traced(call) as more, self.calling() as route:
             metadata = (*self.target.metadata, *more)
             try:
-                response = await route.stubs.method(call)(call.request, timeout=limit_s, metadata=metadata)
+                begun = route.stubs.method(call)(call.request, timeout=limit_s, metadata=metadata)
+                response = await (_all_of(begun) if call.is_stream else begun)
             except grpc.aio.AioRpcError as error:
                 raise _calls.in_time(self.error(error), call, limit_s) from None
         self._was_reached = True
@@ -181,3 +182,11 @@ class Connection:
                     raise self.error(error) from None
                 if self.target.address() == route.address:
                     raise unreachable from None
+
+
+async def _all_of(responses: Any) -> list[Any]:  # noqa: ANN401 (an iterator and a call: gRPC has no type for it)
+    """Returns all responses of a stream. It is cancelled where anything else ends the wait for it."""
+    try:
+        return [each async for each in responses]
+    finally:
+        responses.cancel()

@@ -4,11 +4,101 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 
-from ual import _fence_calls, _log_calls, _parameter_calls
+from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _parameter_calls
 from ual.aio._connection import Connection
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
 from ual.logs.values import Log, LogChunk
 from ual.parameters.values import Parameter
+
+
+class Camera:
+    """`ual.interface.Camera`, over gRPC."""
+
+    def __init__(self, connection: Connection, number: int) -> None:
+        self._connection = connection
+        self._number = number
+
+    def __repr__(self) -> str:
+        return f"<Camera {self._number} of {self._connection.described}>"
+
+    async def status(self) -> CameraStatus:
+        """Returns what it does now."""
+        return await self._connection.run(_camera_calls.status(self._number))
+
+    async def take_photo(self) -> Photo:
+        """Takes a picture, and returns once the camera has said that it was taken."""
+        return await self._connection.run(_camera_calls.take_photo(self._number))
+
+    async def start_photos(
+        self, *, interval_s: float | None = None, distance_m: float | None = None, count: int = 0
+    ) -> None:
+        """Begins to take pictures by time or by distance. Replaces what was begun before.
+
+        Args:
+            interval_s: The time between two pictures.
+            distance_m: How far the UAV has flown from the place of the last picture, when the next one is taken.
+            count: By time: after so many pictures it ends. 0: it goes on until `stop_photos`.
+
+        """
+        await self._connection.run(
+            _camera_calls.start_photos(self._number, interval_s=interval_s, distance_m=distance_m, count=count)
+        )
+
+    async def stop_photos(self) -> None:
+        """Ends what `start_photos` has begun. Does nothing if nothing was."""
+        await self._connection.run(_camera_calls.stop_photos(self._number))
+
+    async def start_video(self) -> None:
+        """Begins to record a video in the camera."""
+        await self._connection.run(_camera_calls.start_video(self._number))
+
+    async def stop_video(self) -> None:
+        """Ends the video."""
+        await self._connection.run(_camera_calls.stop_video(self._number))
+
+    async def set_mode(self, mode: CameraMode) -> None:
+        """Sets its mode."""
+        await self._connection.run(_camera_calls.set_mode(self._number, mode))
+
+    async def set_zoom(self, percent: float) -> None:
+        """Zooms, from 0 (wide) to 100."""
+        await self._connection.run(_camera_calls.set_zoom(self._number, percent))
+
+    async def set_focus(self, percent: float | None = None) -> None:
+        """Focuses, from 0 (near) to 100 (far). None: the camera focuses by itself, once."""
+        await self._connection.run(_camera_calls.set_focus(self._number, percent))
+
+    async def photos(self, first: int = 0) -> list[Photo]:
+        """Returns the pictures taken since the daemon was started, from a number on: the last 10,000 at most."""
+        return await self._connection.run(_camera_calls.photos(self._number, first))
+
+    async def streams(self) -> list[VideoStream]:
+        """Returns where its videos can be watched, by a player of video streams."""
+        return await self._connection.run(_camera_calls.streams(self._number))
+
+    async def image(self, photo: int | None = None) -> Image:
+        """Returns a picture as bytes, with its stamp and its poses.
+
+        Args:
+            photo: The number of a picture that was taken. None: what the camera sees now.
+
+        """
+        return await self._connection.run(_camera_calls.image(self._number, photo))
+
+
+class Cameras:
+    """`ual.interface.Cameras`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Cameras of {self._connection.described}>"
+
+    async def get_all(self) -> list[CameraInfo]:
+        """Returns all cameras that were found, also those that are not heard any more."""
+        return await self._connection.run(_cameras_calls.get_all())
 
 
 class Parameters:

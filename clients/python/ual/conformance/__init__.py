@@ -10,6 +10,7 @@ from ual.conformance import (
     flying,
     grounded,
     missions,
+    own_cameras,
     own_fence,
     own_parameters,
     paths,
@@ -26,6 +27,7 @@ from ual.conformance.runner import run, run_check
 CHECKS: tuple[Check, ...] = (
     *reports.CHECKS,
     *own_parameters.ON_GROUND,
+    *own_cameras.ON_GROUND,
     *own_fence.ON_GROUND,
     *grounded.CHECKS,
     *dry_runs.CHECKS,

@@ -542,7 +542,7 @@ def write_telemetry(telemetry: Telemetry, message: pb.Telemetry) -> None:
     if telemetry.reference_pose is not None:
         _write_pose(telemetry.reference_pose, message.reference_pose)
     if telemetry.position_geo is not None:
-        message.position_geo.CopyFrom(_geo_point_to_proto(telemetry.position_geo))
+        message.position_geo.CopyFrom(geo_point_to_proto(telemetry.position_geo))
     if telemetry.task is not None:
         message.task.CopyFrom(task_to_proto(telemetry.task))
 
@@ -615,7 +615,8 @@ def _odometry_from_proto(message: pb.Odometry) -> Odometry:
     )
 
 
-def _geo_point_to_proto(point: GeoPoint) -> pb.GeoPoint:
+def geo_point_to_proto(point: GeoPoint) -> pb.GeoPoint:
+    """A place on Earth."""
     return pb.GeoPoint(
         latitude_deg=point.latitude_deg,
         longitude_deg=point.longitude_deg,
@@ -625,7 +626,8 @@ def _geo_point_to_proto(point: GeoPoint) -> pb.GeoPoint:
     )
 
 
-def _geo_point_from_proto(message: pb.GeoPoint) -> GeoPoint:
+def geo_point_from_proto(message: pb.GeoPoint) -> GeoPoint:
+    """A place on Earth."""
     has = message.HasField
     return GeoPoint(
         message.latitude_deg,
@@ -711,7 +713,7 @@ _TELEMETRY_READERS: Mapping[str, Callable[[pb.Telemetry], object]] = {
     "odometry": _reader("odometry", _odometry_from_proto),
     "transform": _reader("transform", transform_from_proto),
     "reference_pose": _reader("reference_pose", _read_pose),
-    "position_geo": _reader("position_geo", _geo_point_from_proto),
+    "position_geo": _reader("position_geo", geo_point_from_proto),
     "battery": _reader("battery", _battery_from_proto),
     "gps": _reader("gps", _gps_from_proto),
     "health": _reader("health", _health_from_proto),

@@ -210,6 +210,10 @@ class RosUav(Uav):
         inexpressible("parameters")
 
     @property
+    def cameras(self) -> ual.interface.Cameras:
+        inexpressible("cameras")
+
+    @property
     def fence(self) -> ual.interface.Fence:
         inexpressible("fence")
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import WITHOUT_PARAMETERS, run_check_or_skip, wait_until_ready
+from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_PARAMETERS, run_check_or_skip, wait_until_ready
 from tests.simulators.crazyflie import Crazyflie
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.ports import MemoryPort
@@ -26,6 +26,7 @@ NOT_HERE = {
     "goes_to_a_geographic_waypoint",
     "bad_geographic_waypoints_are_refused",
     *WITHOUT_PARAMETERS,
+    *WITHOUT_CAMERAS,
 }
 """What is skipped, and nothing else: it has no safety pilot, and does not know where it is on Earth."""
 

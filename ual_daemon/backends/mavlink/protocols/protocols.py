@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing_extensions import override
 
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.cameras import Cameras
 from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMetadata
 from ual_daemon.backends.mavlink.protocols.corrections_injection import CorrectionsInjection
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp
@@ -43,6 +44,7 @@ class Protocols(Protocol):
         self.logs = LogTransfers(send, is_up, is_gentle)
         self.component_metadata = ComponentMetadata(send)
         self.corrections = CorrectionsInjection(send, is_up, has_room)
+        self.cameras = Cameras(send)
         self._all: tuple[Protocol, ...] = (
             self.parameters,
             self.missions,
@@ -50,6 +52,7 @@ class Protocols(Protocol):
             self.logs,
             self.component_metadata,
             self.corrections,
+            self.cameras,
         )
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:

@@ -14,13 +14,14 @@ from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.dialects.detection import Kind, dialect_of, kind_of, kind_text
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
+from ual_daemon.backends.mavlink.protocols import cameras
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.session import ALL_SYSTEMS, Session, Successor
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 from ual_daemon.backends.mavlink.wire.receiver import Receiver, Selector, source_text
 from ual_daemon.backends.mavlink.wire.sender import Sender
@@ -157,6 +158,17 @@ class Discovery(Selector):
             if is_vehicle:
                 self._tell_other(source)
         self.receiver.untaken.note(source, _heard_text(source, kind, address, why), now_s, is_minor=not is_vehicle)
+
+    @override
+    def is_component_wanted(self, frame: Frame) -> bool:
+        return frame.component_id in cameras.COMPONENTS and frame.message_id in cameras.MESSAGE_IDS
+
+    @override
+    def on_component(self, source: Source, message: Message, now_s: float, utc_now_s: float) -> None:
+        system_id = getattr(message, "target_system", 0)
+        component_id = getattr(message, "target_component", 0)
+        if system_id in (0, source.system_id) and component_id in (0, self._settings.component_id):
+            self.protocols.cameras.on_component(source, message, now_s, utc_now_s)
 
     def _is_odd(self, source: Source) -> bool:
         """Whether it has ids that an autopilot seldom has, and that were not chosen."""

@@ -51,6 +51,12 @@ class Selector(Protocol):
     def on_other_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> None:
         """Takes note of any other heartbeat."""
 
+    def is_component_wanted(self, frame: Frame) -> bool:
+        """Whether a frame of another component of the selected autopilot's system is worth decoding."""
+
+    def on_component(self, source: Source, message: Message, now_s: float, utc_now_s: float) -> None:
+        """Takes a wanted message of such a component."""
+
 
 class Receiver:
     """Finds frames, checks their senders and signatures, decodes them, and passes them to the handler.
@@ -157,6 +163,8 @@ class Receiver:
         elif frame.system_id != source.system_id or frame.component_id != source.component_id:
             if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
                 self._selector.on_other_heartbeat(frame.source, self._codec.decode(frame), address, now_s)
+            if frame.system_id == source.system_id and self._selector.is_component_wanted(frame):
+                self._on_component(frame, address, now_s, utc_now_s)
             return
         elif not self._is_accepted(frame, address, now_s) or (
             not is_from_peer and self._is_stranger(frame, address, now_s)
@@ -167,6 +175,11 @@ class Receiver:
             self._link.answer_to(address)
         self._peer_heard_s = now_s
         handler.on_message(frame, message, address, now_s, utc_now_s)
+
+    def _on_component(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:
+        """Takes a frame of another component of our autopilot's system, once its signature is right."""
+        if self._is_accepted(frame, address, now_s):
+            self._selector.on_component(frame.source, self._codec.decode(frame), now_s, utc_now_s)
 
     def _is_stranger(self, frame: Frame, address: Address | None, now_s: float) -> bool:
         """Whether a frame of our autopilot comes from a host that is not our peer's, while that is heard."""

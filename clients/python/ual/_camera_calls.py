@@ -1,0 +1,115 @@
+"""The calls of `CameraService` about one camera: one function for each member of `ual.interface.Camera`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ual._calls import Call, Service, built
+from ual.cameras import CameraMode, CameraStatus, Image, Photo, VideoStream
+from ual.v1 import camera_pb2 as pb
+from ual.wire import cameras as convert
+
+ORDER_S = 20.0
+"""How long a camera may take to do what it is ordered: the daemon gives up before."""
+IMAGE_S = 60.0
+"""How long a picture may take: the daemon makes it within 20 s, and it has to come through."""
+_MAYBE_TAKEN = "it is not known whether a picture was taken: list the photos"
+_MAYBE_DONE = "it is not known whether it did so: ask for its status"
+
+
+def status(camera: int) -> Call[CameraStatus]:
+    def read(response: pb.GetCameraStatusResponse) -> CameraStatus:
+        return convert.status_from_proto(response.status)
+
+    request = _of(pb.GetCameraStatusRequest, camera)
+    return Call(Service.CAMERAS, "GetCameraStatus", request, read, ORDER_S)
+
+
+def take_photo(camera: int) -> Call[Photo]:
+    def read(response: pb.TakePhotoResponse) -> Photo:
+        return convert.photo_from_proto(response.photo)
+
+    return Call(Service.CAMERAS, "TakePhoto", _of(pb.TakePhotoRequest, camera), read, ORDER_S, _MAYBE_TAKEN)
+
+
+def start_photos(camera: int, interval_s: float | None, distance_m: float | None, count: int) -> Call[None]:
+    request = built(
+        lambda: pb.StartPhotosRequest(camera=camera, interval_s=interval_s, distance_m=distance_m, count=count),
+        "interval_s",
+    )
+    return _order("StartPhotos", request)
+
+
+def stop_photos(camera: int) -> Call[None]:
+    return _order("StopPhotos", _of(pb.StopPhotosRequest, camera))
+
+
+def start_video(camera: int) -> Call[None]:
+    return _order("StartVideo", _of(pb.StartVideoRequest, camera))
+
+
+def stop_video(camera: int) -> Call[None]:
+    return _order("StopVideo", _of(pb.StopVideoRequest, camera))
+
+
+def set_mode(camera: int, mode: CameraMode) -> Call[None]:
+    request = built(lambda: pb.SetCameraModeRequest(camera=camera, mode=convert.mode_to_proto(mode)), "mode", mode)
+    return _order("SetCameraMode", request)
+
+
+def set_zoom(camera: int, percent: float) -> Call[None]:
+    request = built(lambda: pb.SetCameraZoomRequest(camera=camera, percent=percent), "percent", percent)
+    return _order("SetCameraZoom", request)
+
+
+def set_focus(camera: int, percent: float | None) -> Call[None]:
+    request = built(lambda: pb.SetCameraFocusRequest(camera=camera, percent=percent), "percent", percent)
+    return _order("SetCameraFocus", request)
+
+
+def photos(camera: int, first: int) -> Call[list[Photo]]:
+    def read(response: pb.ListPhotosResponse) -> list[Photo]:
+        return [convert.photo_from_proto(each) for each in response.photos]
+
+    request = built(lambda: pb.ListPhotosRequest(camera=camera, first=first), "first", first)
+    return Call(Service.CAMERAS, "ListPhotos", request, read)
+
+
+def streams(camera: int) -> Call[list[VideoStream]]:
+    def read(response: pb.ListVideoStreamsResponse) -> list[VideoStream]:
+        return [convert.stream_from_proto(each) for each in response.streams]
+
+    return Call(Service.CAMERAS, "ListVideoStreams", _of(pb.ListVideoStreamsRequest, camera), read, ORDER_S)
+
+
+def image(camera: int, photo: int | None) -> Call[Image]:
+    request = built(lambda: pb.GetImageRequest(camera=camera, photo=photo), "photo", photo)
+    return Call(Service.CAMERAS, "GetImage", request, convert.image_from_protos, IMAGE_S, is_stream=True)
+
+
+def _of(make: Callable[..., Any], camera: int) -> Any:  # noqa: ANN401 (the request of a method)
+    return built(lambda: make(camera=camera), "camera", camera)
+
+
+def _order(method: str, request: Any) -> Call[None]:  # noqa: ANN401 (the request of a method)
+    return Call(Service.CAMERAS, method, request, lambda _: None, ORDER_S, _MAYBE_DONE)
+
+
+BOUND = "number"
+"""What each client's object has, and each call takes first: the number of the camera."""
+MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
+    "status": status,
+    "take_photo": take_photo,
+    "start_photos": start_photos,
+    "stop_photos": stop_photos,
+    "start_video": start_video,
+    "stop_video": stop_video,
+    "set_mode": set_mode,
+    "set_zoom": set_zoom,
+    "set_focus": set_focus,
+    "photos": photos,
+    "streams": streams,
+    "image": image,
+}
+"""The members of `ual.interface.Camera`, each with its call."""

@@ -1,0 +1,23 @@
+"""The cameras of a UAV over gRPC, by their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+
+from ual.aio import _derived_parts
+from ual.aio._derived_parts import Camera
+
+
+class Cameras(_derived_parts.Cameras):
+    """`ual.interface.Cameras`, over gRPC."""
+
+    def __getitem__(self, number: int) -> Camera:
+        """Returns the camera of a number. Asks nothing: whether there is one shows when it is used."""
+        return Camera(self._connection, number)
+
+    async def __aiter__(self) -> AsyncIterator[Camera]:
+        """Yields each camera that was found."""
+        for each in await self.get_all():
+            yield self[each.number]
+
+    __iter__ = None  # Python would else count numbers without an end

@@ -1,0 +1,104 @@
+"""`ual camera`, the clients and the service, with a daemon of a light UAV."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+import ual
+from tests.conftest import DaemonProcess, StartDaemon
+from ual.cameras import CameraMode, CameraStatus, Image, Photo
+from ual.errors import InvalidArgumentError, NotSupportedError
+from ual.wire.cameras import CHUNK_BYTES
+from ual_tools.main import cli
+
+
+@pytest.fixture
+def daemon(start_daemon: StartDaemon, tmp_path: Path) -> DaemonProcess:
+    file = tmp_path / "daemon.yaml"
+    file.write_text(
+        "light: {cameras: [{width_px: 320, height_px: 240, noise: 9.0}, {name: forward, mount_pitch_rad: 0.0}]}\n"
+    )
+    return start_daemon("--config", str(file), backend="light")
+
+
+def run(daemon: DaemonProcess, *words: str | Path) -> Result:
+    return CliRunner().invoke(cli, ["--address", daemon.address, *map(str, words)])
+
+
+def done(daemon: DaemonProcess, *words: str | Path) -> str:
+    result = run(daemon, *words)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def test_the_command_does_all(daemon: DaemonProcess, tmp_path: Path) -> None:
+    listed = [json.loads(line) for line in done(daemon, "--json", "camera", "list").splitlines()]
+    assert [(each["number"], each["name"], each["width_px"]) for each in listed] == [
+        (0, "light camera", 320),
+        (1, "forward", 640),
+    ]
+    assert "forward" in done(daemon, "camera", "list")
+    assert "photo 0 at " in done(daemon, "camera", "photo")
+    done(daemon, "camera", "interval", "0.1", "--count", "2", "--camera", "1")
+    done(daemon, "camera", "stop", "--camera", "1")
+    done(daemon, "camera", "distance", "5")
+    assert "takes one each 5 m" in done(daemon, "camera", "status")
+    done(daemon, "camera", "stop")
+    done(daemon, "camera", "video", "start")
+    done(daemon, "camera", "mode", "survey")
+    done(daemon, "camera", "zoom", "50")
+    status = json.loads(done(daemon, "--json", "camera", "status"))
+    assert (status["is_recording"], status["mode"], status["zoom_percent"]) == (True, "SURVEY", 50.0)
+    done(daemon, "camera", "video", "stop")
+    assert done(daemon, "camera", "photos").count("photo ") == 2
+    assert done(daemon, "camera", "photos", "--first", "1").count("photo ") == 1
+    file = tmp_path / "seen.png"
+    assert "320x240, PNG, " in done(daemon, "camera", "image", file, "--photo", "1")
+    assert file.read_bytes()[:4] == b"\x89PNG"
+    for words in (("streams",), ("focus",), ("image", file, "--photo", "99"), ("status", "--camera", "2")):
+        refused = run(daemon, "camera", *words)
+        assert refused.exit_code == 1, refused.output
+
+
+def test_both_clients_have_the_same_values_and_errors(daemon: DaemonProcess) -> None:
+    async def ask() -> tuple[Photo, list[Photo], CameraStatus, Image]:
+        async with ual.aio.Uav(address=daemon.address) as uav:
+            camera = uav.cameras[0]
+            with pytest.raises(NotSupportedError, match="does not offer streams"):
+                await camera.streams()
+            with pytest.raises(InvalidArgumentError, match=r"^distance_m: "):
+                await camera.start_photos(distance_m=-1.0)
+            await camera.set_mode(CameraMode.VIDEO)
+            taken = await camera.take_photo()
+            found = [each async for each in uav.cameras]
+            assert len(found) == 2
+            return taken, await camera.photos(), await camera.status(), await camera.image(taken.number)
+
+    taken, listed, status, image = asyncio.run(ask())
+    assert listed == [taken]
+    assert status.mode is CameraMode.VIDEO
+    with ual.Uav(address=daemon.address) as uav:
+        camera = uav.cameras[0]
+        assert camera.photos() == listed
+        assert camera.image(taken.number) == image
+        assert len(image.data) > 2 * CHUNK_BYTES  # noise does not compress
+        assert (image.width_px, image.height_px) == (320, 240)
+        assert image.stamp_s == pytest.approx(taken.stamp_s, abs=1e-6)
+        assert image.camera is not None
+        assert image.intrinsics == uav.cameras.get_all()[0].intrinsics
+        assert [repr(each).startswith("<Camera ") for each in uav.cameras] == [True, True]
+        with pytest.raises(InvalidArgumentError, match="there is no picture 5"):
+            camera.image(5)
+        bad = uav.cameras[-1]
+        with pytest.raises(InvalidArgumentError, match="camera"):
+            bad.status()
+
+
+def test_a_lease_keeps_nobody_from_taking_pictures(daemon: DaemonProcess) -> None:
+    with ual.Uav(address=daemon.address) as holder, ual.Uav(address=daemon.address) as other, holder.lease("holder"):
+        assert other.cameras[0].take_photo().number == 0

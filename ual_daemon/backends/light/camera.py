@@ -1,0 +1,385 @@
+"""The cameras of a light UAV: pictures of a simulated world, and everything else that a camera says of itself."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple, TypeVar
+
+from typing_extensions import override
+
+from ual.cameras import (
+    CameraAbility,
+    CameraInfo,
+    CameraIntrinsics,
+    CameraMode,
+    CameraStatus,
+    CameraStorage,
+    ImageFormat,
+    StorageState,
+    VideoStream,
+)
+from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalError
+from ual.geometry import Pose, Quaternion, Vector3
+from ual_daemon._version import __version__
+from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
+from ual_daemon.backends.engine.photo_log import PhotoLog
+from ual_daemon.backends.light.settings import LightCameraSettings
+from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
+from ual_daemon.backends.values import Snapshot
+
+T = TypeVar("T")
+
+MOST_WAITING = 8
+"""Pictures that may wait to be painted, of all cameras of a UAV."""
+PHOTO_MIB = 1.0
+"""How much of the storage a picture takes, ..."""
+VIDEO_MIB_S = 2.0
+"""... and a second of video."""
+LARGEST_ZOOM = 4.0
+_SEED_DISTANCE, _MOST_CAMERAS = 1 << 40, 1 << 8
+"""Larger than the number of steps in any world, and of cameras: no two pictures have the same noise."""
+_ABILITIES = frozenset(CameraAbility) - {CameraAbility.FOCUS, CameraAbility.STREAMS}
+
+_log = logging.getLogger(__name__)
+
+
+class Seen(NamedTuple):
+    """What is so at a moment: the pose of the body as it is, the height of the ground, and what the autopilot says."""
+
+    body: Pose
+    ground_z_m: float
+    snapshot: Snapshot
+    step: int
+    is_link_lost: bool
+
+
+class _Shot(NamedTuple):
+    """A picture that can be painted: now, or later."""
+
+    seen: Seen
+    intrinsics: CameraIntrinsics
+    taken: TakenPhoto
+
+
+class LightCamera(OfferedCamera):
+    """One camera. `look` returns what is so now; `paint` has a picture painted by another thread."""
+
+    def __init__(
+        self,
+        number: int,
+        settings: LightCameraSettings,
+        seed: int,
+        look: Callable[[], Seen],
+        paint: Callable[[Callable[[], EncodedImage]], Future[EncodedImage]],
+    ) -> None:
+        self._number = number
+        self._settings = settings
+        self._seed = seed
+        self._look = look
+        self._paint = paint
+        self._mounting = _mounting(settings)
+        self._lock = threading.Lock()
+        self._shots: PhotoLog[_Shot] = PhotoLog()
+        self._missed_count = 0
+        self._used_mib = 0.0
+        self._mode = CameraMode.PHOTO
+        self._zoom_percent = 0.0
+        self._video_since_s: float | None = None
+        self._interval_s: float | None = None
+        self._next_s = math.inf
+        self._left_count = 0
+        self._by_distance: tuple[float, DistanceTrigger] | None = None
+
+    @property
+    @override
+    def info(self) -> CameraInfo:
+        settings = self._settings
+        return CameraInfo(
+            self._number,
+            settings.name,
+            _ABILITIES,
+            not self._look().is_link_lost,
+            __version__,
+            settings.width_px,
+            settings.height_px,
+            self._intrinsics(0.0),
+        )
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether `step` is to be called after each step of the world."""
+        return self._interval_s is not None or self._by_distance is not None
+
+    def step(self, seen: Seen) -> None:
+        """Takes the pictures that are due."""
+        with self._lock:
+            self._take_due(seen)
+
+    def _take_due(self, seen: Seen) -> None:
+        now_s = seen.snapshot.time_s
+        while self._interval_s is not None and now_s >= self._next_s:
+            self._next_s += self._interval_s
+            self._shoot_or_miss(seen)
+            self._left_count -= 1
+            if not self._left_count:
+                self._interval_s = None
+        pose = seen.snapshot.motion.pose
+        if self._by_distance is not None and pose is not None:
+            due_count = self._by_distance[1].due_count(pose.value.position)
+            if due_count:
+                self._shoot_or_miss(seen)
+                self._missed_count += due_count - 1
+
+    # --- What is asked ------------------------------------------------------------------------------------------------
+
+    @override
+    def status(self) -> Future[CameraStatus]:
+        def answer(seen: Seen) -> CameraStatus:
+            recording_s = 0.0 if self._video_since_s is None else seen.snapshot.time_s - self._video_since_s
+            free_mib = self._free_mib(seen)
+            state = StorageState.FULL if free_mib < PHOTO_MIB else StorageState.READY
+            return CameraStatus(
+                mode=self._mode,
+                is_taking_photos=self.is_busy,
+                interval_s=self._interval_s,
+                distance_m=None if self._by_distance is None else self._by_distance[0],
+                is_recording=self._video_since_s is not None,
+                recording_s=recording_s,
+                photos_count=self._shots.count,
+                missed_count=self._missed_count,
+                storage=CameraStorage(state, self._settings.storage_mib, free_mib),
+                zoom_percent=self._zoom_percent,
+            )
+
+        return self._do(answer)
+
+    @override
+    def photos(self, first: int) -> Sequence[TakenPhoto]:
+        return [each.taken for each in self._shots.since(first)]
+
+    @override
+    def take_photo(self) -> Future[TakenPhoto]:
+        return self._do(lambda seen: self._shoot(seen).taken)
+
+    @override
+    def start_interval(self, interval_s: float, count: int) -> Future[None]:
+        def start(seen: Seen) -> None:
+            self._require_room(seen)
+            self._by_distance = None
+            self._interval_s, self._next_s, self._left_count = interval_s, seen.snapshot.time_s, count
+            self._take_due(seen)
+
+        return self._do(start)
+
+    @override
+    def start_distance(self, distance_m: float) -> Future[None]:
+        def start(seen: Seen) -> None:
+            self._require_room(seen)
+            self._interval_s = None
+            self._by_distance = (distance_m, DistanceTrigger(distance_m))
+            self._take_due(seen)
+
+        return self._do(start)
+
+    @override
+    def stop_photos(self) -> Future[None]:
+        def stop(_: Seen) -> None:
+            self._interval_s = self._by_distance = None
+
+        return self._do(stop)
+
+    @override
+    def start_video(self) -> Future[None]:
+        def start(seen: Seen) -> None:
+            self._require_room(seen)
+            if self._video_since_s is None:
+                self._video_since_s = seen.snapshot.time_s
+
+        return self._do(start)
+
+    @override
+    def stop_video(self) -> Future[None]:
+        def stop(seen: Seen) -> None:
+            self._used_mib = self._settings.storage_mib - self._free_mib(seen)
+            self._video_since_s = None
+
+        return self._do(stop)
+
+    @override
+    def set_mode(self, mode: CameraMode) -> Future[None]:
+        def set_(_: Seen) -> None:
+            self._mode = mode
+
+        return self._do(set_)
+
+    @override
+    def set_zoom(self, percent: float) -> Future[None]:
+        def set_(_: Seen) -> None:
+            self._zoom_percent = percent
+
+        return self._do(set_)
+
+    @override
+    def set_focus(self, percent: float | None) -> Future[None]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def streams(self) -> Future[list[VideoStream]]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def image(self, photo: int | None) -> Future[EncodedImage]:
+        def shot(seen: Seen) -> _Shot:
+            return self._shot(seen, 0) if photo is None else self._shots.get(photo)
+
+        found = self._do(shot)
+        error = found.exception(0)
+        if error is not None:
+            return _failed(error)
+        chosen = found.result(0)
+        return self._paint(lambda: self._painted(chosen))
+
+    # --- How it is done -----------------------------------------------------------------------------------------------
+
+    def _do(self, act: Callable[[Seen], T]) -> Future[T]:
+        """Does something at once, unless the link is lost. Returns its result or its error."""
+        future: Future[T] = Future()
+        seen = self._look()
+        try:
+            if seen.is_link_lost:
+                raise LinkLostError(f"camera {self._number} is not heard (simulated)")
+            with self._lock:
+                future.set_result(act(seen))
+        except UalError as error:
+            future.set_exception(error)
+        return future
+
+    def _shoot_or_miss(self, seen: Seen) -> None:
+        try:
+            self._shoot(seen)
+        except RejectedByAutopilotError as error:
+            if not self._missed_count:
+                _log.warning("camera %d misses pictures: %s", self._number, error)
+            self._missed_count += 1
+
+    def _shoot(self, seen: Seen) -> _Shot:
+        self._require_room(seen)
+        self._used_mib += PHOTO_MIB
+        return self._shots.add(lambda number: self._shot(seen, number))
+
+    def _require_room(self, seen: Seen) -> None:
+        if self._free_mib(seen) < PHOTO_MIB:
+            raise RejectedByAutopilotError(
+                f"camera {self._number} refused: its storage is full", {"text": "storage is full"}
+            )
+
+    def _free_mib(self, seen: Seen) -> float:
+        recorded_s = 0.0 if self._video_since_s is None else seen.snapshot.time_s - self._video_since_s
+        return max(0.0, self._settings.storage_mib - self._used_mib - recorded_s * VIDEO_MIB_S)
+
+    def _shot(self, seen: Seen, number: int) -> _Shot:
+        snapshot = seen.snapshot
+        pose = snapshot.motion.pose
+        viewpoint = Viewpoint(
+            None if pose is None else pose.value, snapshot.link.boots_count, self._mounting, snapshot.position_geo()
+        )
+        taken = TakenPhoto(number, snapshot.motion.stamp_s, viewpoint)
+        return _Shot(seen, self._intrinsics(self._zoom_percent), taken)
+
+    def _intrinsics(self, zoom_percent: float) -> CameraIntrinsics:
+        settings = self._settings
+        zoom = 1.0 + (LARGEST_ZOOM - 1.0) * zoom_percent / 100.0
+        view_rad = 2.0 * math.atan(math.tan(settings.horizontal_view_rad / 2.0) / zoom)
+        return CameraIntrinsics.of_view(settings.width_px, settings.height_px, view_rad)
+
+    def _painted(self, shot: _Shot) -> EncodedImage:
+        """Paints a picture. Takes tens of milliseconds."""
+        from ual_daemon.backends.light import painting, png  # numpy takes 10 MiB and 50 ms
+
+        seen, intrinsics, taken = shot
+        body, mounting = seen.body, self._mounting
+        place = body.position + body.orientation.rotate(mounting.position)
+        markers = [
+            painting.Marker(*each.position, each.size_m, each.yaw_rad, each.cells) for each in self._settings.markers
+        ]
+        scene = painting.Scene(seen.ground_z_m, markers)
+        seed = (self._seed * _SEED_DISTANCE + seen.step) * _MOST_CAMERAS + self._number
+        rgb = painting.paint(
+            Pose(place, body.orientation * mounting.orientation), intrinsics, scene, self._settings.noise, abs(seed)
+        )
+        data = png.encode(intrinsics.width_px, intrinsics.height_px, rgb)
+        return EncodedImage(
+            data,
+            ImageFormat.PNG,
+            intrinsics.width_px,
+            intrinsics.height_px,
+            taken.stamp_s,
+            intrinsics,
+            taken.viewpoint,
+        )
+
+
+class LightCameras(OfferedCameras):
+    """The cameras of one UAV."""
+
+    def __init__(self, settings: Sequence[LightCameraSettings], seed: int, look: Callable[[], Seen]) -> None:
+        self._cameras = [LightCamera(number, each, seed, look, self._paint) for number, each in enumerate(settings)]
+        self._lock = threading.Lock()
+        self._painter: ThreadPoolExecutor | None = None
+        self._waiting_count = 0
+        self._is_closed = False
+
+    @override
+    def all(self) -> Sequence[OfferedCamera]:
+        return self._cameras
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether `step` is to be called after each step of the world."""
+        return any(each.is_busy for each in self._cameras)
+
+    def step(self, seen: Seen) -> None:
+        """Takes the pictures that are due."""
+        for each in self._cameras:
+            each.step(seen)
+
+    def close(self) -> None:
+        """Ends the thread that paints. Pictures that wait are cancelled."""
+        with self._lock:
+            painter, self._painter, self._is_closed = self._painter, None, True
+        if painter is not None:
+            painter.shutdown(cancel_futures=True)
+
+    def _paint(self, make: Callable[[], EncodedImage]) -> Future[EncodedImage]:
+        """Has a picture painted by the only thread that paints, so that the flight has the other processors."""
+        with self._lock:
+            if self._waiting_count >= MOST_WAITING:
+                text = f"{MOST_WAITING} pictures are being painted already, which is the limit: wait for one"
+                return _failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+            if self._is_closed:
+                return _failed(UalError("this UAV is closed"))
+            if self._painter is None:
+                self._painter = ThreadPoolExecutor(1, "light-camera")
+            self._waiting_count += 1
+            painted = self._painter.submit(make)
+        painted.add_done_callback(lambda _: self._on_painted())
+        return painted
+
+    def _on_painted(self) -> None:
+        with self._lock:
+            self._waiting_count -= 1
+
+
+def _failed(error: BaseException) -> Future[EncodedImage]:
+    future: Future[EncodedImage] = Future()
+    future.set_exception(error)
+    return future
+
+
+def _mounting(settings: LightCameraSettings) -> Pose:
+    turned = Quaternion.from_euler(settings.mount_roll_rad, settings.mount_pitch_rad, settings.mount_yaw_rad)
+    return Pose(Vector3(*settings.mount_position), turned)

@@ -1,0 +1,155 @@
+"""The cameras of a MAVLink vehicle: what any thread asks for goes to the thread that receives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import TypeVar
+
+from typing_extensions import override
+
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, VideoStream
+from ual.errors import LinkLostError, NotSupportedError, UalError
+from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
+from ual_daemon.backends.mavlink.protocols.camera_values import MODE_NUMBERS
+from ual_daemon.backends.mavlink.session.discovery import Discovery
+from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto
+
+T = TypeVar("T")
+
+
+class MavlinkCamera(OfferedCamera):
+    """One camera.
+
+    Args:
+        link: The camera on the thread that receives.
+        now_s: The backend's clock.
+        reach: Returns the session that is in reach, or why none is.
+        post: Has something done on the thread that receives.
+
+    """
+
+    def __init__(
+        self,
+        link: CameraLink,
+        now_s: Callable[[], float],
+        reach: Callable[[str], Session | UalError],
+        post: Callable[[Callable[[Discovery], None]], None],
+    ) -> None:
+        self._link = link
+        self._now_s = now_s
+        self._reach = reach
+        self._post = post
+
+    @property
+    @override
+    def info(self) -> CameraInfo:
+        return self._link.info(self._now_s())
+
+    @override
+    def status(self) -> Future[CameraStatus]:
+        return self._give("ask its camera", self._link.read_status)
+
+    @override
+    def photos(self, first: int) -> Sequence[TakenPhoto]:
+        return self._link.photos.since(first)
+
+    @override
+    def take_photo(self) -> Future[TakenPhoto]:
+        return self._give("take a photo", self._link.shoot)
+
+    @override
+    def start_interval(self, interval_s: float, count: int) -> Future[None]:
+        def start(future: Future[None]) -> None:
+            self._link.stop_distance()
+            self._link.order(mavlink.MAV_CMD_IMAGE_START_CAPTURE, (0.0, interval_s, float(count), 0.0), future)
+
+        return self._give("take photos", start)
+
+    @override
+    def start_distance(self, distance_m: float) -> Future[None]:
+        def start(future: Future[None]) -> None:
+            if not self.info.is_connected:
+                futures.fail(future, LinkLostError(f"{self._link.name} is not heard"))
+                return
+            self._link.start_distance(distance_m)
+            futures.end(future)
+
+        return self._give("take photos", start)
+
+    @override
+    def stop_photos(self) -> Future[None]:
+        def stop(future: Future[None]) -> None:
+            self._link.stop_distance()
+            self._link.order(mavlink.MAV_CMD_IMAGE_STOP_CAPTURE, (), future)
+
+        return self._give("stop taking photos", stop)
+
+    @override
+    def start_video(self) -> Future[None]:
+        return self._order("start a video", mavlink.MAV_CMD_VIDEO_START_CAPTURE)
+
+    @override
+    def stop_video(self) -> Future[None]:
+        return self._order("stop the video", mavlink.MAV_CMD_VIDEO_STOP_CAPTURE)
+
+    @override
+    def set_mode(self, mode: CameraMode) -> Future[None]:
+        return self._order("set its camera's mode", mavlink.MAV_CMD_SET_CAMERA_MODE, 0.0, float(MODE_NUMBERS[mode]))
+
+    @override
+    def set_zoom(self, percent: float) -> Future[None]:
+        return self._order("zoom", mavlink.MAV_CMD_SET_CAMERA_ZOOM, float(mavlink.ZOOM_TYPE_RANGE), percent)
+
+    @override
+    def set_focus(self, percent: float | None) -> Future[None]:
+        kind = mavlink.FOCUS_TYPE_AUTO_SINGLE if percent is None else mavlink.FOCUS_TYPE_RANGE
+        return self._order("focus", mavlink.MAV_CMD_SET_CAMERA_FOCUS, float(kind), percent or 0.0)
+
+    @override
+    def streams(self) -> Future[list[VideoStream]]:
+        return self._give("list its video streams", self._link.list_streams)
+
+    @override
+    def image(self, photo: int | None) -> Future[EncodedImage]:
+        future: Future[EncodedImage] = Future()
+        future.set_exception(NotSupportedError("a picture is not fetched over MAVLink: see the file_url of its photo"))
+        return future
+
+    def _order(self, what: str, command_id: int, *params: float) -> Future[None]:
+        return self._give(what, lambda future: self._link.order(command_id, params, future))
+
+    def _give(self, what: str, begin: Callable[[Future[T]], None]) -> Future[T]:
+        future: Future[T] = Future()
+        session = self._reach(what)
+        if isinstance(session, UalError):
+            future.set_exception(session)
+        else:
+            self._post(lambda _: begin(future))
+        return future
+
+
+class MavlinkCameras(OfferedCameras):
+    """The cameras of one backend; see `MavlinkCamera`. `found` returns those that were found; `trigger` comes first."""
+
+    def __init__(
+        self,
+        found: Callable[[], Sequence[CameraLink]],
+        now_s: Callable[[], float],
+        reach: Callable[[str], Session | UalError],
+        post: Callable[[Callable[[Discovery], None]], None],
+        trigger: OfferedCamera | None = None,
+    ) -> None:
+        self._first = [] if trigger is None else [trigger]
+        self._found = found
+        self._now_s = now_s
+        self._reach = reach
+        self._post = post
+
+    @override
+    def all(self) -> Sequence[OfferedCamera]:
+        found = [MavlinkCamera(link, self._now_s, self._reach, self._post) for link in self._found()]
+        return [*self._first, *found]

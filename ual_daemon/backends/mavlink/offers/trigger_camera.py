@@ -1,0 +1,158 @@
+"""The camera that the autopilot itself triggers, as a camera of the vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import replace
+
+from typing_extensions import override
+
+from ual.cameras import CameraAbility, CameraInfo, CameraMode, CameraStatus, VideoStream
+from ual.errors import NotSupportedError
+from ual_daemon.backends import futures
+from ual_daemon.backends.engine.command import ONCE
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, command_of
+from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, TakenPhoto
+
+NAME = "autopilot's trigger"
+
+
+class TriggerCamera(OfferedCamera):
+    """Takes pictures one by one, or by distance, which the autopilot counts.
+
+    Args:
+        number: Its number.
+        trigger: Returns what it has reported; None before the link was opened.
+        command: Passes a command to the autopilot, with a human-readable name.
+        post: Has something done on the thread that receives.
+        is_up: Whether the autopilot is heard.
+
+    """
+
+    def __init__(
+        self,
+        number: int,
+        trigger: Callable[[], CameraTrigger | None],
+        command: Callable[[str, LongCommand], Future[None]],
+        post: Callable[[Callable[[], None]], None],
+        is_up: Callable[[], bool],
+    ) -> None:
+        self._number = number
+        self._trigger = trigger
+        self._command = command
+        self._post = post
+        self._is_up = is_up
+
+    @property
+    @override
+    def info(self) -> CameraInfo:
+        return CameraInfo(self._number, NAME, frozenset({CameraAbility.PHOTO}), self._is_up())
+
+    @override
+    def status(self) -> Future[CameraStatus]:
+        future: Future[CameraStatus] = Future()
+        trigger = self._trigger()
+        if trigger is None:
+            future.set_result(CameraStatus())
+        else:
+            distance_m = trigger.distance_m
+            future.set_result(
+                CameraStatus(
+                    is_taking_photos=distance_m is not None,
+                    distance_m=distance_m,
+                    photos_count=trigger.photos.count,
+                    missed_count=trigger.missed_count,
+                )
+            )
+        return future
+
+    @override
+    def photos(self, first: int) -> Sequence[TakenPhoto]:
+        trigger = self._trigger()
+        return [] if trigger is None else trigger.photos.since(first)
+
+    @override
+    def take_photo(self) -> Future[TakenPhoto]:
+        """Waits for the report, whatever is answered to the order, unless that is refused."""
+        future: Future[TakenPhoto] = Future()
+        trigger = self._trigger()
+        if trigger is not None:
+            self._post(lambda: trigger.await_photo(future))
+        shoot = (0.0, 0.0, 0.0, 0.0, 1.0)
+        ordered = self._order("take a photo", mavlink.MAV_CMD_DO_DIGICAM_CONTROL, shoot)
+
+        def on_answer(answered: Future[None]) -> None:
+            error = None if answered.cancelled() else answered.exception()
+            if error is not None:
+                self._post(lambda: _fail(future, error))
+                if trigger is None:
+                    _fail(future, error)
+
+        ordered.add_done_callback(on_answer)
+        future.add_done_callback(lambda _: ordered.cancel())
+        return future
+
+    @override
+    def start_interval(self, interval_s: float, count: int) -> Future[None]:
+        return futures.failed(NotSupportedError(f"camera {self._number} ({NAME}) takes no pictures by time"))
+
+    @override
+    def start_distance(self, distance_m: float) -> Future[None]:
+        return self._set_distance("take photos by distance", distance_m)
+
+    @override
+    def stop_photos(self) -> Future[None]:
+        return self._set_distance("stop taking photos", None)
+
+    @override
+    def start_video(self) -> Future[None]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def stop_video(self) -> Future[None]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def set_mode(self, mode: CameraMode) -> Future[None]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def set_zoom(self, percent: float) -> Future[None]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def set_focus(self, percent: float | None) -> Future[None]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def streams(self) -> Future[list[VideoStream]]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def image(self, photo: int | None) -> Future[EncodedImage]:
+        raise NotImplementedError  # it has no such ability
+
+    def _set_distance(self, what: str, distance_m: float | None) -> Future[None]:
+        once = 0.0 if distance_m is None else 1.0
+        ordered = self._order(what, mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST, (distance_m or 0.0, 0.0, once))
+
+        def on_answer(answered: Future[None]) -> None:
+            trigger = self._trigger()
+            if trigger is not None and not answered.cancelled() and answered.exception() is None:
+                trigger.distance_m = distance_m
+
+        ordered.add_done_callback(on_answer)
+        return ordered
+
+    def _order(self, what: str, command_id: int, params: tuple[float, ...]) -> Future[None]:
+        command = command_of(command_id, params, what, group=f"camera {command_id}")
+        is_repeatable = command_id == mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST
+        return self._command(what, command if is_repeatable else replace(command, repeat=ONCE))
+
+
+def _fail(future: Future[TakenPhoto], error: BaseException) -> None:
+    if not future.done():
+        futures.fail(future, error)

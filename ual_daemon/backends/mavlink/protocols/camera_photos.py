@@ -1,0 +1,85 @@
+"""The pictures that a camera reports, each once, and those whose report was lost."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+from ual_daemon.backends.mavlink.protocols.camera_values import LARGEST_GAP
+
+RETRY_S = 1.0
+TRIES_COUNT = 5
+"""A report that is missing is requested so often, ..."""
+MOST_MISSING = 100
+"""... and so many are at a time. What is more counts as lost at once."""
+MOST_KNOWN = 1000
+
+
+class ReportedPhotos:
+    """Takes the index and the time since boot of each report.
+
+    `request` requests the report of an index, and gets how often it was requested before.
+
+    A camera numbers its pictures. A number that is left out is a report that was lost on the way, and is requested. One
+    that comes again is no other picture, unless the camera has booted since: then its numbers begin again.
+    """
+
+    def __init__(self, request: Callable[[int, int], object]) -> None:
+        self._request = request
+        self._known: OrderedDict[int, int] = OrderedDict()
+        """The time since boot, in ms, of the reports that have come last."""
+        self._next: int | None = None
+        self._missing: dict[int, tuple[int, float]] = {}
+        """How often each was requested, and when the next time is."""
+        self.lost_count = 0
+
+    def is_new(self, index: int, boot_ms: int, now_s: float) -> bool:
+        """Takes a report. Returns whether it is of a picture that was not reported before."""
+        before_ms = self._known.get(index)
+        if before_ms == boot_ms:
+            return False
+        if before_ms is not None:  # the same number at another time: its numbers have begun again
+            self.restart()
+        self._known[index] = boot_ms
+        while len(self._known) > MOST_KNOWN:
+            self._known.popitem(last=False)
+        if self._missing.pop(index, None) is None and index >= 0:
+            self._expect(index, now_s)
+        return True
+
+    def on_count(self, count: int, now_s: float) -> None:
+        """Takes how many pictures the camera says that it has taken."""
+        if self._next is not None and self._next < count <= self._next + LARGEST_GAP:
+            self._miss(range(self._next, count), now_s)
+            self._next = count
+
+    def restart(self) -> None:
+        """Takes that the camera has booted. What was missing is lost."""
+        self.lost_count += len(self._missing)
+        self._known.clear()
+        self._missing.clear()
+        self._next = None
+
+    def tick(self, now_s: float) -> None:
+        """Requests what is missing and due."""
+        for index, (tries_count, next_s) in list(self._missing.items()):
+            if now_s < next_s:
+                continue
+            if tries_count >= TRIES_COUNT:
+                del self._missing[index]
+                self.lost_count += 1
+            else:
+                self._missing[index] = (tries_count + 1, now_s + RETRY_S)
+                self._request(index, tries_count)
+
+    def _expect(self, index: int, now_s: float) -> None:
+        if self._next is None or index >= self._next:
+            if self._next is not None and index <= self._next + LARGEST_GAP:
+                self._miss(range(self._next, index), now_s)
+            self._next = index + 1
+
+    def _miss(self, indexes: range, now_s: float) -> None:
+        room = MOST_MISSING - len(self._missing)
+        self.lost_count += max(0, len(indexes) - room)
+        for index in indexes[max(0, len(indexes) - max(room, 0)) :]:
+            self._missing[index] = (0, now_s)

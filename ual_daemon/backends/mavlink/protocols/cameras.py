@@ -1,0 +1,97 @@
+"""The cameras of a vehicle: components of its system with ids of their own, which send heartbeats.
+
+https://mavlink.io/en/services/camera.html, version 2.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
+from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
+from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.offers.cameras import Viewpoint
+
+_log = logging.getLogger(__name__)
+
+COMPONENTS = range(mavlink.MAV_COMP_ID_CAMERA, mavlink.MAV_COMP_ID_CAMERA6 + 1)
+"""The component ids of cameras."""
+MESSAGE_IDS = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
+        mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION,
+        mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS,
+        mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION,
+        mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
+        mavlink.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED,
+        mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
+    }
+)
+"""What is taken of them; everything else is not even decoded."""
+
+
+class Cameras(Protocol):
+    """Belongs to the thread that receives; `found` is for any thread. `send` sends a message.
+
+    A camera keeps its number while the daemon runs, also if it is not heard any more.
+    """
+
+    def __init__(self, send: Callable[[Message], object]) -> None:
+        self.found: tuple[CameraLink, ...] = ()
+        self.trigger = CameraTrigger()
+        """That of the autopilot itself."""
+        self.first_number = 0
+        """The number of the camera that is found first. Set by the backend."""
+        self.look: Callable[[], Viewpoint] = Viewpoint
+        """Returns from where a picture is taken now. Set by the backend; never blocks."""
+        self._send = send
+        self._target: Source | None = None
+        self._by_component: dict[int, CameraLink] = {}
+
+    @property
+    @override
+    def handlers(self) -> dict[int, Handler]:
+        return self.trigger.handlers
+
+    @override
+    def attach(self, target: Source, dialect: Dialect) -> None:
+        if self._target is not None and self._target.system_id != target.system_id:
+            self.drop("another autopilot was found")
+            self._by_component.clear()
+        self._target = target
+
+    @override
+    def drop(self, why: str) -> None:
+        for each in self.found:
+            each.drop(LinkLostError(f"{each.name} was given up: {why}"))
+        self.trigger.drop(LinkLostError(f"the autopilot's camera was given up: {why}"))
+
+    @override
+    def tick(self, now_s: float) -> None:
+        for each in self.found:
+            each.tick(now_s)
+        self.trigger.tick(now_s)
+
+    def on_component(self, source: Source, message: Message, now_s: float, utc_now_s: float) -> None:
+        """Takes a message of a component of the vehicle that has a camera's id."""
+        camera = self._by_component.get(source.component_id)
+        if message.get_msgId() == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            if message.type == mavlink.MAV_TYPE_CAMERA:
+                (camera or self._add(source)).on_heartbeat(now_s)
+        elif camera is not None:
+            camera.on_message(message, now_s, utc_now_s)
+
+    def _add(self, source: Source) -> CameraLink:
+        camera = CameraLink(self.first_number + len(self.found), source, self._send, self.look)
+        self._by_component[source.component_id] = camera
+        self.found = (*self.found, camera)
+        _log.info("camera %d was found: component %d", camera.number, source.component_id)
+        return camera

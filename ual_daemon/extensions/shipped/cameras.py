@@ -1,0 +1,268 @@
+"""The cameras of a UAV: what may be asked of them, and by whom. The manual is docs/cameras.md.
+
+None of it moves the UAV, so no lease is needed: what is filmed is often another program's than what is flown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Future
+from typing import TypeVar
+
+from typing_extensions import override
+
+from ual import interface
+from ual.cameras import (
+    CameraAbility,
+    CameraInfo,
+    CameraMode,
+    CameraStatus,
+    Image,
+    Photo,
+    VideoStream,
+)
+from ual.errors import InvalidArgumentError, NotSupportedError
+from ual.geometry import Pose, PoseStamped
+from ual_daemon import validation
+from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
+from ual_daemon.extensions.shipped.chain import then
+from ual_daemon.extensions.shipped.vehicle import LocatedVehicle, offered, wait
+from ual_daemon.flight.refusals import only_watching
+
+T = TypeVar("T")
+
+ORDER_S = 18.0
+"""How long a camera may take. A backend ends by itself before."""
+LONGEST_INTERVAL_S = 3600.0
+LONGEST_DISTANCE_M = 10_000.0
+LEAST_INTERVAL_S = 0.05
+LEAST_DISTANCE_M = 0.1
+MOST_COUNT = 1_000_000
+
+
+class VehicleCameras:
+    """The cameras of one UAV. From any thread; no method waits."""
+
+    def __init__(self, vehicle: LocatedVehicle) -> None:
+        self._vehicle = vehicle
+
+    def get_all(self) -> list[CameraInfo]:
+        """See `ual.interface.Cameras`."""
+        return [each.info for each in self._offer().all()]
+
+    def status(self, number: int) -> Future[CameraStatus]:
+        """See `ual.interface.Camera`."""
+        return self._found(number).status()
+
+    def photos(self, number: int, first: int) -> list[Photo]:
+        """See `ual.interface.Camera`."""
+        first = _whole(first, "first", at_most=2**32 - 1)
+        return [self._photo(each) for each in self._found(number).photos(first)]
+
+    def take_photo(self, number: int) -> Future[Photo]:
+        """See `ual.interface.Camera`."""
+        return then(self._ordered(number, CameraAbility.PHOTO, "take a photo").take_photo(), self._photo)
+
+    def start_photos(self, number: int, interval_s: float | None, distance_m: float | None, count: int) -> Future[None]:
+        """See `ual.interface.Camera`."""
+        if (interval_s is None) is (distance_m is None):
+            raise validation.refuse("interval_s", "give either a time between two pictures, or a distance_m")
+        count = _whole(count, "count", at_most=MOST_COUNT)
+        if interval_s is not None:
+            interval_s = _within(interval_s, "interval_s", LEAST_INTERVAL_S, LONGEST_INTERVAL_S)
+            return self._ordered(number, CameraAbility.PHOTO, "take photos").start_interval(interval_s, count)
+        if count:
+            raise validation.refuse("count", "pictures by distance have no count")
+        assert distance_m is not None
+        distance_m = _within(distance_m, "distance_m", LEAST_DISTANCE_M, LONGEST_DISTANCE_M)
+        return self._ordered(number, CameraAbility.PHOTO, "take photos").start_distance(distance_m)
+
+    def stop_photos(self, number: int) -> Future[None]:
+        """See `ual.interface.Camera`."""
+        return self._ordered(number, CameraAbility.PHOTO, "stop taking photos").stop_photos()
+
+    def start_video(self, number: int) -> Future[None]:
+        """See `ual.interface.Camera`."""
+        return self._ordered(number, CameraAbility.VIDEO, "start a video").start_video()
+
+    def stop_video(self, number: int) -> Future[None]:
+        """See `ual.interface.Camera`."""
+        return self._ordered(number, CameraAbility.VIDEO, "stop the video").stop_video()
+
+    def set_mode(self, number: int, mode: CameraMode) -> Future[None]:
+        """See `ual.interface.Camera`."""
+        validation.require_type(mode, CameraMode, "mode")
+        return self._ordered(number, CameraAbility.MODES, "set the camera's mode").set_mode(mode)
+
+    def set_zoom(self, number: int, percent: float) -> Future[None]:
+        """See `ual.interface.Camera`."""
+        percent = _within(percent, "percent", 0.0, 100.0)
+        return self._ordered(number, CameraAbility.ZOOM, "zoom").set_zoom(percent)
+
+    def set_focus(self, number: int, percent: float | None) -> Future[None]:
+        """See `ual.interface.Camera`."""
+        percent = None if percent is None else _within(percent, "percent", 0.0, 100.0)
+        return self._ordered(number, CameraAbility.FOCUS, "focus").set_focus(percent)
+
+    def streams(self, number: int) -> Future[list[VideoStream]]:
+        """See `ual.interface.Camera`."""
+        return self._able(number, CameraAbility.STREAMS).streams()
+
+    def image(self, number: int, photo: int | None) -> Future[Image]:
+        """See `ual.interface.Camera`."""
+        photo = None if photo is None else _whole(photo, "photo", at_most=2**32 - 1)
+        return then(self._able(number, CameraAbility.IMAGE).image(photo), self._image)
+
+    def _offer(self) -> OfferedCameras:
+        return offered(self._vehicle, OfferedCameras, "cameras")  # type: ignore[type-abstract]  # it is only looked for
+
+    def _found(self, number: int) -> OfferedCamera:
+        cameras = self._offer().all()
+        number = _whole(number, "camera", at_most=2**32 - 1)
+        if number >= len(cameras):
+            have = f"0 to {len(cameras) - 1}" if cameras else "none was found"
+            raise InvalidArgumentError(f"camera: there is no camera {number}: {have}", {"field": "camera"})
+        return cameras[number]
+
+    def _able(self, number: int, ability: CameraAbility) -> OfferedCamera:
+        camera = self._found(number)
+        if ability not in camera.info.abilities:
+            can = ", ".join(sorted(each.name.lower() for each in camera.info.abilities)) or "nothing"
+            text = f"camera {number} ({camera.info.name}) does not offer {ability.name.lower()} (it offers: {can})"
+            raise NotSupportedError(text, {"ability": ability.name.lower()})
+        return camera
+
+    def _ordered(self, number: int, ability: CameraAbility, command: str) -> OfferedCamera:
+        camera = self._able(number, ability)
+        if self._vehicle.is_watch_only:
+            raise only_watching(command)
+        return camera
+
+    def _photo(self, taken: TakenPhoto) -> Photo:
+        body, camera = self._poses(taken.viewpoint)
+        geo = taken.viewpoint.position_geo
+        return Photo(taken.number, taken.stamp_s, taken.is_stored, body, camera, geo, taken.file_url)
+
+    def _image(self, found: EncodedImage) -> Image:
+        body, camera = self._poses(found.viewpoint)
+        return Image(
+            found.data,
+            found.format,
+            found.width_px,
+            found.height_px,
+            found.stamp_s,
+            found.intrinsics,
+            body,
+            camera,
+            found.viewpoint.position_geo,
+        )
+
+    def _poses(self, viewpoint: Viewpoint) -> tuple[PoseStamped | None, PoseStamped | None]:
+        """Returns the poses of the body and of the camera in ``<ns>/odom``."""
+        if viewpoint.body is None:
+            return None, None
+        body = self._vehicle.in_odom(viewpoint.body, viewpoint.boots_count)
+        if body is None or viewpoint.mounting is None:
+            return body, None
+        return body, PoseStamped(_mounted(body.pose, viewpoint.mounting), body.frame_id)
+
+
+class Camera(interface.Camera):
+    """A camera in this process."""
+
+    def __init__(self, cameras: VehicleCameras, number: int) -> None:
+        self._cameras = cameras
+        self._number = number
+
+    def __repr__(self) -> str:
+        return f"<Camera {self._number}>"
+
+    @override
+    def status(self) -> CameraStatus:
+        return _done(self._cameras.status(self._number), "the camera's status")
+
+    @override
+    def take_photo(self) -> Photo:
+        return _done(self._cameras.take_photo(self._number), "taking a photo")
+
+    @override
+    def start_photos(self, *, interval_s: float | None = None, distance_m: float | None = None, count: int = 0) -> None:
+        _done(self._cameras.start_photos(self._number, interval_s, distance_m, count), "starting photos")
+
+    @override
+    def stop_photos(self) -> None:
+        _done(self._cameras.stop_photos(self._number), "stopping photos")
+
+    @override
+    def start_video(self) -> None:
+        _done(self._cameras.start_video(self._number), "starting a video")
+
+    @override
+    def stop_video(self) -> None:
+        _done(self._cameras.stop_video(self._number), "stopping the video")
+
+    @override
+    def set_mode(self, mode: CameraMode) -> None:
+        _done(self._cameras.set_mode(self._number, mode), "setting the camera's mode")
+
+    @override
+    def set_zoom(self, percent: float) -> None:
+        _done(self._cameras.set_zoom(self._number, percent), "zooming")
+
+    @override
+    def set_focus(self, percent: float | None = None) -> None:
+        _done(self._cameras.set_focus(self._number, percent), "focusing")
+
+    @override
+    def photos(self, first: int = 0) -> list[Photo]:
+        return self._cameras.photos(self._number, first)
+
+    @override
+    def streams(self) -> list[VideoStream]:
+        return _done(self._cameras.streams(self._number), "listing the video streams")
+
+    @override
+    def image(self, photo: int | None = None) -> Image:
+        return _done(self._cameras.image(self._number, photo), "making the picture")
+
+
+class Cameras(interface.Cameras):
+    """The cameras in this process."""
+
+    def __init__(self, vehicle: LocatedVehicle) -> None:
+        self._of_vehicle = VehicleCameras(vehicle)
+
+    @override
+    def get_all(self) -> list[CameraInfo]:
+        return self._of_vehicle.get_all()
+
+    @override
+    def __getitem__(self, number: int) -> Camera:
+        return Camera(self._of_vehicle, number)
+
+    @override
+    def __iter__(self) -> Iterator[Camera]:
+        return (self[each.number] for each in self.get_all())
+
+
+def _done(future: Future[T], what: str) -> T:
+    return wait(future, ORDER_S, what)
+
+
+def _mounted(body: Pose, mounting: Pose) -> Pose:
+    position = body.position + body.orientation.rotate(mounting.position)
+    return Pose(position, body.orientation * mounting.orientation)
+
+
+def _within(value: float, field: str, least: float, most: float) -> float:
+    value = validation.number(value, field, at_most=float("inf"))
+    if not least <= value <= most:
+        raise validation.refuse(field, f"{value:g} is not from {least:g} to {most:g}")
+    return value
+
+
+def _whole(value: int, field: str, *, at_most: int) -> int:
+    validation.require_type(value, int, field)
+    if not 0 <= value <= at_most:
+        raise validation.refuse(field, f"{value} is not from 0 to {at_most}")
+    return value
