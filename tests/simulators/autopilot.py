@@ -107,6 +107,8 @@ class Autopilot(ABC):
         """Why it cannot be armed; empty if it can."""
         self.failing_sensors = 0
         """Those of SYS_STATUS (MAV_SYS_STATUS) that are not healthy."""
+        self.batteries = [(0, 0, 90)]
+        """The id, the MAV_BATTERY_FUNCTION and the charge (in percent) of each."""
         self.said = ""
         """Its last STATUSTEXT."""
         self.sticks = Sticks()
@@ -724,7 +726,11 @@ class Autopilot(ABC):
     vtol_state = mavlink.MAV_VTOL_STATE_UNDEFINED
 
     def _battery_status(self) -> Message:
-        return mavlink.MAVLink_battery_status_message(0, 0, 0, 0x7FFF, [4050] * 4 + [0xFFFF] * 6, 1000, 0, 0, 90)
+        """Tells of one battery after the other."""
+        self.batteries.append(self.batteries.pop(0))
+        number, function, percent = self.batteries[-1]
+        cells = [4050] * 4 + [0xFFFF] * 6
+        return mavlink.MAVLink_battery_status_message(number, function, 0, 0x7FFF, cells, 1000, 0, 0, percent)
 
     def _autopilot_version(self) -> Message:
         return mavlink.MAVLink_autopilot_version_message(

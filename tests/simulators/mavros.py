@@ -301,11 +301,12 @@ class Mavros:
     def _battery_status(self, message: Any) -> None:
         self._has_battery = True
         volts = sum(each / 1000.0 for each in message.voltages if each != 0xFFFF)
-        self._battery(volts, -message.current_battery / 100.0, message.battery_remaining / 100.0)
+        share = message.battery_remaining / 100.0
+        self._battery(volts, -message.current_battery / 100.0, share, f"id{message.id}")
 
-    def _battery(self, volts: float, amperes: float, share: float) -> None:
+    def _battery(self, volts: float, amperes: float, share: float, location: str = "id0") -> None:
         unknown = dict.fromkeys(("charge", "capacity", "design_capacity"), math.nan)
-        values = {"voltage": volts, "current": amperes, "percentage": share, "present": True}
+        values = {"voltage": volts, "current": amperes, "percentage": share, "present": True, "location": location}
         self._publish("battery", {"header": self._header(), **values, **unknown})
 
     def _estimator(self, message: Any) -> None:

@@ -96,5 +96,5 @@ def test_telemetry_prints_a_line_for_each_thing_that_is_known() -> None:
     lines = repr(sample).splitlines()
     assert lines[0] == "Telemetry("
     assert "  state=<State.LANDED_ARMED: 3>," in lines
-    assert "  battery=Battery(remaining_percent=50.0, voltage_v=None, current_a=None)," in lines
+    assert "  battery=Battery(remaining_percent=50.0, voltage_v=None, current_a=None, id=0, function='')," in lines
     assert not any("gps" in line or line[-5:] == "None," for line in lines)

@@ -69,7 +69,14 @@ task_infos = st.builds(
 )
 plans = st.builds(types.Plan, st.none() | numbers, st.none() | durations)
 geo_points = st.builds(types.GeoPoint, numbers, numbers, st.none() | numbers, st.none() | numbers, st.none() | numbers)
-batteries = st.builds(types.Battery, st.none() | numbers, st.none() | numbers, st.none() | numbers)
+batteries = st.builds(
+    types.Battery,
+    st.none() | numbers,
+    st.none() | numbers,
+    st.none() | numbers,
+    st.integers(0, 255),
+    st.sampled_from(["", "all", "payload"]),
+)
 healths = st.builds(
     types.Health,
     is_ready_to_arm=st.none() | st.booleans(),
@@ -101,6 +108,7 @@ telemetries = st.builds(
     reference_pose=st.none() | poses,
     position_geo=st.none() | geo_points,
     battery=st.none() | batteries,
+    batteries=st.lists(batteries, max_size=3).map(tuple),
     gps=st.none() | gps_infos,
     flight_mode=texts,
     armed=st.booleans(),

@@ -40,6 +40,14 @@ def test_a_battery_is_low_and_critical_in_words(battery: Battery | None, level: 
     assert how.note == ""
 
 
+def test_of_several_batteries_each_is_told() -> None:
+    full, low = Battery(90.0, id=0, function="all"), Battery(20.0, id=1)
+    one = dataclasses.replace(FLYING, battery=full, batteries=(full,))
+    assert condition.batteries_text(one) == "90 %"
+    several = dataclasses.replace(FLYING, battery=low, batteries=(full, low, Battery(id=2, function="payload")))
+    assert condition.batteries_text(several) == "20 % LOW (0 all 90 %, 1 20 % LOW, 2 payload ?)"
+
+
 @pytest.mark.parametrize(
     ("changes", "level", "words"),
     [

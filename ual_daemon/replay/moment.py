@@ -67,7 +67,7 @@ def reported(told: Telemetry, time_s: float) -> Moment:
             velocity=None if told.velocity is None else Sample(told.velocity, time_s),
             position_geo=told.position_geo,
         ),
-        condition=Condition(battery=told.battery, gps=told.gps, status_text=told.status_text, health=told.health),
+        condition=Condition(told.battery, told.gps, told.status_text, told.health, batteries=told.batteries),
     )
     return Moment(snapshot, told, is_whole=True)
 

@@ -69,6 +69,7 @@ def make_telemetry(
         "velocity": reported.velocity,
         "reference_pose": reported.reference_pose,
         "battery": condition.battery,
+        "batteries": condition.batteries,
         "gps": condition.gps,
         "flight_mode": "" if control.mode is None else control.mode.value.own_text or control.mode.value.name,
         "armed": control.armed is not None and control.armed.value,

@@ -203,11 +203,17 @@ MotionRequest = TaskRequest | RecoverFromManualRequest | Setpoint
 
 @dataclass(frozen=True, slots=True)
 class Battery:
-    """The flight battery; the current is positive while discharging. What is not reported is None."""
+    """A battery; the current is positive while discharging. What is not reported is None.
+
+    `id` is the autopilot's number of it. `function` is what it feeds (``all``, ``propulsion``, ``avionics``,
+    ``payload``), empty where the autopilot does not say.
+    """
 
     remaining_percent: float | None = None
     voltage_v: float | None = None
     current_a: float | None = None
+    id: int = 0
+    function: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,7 +321,9 @@ class Telemetry(_LateFields):
 
     `frame_id` is the frame of `pose`, `velocity` and `reference_pose`. `stamp_s` is the time of the pose, UTC since
     1970. `frame_lost` says why it is not known where ``<ns>/odom`` is (`ual.errors.FrameLostError`), and is empty while
-    it is known. `missed_count` is how many samples this subscriber lost since its last one.
+    it is known. `missed_count` is how many samples this subscriber lost since its last one. `batteries` are all of
+    them, where the autopilot tells of each. `battery` is the one that a flight depends on: of several the emptiest that
+    does not feed the payload only.
     """
 
     state: State
@@ -338,6 +346,7 @@ class Telemetry(_LateFields):
     frame_lost: str = ""
     missed_count: int = 0
     health: Health | None = None
+    batteries: tuple[Battery, ...] = ()
 
     @override
     def __repr__(self) -> str:
@@ -348,7 +357,7 @@ class Telemetry(_LateFields):
         return "\n".join(("Telemetry(", *lines, ")"))
 
 
-_UNTOLD: tuple[object, ...] = (None, "")
+_UNTOLD: tuple[object, ...] = (None, "", ())
 
 
 @dataclass(frozen=True, slots=True)

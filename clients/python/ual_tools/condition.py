@@ -97,6 +97,15 @@ def battery_text(battery: Battery | None) -> str:
     return f"{battery.remaining_percent:.0f} %{text}"
 
 
+def batteries_text(t: Telemetry) -> str:
+    """Returns how full the battery is that the flight depends on, and of several how full each is."""
+    decisive = battery_text(t.battery)
+    if len(t.batteries) < 2:
+        return decisive
+    each = (" ".join(filter(None, (str(b.id), b.function, battery_text(b) or "?"))) for b in t.batteries)
+    return f"{decisive} ({', '.join(each)})"
+
+
 def battery_level(battery: Battery | None) -> Level:
     """Returns how urgent it is that a battery is charged; what is not known is no trouble."""
     percent = None if battery is None else battery.remaining_percent

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import sys
 from collections.abc import Sequence
@@ -152,6 +153,7 @@ def state(session: Session) -> None:
             "state": telemetry.state,
             "reason": telemetry.state_reason,
             "battery_percent": None if telemetry.battery is None else telemetry.battery.remaining_percent,
+            "batteries": [dataclasses.asdict(each) for each in telemetry.batteries],
             "flight_mode": telemetry.flight_mode,
             "gps": telemetry.gps,
             "frame_lost": telemetry.frame_lost,
@@ -184,7 +186,7 @@ def _state_text(telemetry: Telemetry, *, is_one: bool) -> str:
     if not sys.stdout.isatty():
         return telemetry.state.name
     first, *more = _reasons(telemetry)
-    battery = condition.battery_text(telemetry.battery)
+    battery = condition.batteries_text(telemetry)
     if is_one:
         lines = (f"{telemetry.state.name}: {first}", *more, f"battery: {battery}" if battery else "")
         text = "\n".join(filter(None, lines))

@@ -139,7 +139,7 @@ def rows(t: Telemetry) -> list[tuple[str, str, str]]:
         ("reference", "" if t.reference_pose is None else pose_text(t.reference_pose), ""),
         ("task", "" if task is None else running_text(task), ""),
         ("", "" if task is None or task.distance_left_m is None else f"{task.distance_left_m:.2f} m left", ""),
-        ("battery", " ".join((condition.battery_text(battery), _known(voltage, "{:.1f} V"))).strip(), STYLES[level]),
+        ("battery", " ".join((condition.batteries_text(t), _known(voltage, "{:.1f} V"))).strip(), STYLES[level]),
         ("position", "" if geo is None else f"{geo.latitude_deg:.6f} {geo.longitude_deg:.6f}", ""),
         ("satellites", "" if gps is None else f"{gps.satellites_count or '?'} ({gps.fix.name})", ""),
         ("corrections", "" if gps is None else _corrections(gps), ""),

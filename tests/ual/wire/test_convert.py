@@ -115,7 +115,18 @@ def test_telemetry_comes_back_as_it_was(telemetry: Telemetry) -> None:
     first = wire(convert.telemetry_to_proto(telemetry))
     back = convert.telemetry_from_proto(first, telemetry.missed_count)
     assert wire(convert.telemetry_to_proto(back)) == first
-    for field in ("state", "pose", "velocity", "reference_pose", "position_geo", "battery", "gps", "task", "sequence"):
+    for field in (
+        "state",
+        "pose",
+        "velocity",
+        "reference_pose",
+        "position_geo",
+        "battery",
+        "batteries",
+        "gps",
+        "task",
+        "sequence",
+    ):
         if field != "task":
             assert getattr(back, field) == getattr(telemetry, field)
     assert back.missed_count == telemetry.missed_count

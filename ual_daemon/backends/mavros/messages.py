@@ -20,6 +20,8 @@ from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, numbers, quaternion, vector
 from ual_daemon.backends.values import LandedState, Mode, PositionSetpoint, Setpoint
 
+_MOST_DIGITS = 3
+"""Of the id of a battery."""
 _LANDED = {
     1: LandedState.ON_GROUND,
     2: LandedState.IN_AIR,
@@ -78,7 +80,14 @@ def battery(message: Message) -> Battery:
         remaining_percent=100.0 * share if 0.0 <= share <= 1.0 else None,
         voltage_v=voltage_v if 0.0 < voltage_v < 65.0 else None,
         current_a=-current_a if current_a <= 0.0 else None,
+        id=_battery_id(str(message.get("location", ""))),
     )
+
+
+def _battery_id(location: str) -> int:
+    """Returns the id in MAVROS' ``id0``, the first one's where it says none."""
+    number_text = location.removeprefix("id")
+    return int(number_text) if number_text.isdecimal() and len(number_text) <= _MOST_DIGITS else 0
 
 
 def gps_info(fix: Message, raw: Message | None, satellites_count: int) -> GpsInfo:

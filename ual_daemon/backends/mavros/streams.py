@@ -25,7 +25,7 @@ CALL_S = 6.0
 """MAVROS waits for the autopilot's acknowledgement for 5 s."""
 _HEARTBEAT, _SYS_STATUS, _GPS_RAW_INT, _ATTITUDE_QUATERNION, _LOCAL_POSITION_NED = 0, 1, 24, 31, 32
 _GLOBAL_POSITION_INT, _GPS_GLOBAL_ORIGIN, _RC_CHANNELS, _VFR_HUD, _TARGET = 33, 49, 65, 74, 85
-_ESTIMATOR_STATUS, _HOME_POSITION, _EXTENDED_SYS_STATE = 230, 242, 245
+_BATTERY_STATUS, _ESTIMATOR_STATUS, _HOME_POSITION, _EXTENDED_SYS_STATE = 147, 230, 242, 245
 
 
 class Stream(NamedTuple):
@@ -52,6 +52,7 @@ def streams_of(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
         Stream(topics.VFR_HUD, _VFR_HUD, 2.0),
         *((Stream(topics.TARGET, _TARGET, 10.0),) if autopilot.stays_without_setpoints else ()),
         Stream(topics.RC_IN, _RC_CHANNELS, 5.0),
+        Stream(topics.BATTERY, _BATTERY_STATUS, 1.0),
     )
 
 

@@ -14,6 +14,7 @@ from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
 from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.batteries import Batteries
 from ual_daemon.backends.firmwares.fence_reader import FenceReader
 from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
@@ -103,6 +104,7 @@ class Telemetry:
         self._gps: GpsInfo | None = None
         self._satellites_count = 0
         self._battery: Battery | None = None
+        self._batteries = Batteries()
         self._has_rangefinder = False
         self.status_text = ""
         self._handlers: dict[str, Callable[[Message, float], None]] = {
@@ -194,7 +196,14 @@ class Telemetry:
                 home_altitude_amsl_m=None if home is None else self._geoid.amsl_m(number(home["geo"]["altitude"])),
                 geoid_separation_m=self._geoid.separation_m,
             ),
-            condition=Condition(self._battery, self._gps, self.status_text, health, self._has_rangefinder),
+            condition=Condition(
+                self._battery,
+                self._gps,
+                self.status_text,
+                health,
+                self._has_rangefinder,
+                self._batteries.all,
+            ),
             link=LinkState(boots_count=self.boots_count),
             autopilot_fence=self.fence.limits,
         )
@@ -328,9 +337,13 @@ class Telemetry:
             self._home.set(message, now_s)
             self.home_s = math.inf
 
-    def _on_battery(self, message: Message, _now_s: float) -> None:
+    def _on_battery(self, message: Message, now_s: float) -> None:
         found = messages.battery(message)
-        self._battery = None if found == Battery() else found
+        if found == Battery(id=found.id):
+            self._battery = None if not self._batteries.are_several else self._battery
+            return
+        self._batteries.on_battery(found, now_s)
+        self._battery = self._batteries.decisive()
 
     def _on_timesync(self, message: Message, now_s: float) -> None:
         """Takes the autopilot's time since boot, by which a reboot shows."""

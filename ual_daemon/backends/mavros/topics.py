@@ -66,7 +66,7 @@ TOPICS = {
     GPS_RAW: Topic("mavros_msgs/GPSRAW", 300),
     VFR_HUD: Topic("mavros_msgs/VfrHud", 500),
     HOME: Topic("mavros_msgs/HomePosition"),
-    BATTERY: Topic("sensor_msgs/BatteryState", 400),
+    BATTERY: Topic("sensor_msgs/BatteryState"),  # of all batteries, one after the other
     RC_IN: Topic("mavros_msgs/RCIn", 150),
     TIMESYNC: Topic("mavros_msgs/TimesyncStatus", 50),
     TARGET: Topic("mavros_msgs/PositionTarget", 80),

@@ -129,11 +129,12 @@ class Condition(NamedTuple):
     """How the vehicle is, for people above all.
 
     Attributes:
-        battery: The battery.
+        battery: The one that the flight depends on.
         gps: The receiver of satellites. None: the backend reports none.
         status_text: The newest text of the autopilot, or what the backend has to say instead.
         health: What else the autopilot says of itself. Its `failsafe` and `held_by` are filled in above.
         has_rangefinder: Whether the autopilot uses a distance sensor that looks down.
+        batteries: All of them, by their ids, where the autopilot tells of each.
 
     """
 
@@ -142,6 +143,7 @@ class Condition(NamedTuple):
     status_text: str = ""
     health: Health | None = None
     has_rangefinder: bool = False
+    batteries: tuple[Battery, ...] = ()
 
 
 class LinkState(NamedTuple):

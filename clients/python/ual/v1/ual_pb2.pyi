@@ -589,27 +589,35 @@ Global___GeoPoint: typing_extensions.TypeAlias = GeoPoint
 
 @typing.final
 class Battery(google.protobuf.message.Message):
-    """The flight battery. What the autopilot does not report is not set."""
+    """A battery. What the autopilot does not report is not set."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     REMAINING_PERCENT_FIELD_NUMBER: builtins.int
     VOLTAGE_V_FIELD_NUMBER: builtins.int
     CURRENT_A_FIELD_NUMBER: builtins.int
+    ID_FIELD_NUMBER: builtins.int
+    FUNCTION_FIELD_NUMBER: builtins.int
     remaining_percent: builtins.float
     """0 to 100."""
     voltage_v: builtins.float
     current_a: builtins.float
     """Positive while discharging."""
+    id: builtins.int
+    """The autopilot's number of the battery, from 0."""
+    function: builtins.str
+    """What it feeds: "all", "propulsion", "avionics", "payload"; empty where the autopilot does not say."""
     def __init__(
         self,
         *,
         remaining_percent: builtins.float | None = ...,
         voltage_v: builtins.float | None = ...,
         current_a: builtins.float | None = ...,
+        id: builtins.int = ...,
+        function: builtins.str = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["_current_a", b"_current_a", "_remaining_percent", b"_remaining_percent", "_voltage_v", b"_voltage_v", "current_a", b"current_a", "remaining_percent", b"remaining_percent", "voltage_v", b"voltage_v"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_current_a", b"_current_a", "_remaining_percent", b"_remaining_percent", "_voltage_v", b"_voltage_v", "current_a", b"current_a", "remaining_percent", b"remaining_percent", "voltage_v", b"voltage_v"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["_current_a", b"_current_a", "_remaining_percent", b"_remaining_percent", "_voltage_v", b"_voltage_v", "current_a", b"current_a", "function", b"function", "id", b"id", "remaining_percent", b"remaining_percent", "voltage_v", b"voltage_v"]) -> None: ...
     @typing.overload
     def WhichOneof(self, oneof_group: typing.Literal["_current_a", b"_current_a"]) -> typing.Literal["current_a"] | None: ...
     @typing.overload
@@ -732,6 +740,7 @@ class Telemetry(google.protobuf.message.Message):
     SEQUENCE_FIELD_NUMBER: builtins.int
     STATUS_TEXT_FIELD_NUMBER: builtins.int
     FRAME_LOST_FIELD_NUMBER: builtins.int
+    BATTERIES_FIELD_NUMBER: builtins.int
     HEALTH_FIELD_NUMBER: builtins.int
     state: Global___State.ValueType
     flight_mode: builtins.str
@@ -772,12 +781,18 @@ class Telemetry(google.protobuf.message.Message):
     @property
     def position_geo(self) -> Global___GeoPoint: ...
     @property
-    def battery(self) -> Global___Battery: ...
+    def battery(self) -> Global___Battery:
+        """The one that a flight depends on: of several the emptiest that does not feed the payload only."""
+
     @property
     def gps(self) -> Global___GpsInfo: ...
     @property
     def task(self) -> Global___Task:
         """The running task."""
+
+    @property
+    def batteries(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___Battery]:
+        """All batteries in the order of their ids, where the autopilot tells of each; `battery` is one of them."""
 
     @property
     def health(self) -> Global___Health: ...
@@ -801,10 +816,11 @@ class Telemetry(google.protobuf.message.Message):
         sequence: builtins.int = ...,
         status_text: builtins.str = ...,
         frame_lost: builtins.str = ...,
+        batteries: collections.abc.Iterable[Global___Battery] | None = ...,
         health: Global___Health | None = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["battery", b"battery", "gps", b"gps", "header", b"header", "health", b"health", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["armed", b"armed", "battery", b"battery", "flight_mode", b"flight_mode", "frame_lost", b"frame_lost", "gps", b"gps", "header", b"header", "health", b"health", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "sequence", b"sequence", "state", b"state", "state_reason", b"state_reason", "status_text", b"status_text", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["armed", b"armed", "batteries", b"batteries", "battery", b"battery", "flight_mode", b"flight_mode", "frame_lost", b"frame_lost", "gps", b"gps", "header", b"header", "health", b"health", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "sequence", b"sequence", "state", b"state", "state_reason", b"state_reason", "status_text", b"status_text", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> None: ...
 
 Global___Telemetry: typing_extensions.TypeAlias = Telemetry
 

@@ -557,6 +557,7 @@ def rare_of_telemetry(telemetry: Telemetry) -> tuple[object, ...]:
         telemetry.status_text,
         telemetry.frame_lost,
         telemetry.battery,
+        telemetry.batteries,
         telemetry.gps,
         telemetry.health,
     )
@@ -573,6 +574,8 @@ def write_rare(telemetry: Telemetry, message: pb.Telemetry) -> None:
         message.frame_lost = telemetry.frame_lost
     if telemetry.battery is not None:
         message.battery.CopyFrom(_battery_to_proto(telemetry.battery))
+    if telemetry.batteries:
+        message.batteries.extend(map(_battery_to_proto, telemetry.batteries))
     if telemetry.gps is not None:
         message.gps.CopyFrom(_gps_to_proto(telemetry.gps))
     if telemetry.health is not None:
@@ -640,7 +643,11 @@ def geo_point_from_proto(message: pb.GeoPoint) -> GeoPoint:
 
 def _battery_to_proto(battery: Battery) -> pb.Battery:
     return pb.Battery(
-        remaining_percent=battery.remaining_percent, voltage_v=battery.voltage_v, current_a=battery.current_a
+        remaining_percent=battery.remaining_percent,
+        voltage_v=battery.voltage_v,
+        current_a=battery.current_a,
+        id=battery.id,
+        function=battery.function,
     )
 
 
@@ -650,6 +657,8 @@ def _battery_from_proto(message: pb.Battery) -> Battery:
         message.remaining_percent if has("remaining_percent") else None,
         message.voltage_v if has("voltage_v") else None,
         message.current_a if has("current_a") else None,
+        message.id,
+        message.function,
     )
 
 
@@ -715,6 +724,7 @@ _TELEMETRY_READERS: Mapping[str, Callable[[pb.Telemetry], object]] = {
     "reference_pose": _reader("reference_pose", _read_pose),
     "position_geo": _reader("position_geo", geo_point_from_proto),
     "battery": _reader("battery", _battery_from_proto),
+    "batteries": lambda message: tuple(map(_battery_from_proto, message.batteries)),
     "gps": _reader("gps", _gps_from_proto),
     "health": _reader("health", _health_from_proto),
     **{

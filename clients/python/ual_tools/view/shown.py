@@ -97,7 +97,7 @@ def shown(
         _label(ns, telemetry),
         _COLOURS[telemetry.state],
         how,
-        condition.battery_text(telemetry.battery),
+        condition.batteries_text(telemetry),
         mark,
         task="" if telemetry.task is None else running_text(telemetry.task),
         is_lost=False,

@@ -273,6 +273,7 @@ EXPECTED_QOS = {
     "odom": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
     "ref_pose": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
     "battery": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+    "batteries": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
     "fix": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
     "state": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
     "health": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE),

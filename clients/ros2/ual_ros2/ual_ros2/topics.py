@@ -77,6 +77,7 @@ class Topics:
         self._odom = self._publisher(Odometry, "odom")
         self._ref_pose = self._publisher(PoseStamped, "ref_pose")
         self._battery = self._publisher(BatteryState, "battery")
+        self._batteries = self._publisher(BatteryState, "batteries")
         self._fix = self._publisher(NavSatFix, "fix")
         self._state = self._publisher(State, "state", LATCHED)
         self._health = self._publisher(DiagnosticArray, "health", RELIABLE)
@@ -85,7 +86,8 @@ class Topics:
     def destroy(self) -> None:
         """Ends the topics."""
         for each in (
-            self._pose, self._velocity, self._odom, self._ref_pose, self._battery, self._fix, self._state, self._health
+            self._pose, self._velocity, self._odom, self._ref_pose, self._battery, self._batteries, self._fix,
+            self._state, self._health,
         ):  # fmt: skip
             self._node.destroy_publisher(each)
 
@@ -106,15 +108,21 @@ class Topics:
 
     def publish_slow(self, sample: ual.Telemetry, said: health.Said) -> None:
         """Publishes what changes slowly."""
-        if sample.battery is not None and _is_heard(self._battery):
-            self._time.stamp_now(self._battery_message.header.stamp)
-            values.fill_battery(self._battery_message, sample.battery)
-            self._battery.publish(self._battery_message)
+        if sample.battery is not None:
+            self._publish_battery(self._battery, sample.battery)
+        for each in sample.batteries:
+            self._publish_battery(self._batteries, each)
         if sample.position_geo is not None and _is_heard(self._fix):
             self._stamp(self._fix_message.header, sample.stamp_s, f"{self._ns}/base_link")
             values.fill_fix(self._fix_message, sample.position_geo, sample.gps)
             self._fix.publish(self._fix_message)
         self._publish_health(health.of(sample, said))
+
+    def _publish_battery(self, publisher: Entity, battery: ual.Battery) -> None:
+        if _is_heard(publisher):
+            self._time.stamp_now(self._battery_message.header.stamp)
+            values.fill_battery(self._battery_message, battery)
+            publisher.publish(self._battery_message)
 
     def tell_unknown(self, reason: str, said: health.Said) -> None:
         """Says that nothing is known of the UAV, and why."""

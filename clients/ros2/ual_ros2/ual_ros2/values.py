@@ -154,6 +154,7 @@ def fill_battery(message: Message, value: ual.Battery) -> None:
     """Fills a BatteryState. ROS counts a current that discharges as negative."""
     percent, current_a = value.remaining_percent, value.current_a
     message.present = True
+    message.location = f"id{value.id} {value.function}".strip()
     message.voltage = known(value.voltage_v)
     message.percentage = math.nan if percent is None else percent / 100.0
     message.current = math.nan if current_a is None else -current_a

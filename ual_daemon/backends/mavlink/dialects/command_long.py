@@ -102,6 +102,7 @@ def slow_streams() -> list[LongCommand]:
         set_message_interval(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
         set_message_interval(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),
         set_message_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 5.0),
+        set_message_interval(mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     ]
 
 

@@ -26,6 +26,7 @@ class Unknown(Dialect):
     """An unknown autopilot, or a known one on a vehicle that is not a multirotor: read by the common messages."""
 
     wanted_messages: tuple[int, ...] = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
+    optional_messages = frozenset({mavlink.MAVLINK_MSG_ID_BATTERY_STATUS})
 
     def __init__(self, autopilot: int, kind: int = mavlink.MAV_TYPE_GENERIC) -> None:
         of = "" if kind == mavlink.MAV_TYPE_GENERIC else f", {vehicle_text(kind)}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
+from ual_daemon.backends.firmwares.batteries import FUNCTIONS
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import LandedState
 
@@ -49,6 +50,20 @@ def battery(message: Message) -> Battery | None:
         current_a=None if current < 0 else current / 100.0,  # unknown: -1 in MAVLink, -100 from PX4
     )
     return None if found == Battery() else found
+
+
+def battery_status(message: Message) -> Battery:
+    """Returns the battery of a BATTERY_STATUS: the sum of its cells, where they are told."""
+    cells = [each for each in message.voltages if each != _UNKNOWN_U16]
+    millivolts = sum(cells) + sum(getattr(message, "voltages_ext", ()))  # the latter are 0 where there are no more
+    current, remaining = message.current_battery, message.battery_remaining
+    return Battery(
+        remaining_percent=None if remaining < 0 else float(remaining),
+        voltage_v=milli(millivolts) if millivolts else None,
+        current_a=None if current < 0 else current / 100.0,
+        id=message.id,
+        function=FUNCTIONS.get(message.battery_function, ""),
+    )
 
 
 def gps_info(message: Message) -> GpsInfo:

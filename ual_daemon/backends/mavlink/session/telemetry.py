@@ -13,13 +13,22 @@ from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
+from ual_daemon.backends.firmwares.batteries import Batteries
 from ual_daemon.backends.firmwares.fence_reader import FenceReader
 from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
 from ual_daemon.backends.mavlink.dialects.axes import frd_to_flu, ned_to_enu, orientation_to_enu
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.corrections_injection import NO_CORRECTIONS, SeenCorrections
-from ual_daemon.backends.mavlink.session.conversions import battery, degrees, geo_point, gps_info, landed_state, milli
+from ual_daemon.backends.mavlink.session.conversions import (
+    battery,
+    battery_status,
+    degrees,
+    geo_point,
+    gps_info,
+    landed_state,
+    milli,
+)
 from ual_daemon.backends.mavlink.session.mode_names import ModeNames
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.status_text import StatusText
@@ -93,6 +102,7 @@ class Telemetry:
         self._geoid_separation_m: float | None = None
         self._has_rangefinder = False
         self._battery: Battery | None = None
+        self._batteries = Batteries()
         self._gps: GpsInfo | None = None
         self._status_text = StatusText()
         self.version: Message | None = None
@@ -132,6 +142,7 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: self._on_home_position,
             mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._on_gps_raw_int,
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._on_sys_status,
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self._on_battery_status,
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_statustext,
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._on_autopilot_version,
             mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self._on_param_value,
@@ -240,7 +251,8 @@ class Telemetry:
         gps = self._gps
         if gps is not None and corrections is not NO_CORRECTIONS:
             gps = replace(gps, corrections_age_s=corrections.age_s, baseline_m=corrections.baseline_m)
-        condition = (self._battery, gps, self._status_text.text, health, self._has_rangefinder)
+        batteries = self._batteries.all
+        condition = (self._battery, gps, self._status_text.text, health, self._has_rangefinder, batteries)
         if condition != self._condition:
             self._condition = Condition(*condition)
         link = ("", refused, self.conflict, self._boots_count, 0)
@@ -376,8 +388,16 @@ class Telemetry:
         )
         self.fence.set_enabled(bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE))
         found = battery(message)
-        if found is None or self.plausibility.accepts_battery(found):
+        is_it = not self._batteries.are_several  # else it is of the first, or of all together
+        if is_it and (found is None or self.plausibility.accepts_battery(found)):
             self._battery = found
+
+    def _on_battery_status(self, message: Message, now_s: float, _: float) -> None:
+        found = battery_status(message)
+        if self.plausibility.accepts_battery(found):
+            self._batteries.on_battery(found, now_s)
+            if self._batteries.are_several:
+                self._battery = self._batteries.decisive()
 
     def _on_statustext(self, message: Message, _now_s: float, _: float) -> None:
         self._status_text.update(message)

@@ -14,7 +14,7 @@ from tests.ual_daemon.backends.mavlink.fakes import (
     position,
 )
 from ual.geometry import Vector3
-from ual.types import GpsFix, State
+from ual.types import Battery, GpsFix, State
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
 from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.wire.frames import Frame
@@ -230,6 +230,23 @@ def test_a_mode_is_taken_from_whichever_message_says_it_first() -> None:
     assert harness.snapshot().control.mode.value.control is Control.REFERENCES
     harness.receive(mavlink.MAVLink_current_mode_message(0, 0x00030000, 0))
     assert harness.snapshot().control.mode.value.name == "POSCTL"
+
+
+def told_battery(number: int, percent: int, function: int = 0, cells: int = 4, more: int = 0) -> Message:
+    voltages, ext = [4000] * cells + [0xFFFF] * (10 - cells), [4000] * more + [0] * (4 - more)
+    return mavlink.MAVLink_battery_status_message(
+        number, function, 0, 0x7FFF, voltages, 250, 0, 0, percent, 0, 0, ext, 0, 0
+    )
+
+
+def test_of_several_batteries_the_emptiest_counts_and_all_are_told() -> None:
+    harness = Harness()
+    harness.receive(heartbeat(), told_battery(0, 80), _charge(81))
+    assert harness.snapshot().condition.battery == Battery(81.0, 16.2, 1.0)  # one: as the system's status says
+    harness.receive(told_battery(1, 40, 2, 10, 2), told_battery(2, 5, 4), _charge(81), told_battery(3, 101))
+    condition = harness.snapshot().condition
+    assert condition.battery == Battery(40.0, 48.0, 2.5, 1, "propulsion")
+    assert [(each.id, each.remaining_percent) for each in condition.batteries] == [(0, 80.0), (1, 40.0), (2, 5.0)]
 
 
 def test_battery_gps_and_places_are_told_in_our_units() -> None:

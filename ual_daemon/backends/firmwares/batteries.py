@@ -1,0 +1,50 @@
+"""The batteries of a vehicle, and the one that its flight depends on. Pure logic."""
+
+from __future__ import annotations
+
+import math
+
+from ual.types import Battery
+
+LASTS_S = 20.0
+"""After so long without a word a battery is gone. PX4 tells of each every 2 s."""
+PAYLOAD = "payload"
+FUNCTIONS = {1: "all", 2: "propulsion", 3: "avionics", 4: PAYLOAD}
+"""What a battery feeds, by MAV_BATTERY_FUNCTION."""
+MOST = 16
+"""So many batteries are kept at most."""
+
+
+class Batteries:
+    """Takes the words on each battery, by its id."""
+
+    def __init__(self) -> None:
+        self.all: tuple[Battery, ...] = ()
+        """Those that were told of lately, in the order of their ids."""
+        self._heard_s: dict[int, float] = {}
+        self._known: dict[int, Battery] = {}
+
+    def on_battery(self, battery: Battery, now_s: float) -> None:
+        """Takes what was told of one."""
+        if battery.id not in self._known and len(self._known) >= MOST:
+            return
+        self._known[battery.id], self._heard_s[battery.id] = battery, now_s
+        for each in [each for each, heard_s in self._heard_s.items() if now_s - heard_s > LASTS_S]:
+            del self._known[each], self._heard_s[each]
+        self.all = tuple(self._known[each] for each in sorted(self._known))
+
+    @property
+    def are_several(self) -> bool:
+        """Whether the flight may depend on another one than the first."""
+        return len(self.all) > 1
+
+    def decisive(self) -> Battery | None:
+        """Returns the emptiest of those that feed more than the payload; None while none is known."""
+        flying = [each for each in self.all if each.function != PAYLOAD] or self.all
+        return min(flying, key=_charge, default=None)
+
+
+def _charge(battery: Battery) -> tuple[float, float]:
+    """Returns how full it is; a voltage counts only among those whose charge is not known."""
+    percent, volts = battery.remaining_percent, battery.voltage_v
+    return (math.inf if percent is None else percent, math.inf if volts is None else volts)
