@@ -35,6 +35,8 @@ from ual_daemon.tracker.references import Hold, Reference, TrajectoryReference, 
 from ual_daemon.trajectory import Line, Motion
 
 _LOST_ACK_S = 1.0
+_MODE_NEWS_S = 1.5
+"""So long the mode may be missed of a UAV that has left the ground on our command. PX4 tells it twice a second."""
 _TOLERANCE = 0.05
 _LEAST_TOLERANCE_M = 0.1
 _HIGHEST_SHARE, _HIGHEST_MARGIN_M = 1.2, 1.0
@@ -95,6 +97,8 @@ class TakeOff(Manoeuvre):
         self._modes_since_s = -math.inf if start.control.armed is None else start.control.armed.time_s
         self._began_in = self._other_mode(start)
         self._climbing_since_s: float | None = None
+        self._air_since_s = math.inf
+        """Since when it is in the air, in a mode that is not ours as far as it was told."""
         self._longest_s = _longest_s(height_m, limits)
 
     @override
@@ -131,12 +135,26 @@ class TakeOff(Manoeuvre):
         autopilot that climbs by itself may do so in other modes, too (ArduPilot in LOITER).
         """
         is_ours = _is_ours(snapshot)
-        is_taken_over = (self._was_ours and not is_ours) or estimate.state is State.FLYING_MANUAL
+        is_taken_over = (self._was_ours and not is_ours) or self._is_flown_by_others(snapshot, estimate)
         self._is_mode_left_over = self._is_mode_left_over and is_ours
         self._was_ours = is_ours and not self._is_mode_left_over
         other = self._other_mode(snapshot)
         self._began_in = self._began_in or other
         return is_taken_over or other not in ("", self._began_in)
+
+    def _is_flown_by_others(self, snapshot: Snapshot, estimate: Estimate) -> bool:
+        """Whether it flies in a mode that is not ours.
+
+        On a bad link it may be heard to have left the ground before its new mode is. A mode from before that says
+        nothing where no pilot can lift off in it.
+        """
+        if estimate.state is not State.FLYING_MANUAL:
+            return False
+        self._air_since_s = min(self._air_since_s, snapshot.time_s)
+        mode = snapshot.control.mode
+        may_be_ours = self._on_setpoints and mode is not None and mode.value.is_autonomous
+        is_old = mode is not None and mode.time_s < self._air_since_s
+        return not (may_be_ours and is_old and snapshot.time_s - self._air_since_s <= _MODE_NEWS_S)
 
     def _other_mode(self, snapshot: Snapshot) -> str:
         """Returns the mode, as far as it was heard since the arming and is not ours; empty otherwise."""

@@ -11,9 +11,18 @@ from tests.ual_daemon.flight.hand_made import HEIGHT_M, Autopilot, sent
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Quaternion, Vector3
 from ual.types import Limits, TaskKind
-from ual_daemon.backends.values import Control, LandedState, Mode, PositionSetpoint, Sample
+from ual_daemon.backends.values import (
+    Control,
+    Freshness,
+    LandedState,
+    Mode,
+    PositionSetpoint,
+    Sample,
+    Snapshot,
+)
 from ual_daemon.flight.manoeuvres.manoeuvre import Step
 from ual_daemon.flight.manoeuvres.take_off import TakeOff
+from ual_daemon.flight.state import Estimate, estimate
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import Hold
 
@@ -136,6 +145,54 @@ def test_a_mode_change_by_the_pilot_before_the_command_is_answered_ends_the_take
     assert error.metadata["by"] == "safety pilot"
     climb.end(error)
     assert ack.cancelled()  # it is not sent again
+
+
+def lifted(autopilot: Autopilot, mode: Mode, told_s: float) -> tuple[Snapshot, Estimate]:
+    """In the air, as far as it was told; its mode was told some time ago."""
+    autopilot.landed = LandedState.IN_AIR
+    snapshot = changed(autopilot.snapshot(), mode=Sample(mode, told_s))
+    return snapshot, estimate(snapshot, Freshness(mode_s=5.0))
+
+
+def test_on_a_bad_link_the_air_may_be_heard_of_before_the_mode(autopilot: Autopilot, ack: Future[None]) -> None:
+    """As simulated with a loss of 37 %: PX4 is in OFFBOARD, and lifts off, 0.9 s before that mode is heard."""
+    loiter = Mode("AUTO.LOITER", Control.OTHER, is_autonomous=True)
+    autopilot.mode = loiter.name
+    climb = take_off(autopilot, ack, on_setpoints=True)
+    told_s = autopilot.time_s
+    for _ in range(9):
+        autopilot.time_s += 0.1
+        step = climb.step(*lifted(autopilot, loiter, told_s))
+        assert not step.has_ended
+        assert isinstance(step.setpoint, PositionSetpoint)  # OFFBOARD would end without
+    autopilot.control, autopilot.mode = Control.REFERENCES, "OFFBOARD"
+    ack.set_result(None)
+    assert not autopilot.step(climb).has_ended
+
+
+@pytest.mark.parametrize(
+    ("mode", "is_told_again", "on_setpoints", "passed_s"),
+    [
+        ("AUTO.LOITER", True, True, 0.2),  # it was told in the air, and is not ours
+        ("AUTO.LOITER", False, True, 2.0),  # for too long
+        ("POSCTL", False, True, 0.1),  # a pilot can lift off in it
+        ("AUTO.LOITER", False, False, 0.1),
+    ],
+)
+def test_what_lifts_off_in_another_mode_is_flown_by_others(
+    autopilot: Autopilot, ack: Future[None], mode: str, passed_s: float, *, is_told_again: bool, on_setpoints: bool
+) -> None:
+    made = Mode(mode, Control.OTHER, is_autonomous=mode.startswith("AUTO"))
+    autopilot.mode = mode
+    climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
+    told_s, begun_s = autopilot.time_s, autopilot.time_s + 0.1
+    step = Step()
+    while not step.has_ended:
+        autopilot.time_s += 0.1
+        assert autopilot.time_s < begun_s + passed_s + 0.05
+        step = climb.step(*lifted(autopilot, made, autopilot.time_s - 0.05 if is_told_again else told_s))
+    assert isinstance(step.error, TaskAbortedError)
+    assert step.is_taken
 
 
 @pytest.mark.parametrize("on_setpoints", [False, True])
