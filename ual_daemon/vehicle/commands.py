@@ -327,8 +327,11 @@ class Commands:
     def abandon(self, task: VehicleTask, lease_id: str = NOBODY) -> bool:
         """Cancels a task whose caller waits no more.
 
-        Returns False if it goes on, because only the safety pilot can abort what it does, or whose the lease is now.
+        Returns False if it goes on: a take-off or a landing does, also where no safety pilot could abort it. So does a
+        task where another program holds the lease now.
         """
+        if self._flight.estimate(self._backend.snapshot()).state in (State.TAKING_OFF, State.LANDING):
+            return False
         try:
             self.cancel(task, lease_id)
         except (WrongStateError, LeaseHeldError, LeaseLostError):

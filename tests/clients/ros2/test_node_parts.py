@@ -326,12 +326,36 @@ def test_one_that_is_cancelled_before_it_begins_never_begins() -> None:
     assert asyncio.run(check()) == Outcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
 
 
+@pytest.mark.parametrize("is_refused", [False, True])
+def test_one_that_the_daemon_aborts_says_by_what_and_one_that_it_does_not_goes_on(is_refused: bool) -> None:
+    async def check() -> Outcome:
+        flown: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        async def fly() -> None:
+            await flown
+
+        async def abort() -> None:
+            if is_refused:
+                flown.set_result(None)
+                raise ual.WrongStateError("it has landed")
+            flown.set_exception(ual.TaskAbortedError("replaced by abort", {"by": "abort"}))
+
+        run = Run(fly)
+        await run_ready()
+        await run.abort("the ROS client", abort)
+        return await run.task
+
+    cancelled = Outcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
+    assert asyncio.run(check()) == (Outcome() if is_refused else cancelled)
+
+
 def test_answers_have_reason_words_and_metadata() -> None:
     refused = Outcome("GEOFENCE", "too far", {"setting": "radius"})
     filled = outcome.fill(SimpleNamespace(), refused, lambda **fields: fields)
     assert (filled.success, filled.reason, filled.message) == (False, "GEOFENCE", "too far")
     assert filled.metadata == [{"key": "setting", "value": "radius"}]
-    assert outcome.fill_trigger(SimpleNamespace(), refused).message == "GEOFENCE: too far"
+    assert outcome.fill_trigger(SimpleNamespace(), refused).message == 'GEOFENCE: too far\n{"setting": "radius"}'
+    assert outcome.fill_trigger(SimpleNamespace(), Outcome("GEOFENCE", "too far")).message == "GEOFENCE: too far"
     assert outcome.fill_trigger(SimpleNamespace(), Outcome()) == SimpleNamespace(success=True, message="")
 
 

@@ -49,6 +49,36 @@ def test_a_transform_comes_back_as_it_went(where: ual.Vector3, turned: ual.Quate
     assert same(values.transform_stamped(message), link)
 
 
+@given(poses, names)
+def test_a_pose_from_outside_comes_back_as_it_went(pose: ual.Pose, frame_id: str) -> None:
+    message = SimpleNamespace(header=messages.header(frame_id), pose=messages.pose())
+    values.fill_pose(message.pose, pose)
+    told = ual.PoseStamped(pose, frame_id, 5.0)
+    assert same(values.external_pose(message, 5.0), ual.types.ExternalPose(told))
+    measured = SimpleNamespace(pose=message.pose, covariance=[0.0] * 36)
+    covered = SimpleNamespace(header=message.header, pose=measured)
+    assert same(values.external_pose_with_covariance(covered, 5.0), ual.types.ExternalPose(told))
+
+
+@pytest.mark.parametrize(
+    ("variances", "position_m", "orientation_rad"),
+    [
+        ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), None, None),
+        ((0.04, 0.01, 0.09, 0.0, 0.0, 0.0), 0.3, None),
+        ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0025), None, 0.05),
+        ((0.01, -0.01, 0.01, math.nan, 0.01, 0.01), math.nan, math.nan),
+        ((math.inf, 0.01, 0.01, -1.0, 0.0, 0.0), math.nan, math.nan),
+    ],
+)
+def test_a_covariance_gives_the_largest_standard_deviation(
+    variances: tuple[float, ...], position_m: float | None, orientation_rad: float | None
+) -> None:
+    covariance = [7.0] * 36  # what is beside the diagonal is not read
+    covariance[::7] = variances
+    found = values.standard_deviation(covariance, 0), values.standard_deviation(covariance, 3)
+    assert found == pytest.approx((position_m, orientation_rad), nan_ok=True)
+
+
 @given(st.floats(0.0, 2.0**31 - 1.0))
 def test_a_time_is_split_exactly(time_s: float) -> None:
     seconds, nanoseconds = values.split(time_s)

@@ -57,6 +57,7 @@ class Processes:
         self._stack = stack
         self._directory = directory
         self._count = 0
+        self.running: list[subprocess.Popen[bytes]] = []
 
     def start(self, *command: str) -> subprocess.Popen[bytes]:
         """Starts a program, which is killed in the end."""
@@ -64,6 +65,7 @@ class Processes:
         log = self._stack.enter_context((self._directory / f"{self._count}.log").open("wb"))
         process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
         self._stack.callback(end, process)
+        self.running.append(process)
         return process
 
     def daemon(self, *flags: str, ns: str = "uav_1") -> subprocess.Popen[bytes]:
@@ -153,7 +155,10 @@ def armed(uav: ual.Uav) -> ual.Uav:
 
 
 @pytest.fixture
-def flying(armed: ual.Uav) -> ual.Uav:
-    """The UAV, 3 m over the ground."""
-    armed.take_off(3.0)
-    return armed
+def flying(uav: ual.Uav) -> ual.Uav:
+    """The UAV, 3 m over home: what flew before goes on from there."""
+    if uav.state() is not ual.State.FLYING_AUTO:
+        uav.wait_for(ual.State.LANDED_ARMED, timeout_s=60.0)
+        uav.take_off(3.0)
+    uav.go_to_waypoint(ual.Pose.at(0.0, 0.0, 3.0))
+    return uav

@@ -25,7 +25,6 @@ _NO_ANSWER = Inexpressible(
     "a refused setpoint is told in `health` and in the log: a topic has no answer",
     r"^(a pose|a reference|a velocity|Twist).*: expected \w+, but it was accepted$",
 )
-_NO_METADATA = Inexpressible("the answer of a `Trigger` has no metadata", "^(recovering: )?metadata says None")
 _NO_DRY_RUN = Inexpressible("there are no dry runs", "^dry_run$")
 _NO_TASK = Inexpressible("no task is found by its identifier", "^task$")
 _NO_FRAME = Inexpressible("frames are added by tf, which refuses none and removes none", "^add_frame$")
@@ -44,7 +43,6 @@ INEXPRESSIBLE: Mapping[str, Inexpressible] = {
     "bad_frames_are_refused": _NO_FRAME,
     "an_unknown_task_is_refused": _NO_TASK,
     "a_handle_reports_its_task": _NO_TASK,
-    "arms_and_disarms": _NO_METADATA,
     "takes_off_only_when_armed": _NO_DRY_RUN,
     "flies_nothing_on_the_ground": _NO_ANSWER,
     "bad_poses_from_outside_are_refused": _NO_ANSWER,
@@ -58,7 +56,6 @@ INEXPRESSIBLE: Mapping[str, Inexpressible] = {
     "a_goal_below_the_ground_is_refused": _NO_DRY_RUN,
     "bad_poses_are_refused": _NO_ANSWER,
     "bad_velocities_are_refused": _NO_ANSWER,
-    "ground_commands_are_refused_in_flight": _NO_METADATA,
     "the_pilot_takes_over": _NO_ANSWER,
     "a_paused_task_holds_on_its_way_and_goes_on": _NO_ROUTE,
     "reads_the_autopilots_parameters": _NO_PARAMETERS,

@@ -6,12 +6,13 @@ of its UAV before (`Info`), and the simulated world, in which the safety pilot i
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn
 
 from flying import CANCELED, LIMIT_S, Client, waited
-from geometry_msgs.msg import PointStamped, PoseStamped, TwistStamped
+from geometry_msgs.msg import PointStamped, PoseStamped, PoseWithCovarianceStamped, TwistStamped
 from inexpressible import InexpressibleError
 from nav_msgs.msg import Path
 from sensor_msgs.msg import NavSatFix
@@ -43,6 +44,7 @@ NAMES: Mapping[type, str] = {
     ReturnToLaunchRequest: "return_to_launch",
 }
 
+PUBLISHED = {"set_pose": PoseStamped, "set_velocity": TwistStamped, "external_pose_cov": PoseWithCovarianceStamped}
 TIMES, BETWEEN_S = 3, 0.03
 """A topic may lose a message: so a pose is published more than once, and a velocity again and again anyway."""
 
@@ -60,7 +62,7 @@ class RosUav(Uav):
         self._info = info
         self._world = world
         self._told = Told(client, info.namespace)
-        for kind, name in ((PoseStamped, "set_pose"), (TwistStamped, "set_velocity"), (PoseStamped, "external_pose")):
+        for name, kind in PUBLISHED.items():
             client.publisher(kind, f"/{info.namespace}/ual/{name}", 10)  # the first message on a new one may be lost
         waited(lambda: self._told.sample().transform is not None)
 
@@ -156,12 +158,14 @@ class RosUav(Uav):
         position_std_dev_m: float | None = None,
         orientation_std_dev_rad: float | None = None,
     ) -> None:
-        if position_std_dev_m is not None or orientation_std_dev_rad is not None:
-            inexpressible("position_std_dev_m")
         stamped = stamped_pose(pose)
-        message = _pose(stamped)
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id = stamped.frame_id
         message.header.stamp.sec, message.header.stamp.nanosec = values.split(stamped.stamp_s)
-        self._publish(PoseStamped, "external_pose", message)
+        values.fill_pose(message.pose.pose, stamped.pose)
+        deviations = [position_std_dev_m or 0.0] * 3 + [orientation_std_dev_rad or 0.0] * 3
+        message.pose.covariance[::7] = [each**2 for each in deviations]
+        self._publish(PoseWithCovarianceStamped, "external_pose_cov", message)
 
     def _call(self, kind: Any, name: str, **fields: Any) -> None:
         answer = self._client.call(kind, f"/{self.ns}/ual/{name}", **fields)
@@ -173,8 +177,9 @@ class RosUav(Uav):
             inexpressible("timeout_s")
         answer = self._client.call(Trigger, f"/{self.ns}/ual/{name}")
         if not answer.success:
-            reason, _, message = answer.message.partition(": ")
-            raise ual.errors.from_reason(reason, message)
+            text, _, metadata = answer.message.partition("\n")
+            reason, _, message = text.partition(": ")
+            raise ual.errors.from_reason(reason, message, json.loads(metadata or "{}"))
 
     def _publish(self, kind: Any, name: str, message: Any) -> None:
         self._client.publish(kind, f"/{self.ns}/ual/{name}", message, 10)

@@ -31,7 +31,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Action(Command):
-    """An action, and whether it can be cancelled: only the safety pilot ends a take-off or a landing."""
+    """An action, and whether it can be cancelled where there is a safety pilot: take-offs and landings cannot."""
 
     can_be_cancelled: bool = True
 

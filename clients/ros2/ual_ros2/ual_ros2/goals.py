@@ -26,8 +26,17 @@ class Pilot(Protocol):
         """The newest sample."""
         ...
 
+    @property
+    def has_safety_pilot(self) -> bool:
+        """Whether take-offs and landings are left to a safety pilot to abort."""
+        ...
+
     def begin_command(self, command: Action, request: Message) -> Run:
         """Begins to fly a goal."""
+        ...
+
+    async def abort(self) -> None:
+        """Ends what flies."""
         ...
 
 
@@ -56,16 +65,22 @@ class Goals:
 
     def _on_cancel(self, goal_handle: Entity) -> CancelResponse:
         """Runs on the executor's thread. The flight ends at once, before ROS has noted that it is asked for."""
-        newest = self._pilot.newest
-        is_landing = newest is not None and newest.state is ual.State.LANDING
-        if is_landing or not self._action.can_be_cancelled:
+        if self._goes_on_without_caller() and self._pilot.has_safety_pilot:
             return CancelResponse.REJECT
         asyncio.run_coroutine_threadsafe(self._cancel(_key(goal_handle)), self._loop)
         return CancelResponse.ACCEPT
 
+    def _goes_on_without_caller(self) -> bool:
+        """Whether it takes off or lands."""
+        newest = self._pilot.newest
+        return not self._action.can_be_cancelled or (newest is not None and newest.state is ual.State.LANDING)
+
     async def _cancel(self, key: bytes) -> None:
         """A task of the loop, as the flight is: so it begins after the flight, however busy the loop is."""
-        if (flying := self._flying.get(key)) is not None:
+        flying = self._flying.get(key)
+        if flying is not None and self._goes_on_without_caller():
+            await flying.abort(CANCELLED_BY, self._pilot.abort)
+        elif flying is not None:
             flying.cancel(CANCELLED_BY)
 
     async def _fly(self, goal_handle: Entity) -> Message:

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import KeyValue
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
 from std_srvs.srv import Empty, Trigger
 
 import ual
@@ -65,6 +65,7 @@ class UavInterface:
         self._heard_s = 0.0
         self._refused_s = 0.0
         self._is_active = False
+        self._has_safety_pilot = True
         self._lease: ual.aio.Lease | None = None
         self._not_leased: ual.UalError | None = None
         self._watching: list[asyncio.Task[None]] = []
@@ -72,7 +73,7 @@ class UavInterface:
         self._topics = topics.Topics(shared.node, ns, shared.time, shared.tf.moving)
         self._frames = Frames(self._uav, ns, shared.tf)
         self._setpoints: Newest[ual.PoseStamped | ual.TwistStamped] = Newest(self._loop, self._set, self._on_refusal)
-        self._external_poses: Newest[ual.PoseStamped] = Newest(self._loop, self._set_external_pose, self._on_refusal)
+        self._external_poses: Newest[ual.types.ExternalPose] = Newest(self._loop, self._set_external_pose, self._on_refusal)
         self._make_inputs()
 
     # --- For the node: on ROS' executor -------------------------------------------------------------------------------
@@ -84,6 +85,7 @@ class UavInterface:
             self._subscribe(TwistStamped, "set_velocity", self._on_velocity),
             self._subscribe(Twist, "cmd_vel", self._on_body_velocity),
             self._subscribe(PoseStamped, "external_pose", self._on_external_pose),
+            self._subscribe(PoseWithCovarianceStamped, "external_pose_cov", self._on_external_pose_with_covariance),
         ]
         self._services = [
             LateService(node, each.kind, f"{prefix}/{each.name}", partial(self._serve, each)) for each in SERVICES
@@ -120,7 +122,11 @@ class UavInterface:
 
     def _on_external_pose(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
-        self._put(self._external_poses, values.pose_stamped(message, stamp_s=stamp_s))
+        self._put(self._external_poses, values.external_pose(message, stamp_s))
+
+    def _on_external_pose_with_covariance(self, message: Message) -> None:
+        stamp_s = self._shared.time.utc_s(message.header.stamp)
+        self._put(self._external_poses, values.external_pose_with_covariance(message, stamp_s))
 
     def _put(self, stream: Newest[Any], value: object) -> None:
         if self._is_active:
@@ -180,6 +186,16 @@ class UavInterface:
         """The newest sample; None while nothing is known."""
         return self._newest
 
+    @property
+    def has_safety_pilot(self) -> bool:
+        """Whether take-offs and landings are left to a safety pilot to abort: so until the daemon says otherwise."""
+        return self._has_safety_pilot
+
+    async def abort(self) -> None:
+        """Ends what flies."""
+        self._require_lease()
+        await self._uav.abort()
+
     def begin_command(self, command: Command, request: Message) -> Run:
         """Begins a command, which `end` ends."""
         run = Run(lambda: self._perform(command, request))
@@ -219,9 +235,13 @@ class UavInterface:
         else:
             await self._uav.set_velocity(value)
 
-    async def _set_external_pose(self, pose: ual.PoseStamped) -> None:
+    async def _set_external_pose(self, measured: ual.types.ExternalPose) -> None:
         if self._is_active:
-            await self._uav.set_external_pose(pose)
+            await self._uav.set_external_pose(
+                measured.pose,
+                position_std_dev_m=measured.position_std_dev_m,
+                orientation_std_dev_rad=measured.orientation_std_dev_rad,
+            )
 
     def _on_refusal(self, error: ual.UalError) -> None:
         """A topic has no answer: so its refusal is told in the log, once, and in the diagnostics."""
@@ -262,6 +282,7 @@ class UavInterface:
         rate_hz = self._shared.settings.rate_hz
         while True:
             try:
+                self._has_safety_pilot = (await self._uav.info()).has_safety_pilot
                 async with self._uav.subscribe(rate_hz) as samples:
                     async for sample in samples:
                         self._on_sample(sample)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
@@ -28,8 +29,13 @@ class Outcome:
 
     @property
     def text(self) -> str:
-        """All of it in one line, for messages that have no other field."""
+        """Reason and words in one line."""
         return f"{self.reason}: {self.message}" if self.reason else ""
+
+    @property
+    def text_of_all(self) -> str:
+        """All of it, for messages that have no other field: the metadata is JSON in a second line."""
+        return f"{self.text}\n{json.dumps(dict(self.metadata))}" if self.metadata else self.text
 
     @classmethod
     def of(cls, error: ual.UalError) -> Outcome:
@@ -54,12 +60,25 @@ class Run:
         if self._has_begun:  # asyncio would end the task without an outcome before that
             self.task.cancel()
 
+    async def abort(self, by: str, abort: Callable[[], Awaitable[object]]) -> None:
+        """Lets the daemon end it. If the daemon refuses that, it goes on."""
+        self._by = by
+        if not self._has_begun:
+            return
+        try:
+            await abort()
+        except ual.UalError as error:
+            self._by = ""
+            _log.warning("it is not cancelled: %s: %s", error.reason, error.message)
+
     async def _run(self, begin: Callable[[], Awaitable[object]]) -> Outcome:
         self._has_begun = True
         if self._by:
             return self._cancelled()
         try:
             await begin()
+        except ual.TaskAbortedError as error:
+            return self._cancelled() if self._by else Outcome.of(error)
         except ual.UalError as error:
             return Outcome.of(error)
         except asyncio.CancelledError:
@@ -82,5 +101,5 @@ def fill(message: Message, outcome: Outcome, key_value: Callable[..., Message]) 
 
 def fill_trigger(message: Message, outcome: Outcome) -> Message:
     """Fills a response of ``std_srvs/Trigger``, and returns it."""
-    message.success, message.message = outcome.is_success, outcome.text
+    message.success, message.message = outcome.is_success, outcome.text_of_all
     return message

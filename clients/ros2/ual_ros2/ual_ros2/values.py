@@ -7,7 +7,7 @@ checked here: the daemon does that, once for all callers, and its words reach th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import ual
 from ual_ros2.messages import Message
@@ -51,6 +51,29 @@ def pose(message: Message) -> ual.Pose:
 def pose_stamped(message: Message, frame_id: str = "", stamp_s: float = 0.0) -> ual.PoseStamped:
     """Reads a PoseStamped; `frame_id` is its frame where it names none."""
     return ual.PoseStamped(pose(message.pose), message.header.frame_id or frame_id, stamp_s)
+
+
+def external_pose(message: Message, stamp_s: float) -> ual.types.ExternalPose:
+    """Reads a PoseStamped."""
+    return ual.types.ExternalPose(pose_stamped(message, stamp_s=stamp_s))
+
+
+def external_pose_with_covariance(message: Message, stamp_s: float) -> ual.types.ExternalPose:
+    """Reads a PoseWithCovarianceStamped."""
+    told, covariance = message.pose, message.pose.covariance
+    measured = ual.PoseStamped(pose(told.pose), message.header.frame_id, stamp_s)
+    return ual.types.ExternalPose(measured, standard_deviation(covariance, 0), standard_deviation(covariance, 3))
+
+
+def standard_deviation(covariance: Sequence[float], first: int) -> float | None:
+    """Returns the largest of three axes from `first` on, of a matrix of 6 x 6; None where it is all zeros: not known.
+
+    A variance that is none (negative, not finite) is NaN, so that the daemon refuses it.
+    """
+    variances = [float(covariance[7 * axis]) for axis in range(first, first + 3)]
+    if not any(variances):
+        return None
+    return math.sqrt(max(variances)) if all(0.0 <= each < math.inf for each in variances) else math.nan
 
 
 def twist(message: Message) -> ual.Twist:

@@ -9,7 +9,7 @@ import pytest
 from tests.simulators.crazyflie import REST_Z_M, Supervisor
 from tests.ual_daemon.backends.crazyflie.flown_vehicle import FlownVehicle
 from ual.geometry import Pose, Vector3
-from ual.types import State
+from ual.types import LandRequest, State, TakeOffRequest
 from ual_daemon.backends.crazyflie.ground import DEEPER_M, Ground
 from ual_daemon.backends.values import Control, ExternalPose
 
@@ -162,6 +162,20 @@ def test_an_abort_and_a_landing_do_not_wait_for_the_notifications(tmp_path: Path
     flown.until(lambda: flown.state is State.LANDED_ARMED)
     flown.take_off(0.5)
     assert flown.state is State.FLYING_AUTO
+
+
+def test_a_take_off_and_a_landing_go_on_where_their_caller_has_gone_and_no_pilot_could_end_them(tmp_path: Path) -> None:
+    flown = FlownVehicle(tmp_path)
+    commands = flown.vehicle.commands
+    take_off = commands.prepare(TakeOffRequest(1.0)).begin()
+    flown.until(lambda: flown.state is State.TAKING_OFF)
+    assert not commands.abandon(take_off)
+    flown.end(take_off.future)
+    landing = commands.prepare(LandRequest()).begin()
+    flown.until(lambda: flown.state is State.LANDING)
+    assert not commands.abandon(landing)
+    flown.end(landing.future)
+    assert flown.state is State.LANDED_ARMED
 
 
 def _control(flown: FlownVehicle) -> Control:
