@@ -1,11 +1,13 @@
-"""How late a setpoint is, from just before the call in the program to the wire: through the node, and by `ual.Uav`."""
+"""How late a setpoint is, from just before the call in the program to the wire: by the node, `ual.Uav`, and MAVROS."""
 
 from __future__ import annotations
 
 import socket
 import statistics
 import time
+from collections import defaultdict
 from contextlib import ExitStack
+from typing import NamedTuple
 
 from benchmarks.children import Child, free_port
 from benchmarks.effort import RATE_HZ
@@ -13,17 +15,37 @@ from benchmarks.ros2.processes import Ros
 from benchmarks.servers import UalDaemon
 
 _ARRIVAL_S = 0.3
-WAYS = ("ual_stream", "ros2")
 
 
-def measure(ros: Ros, rounds: int, count: int) -> dict[str, list[float]]:
-    """Returns the latencies of each way in ms, of all rounds. Both ways share a daemon in each round."""
-    found: dict[str, list[float]] = {way: [] for way in WAYS}
+class Mavros(NamedTuple):
+    """A MAVROS of ROS 1 that runs already, as `roslaunch mavros px4.launch fcu_url:=udp://127.0.0.1:PORT@`."""
+
+    port: int
+    python: tuple[str, ...]
+    """The words that run a Python of its ROS, which finds `benchmarks`."""
+
+
+def measure(ros: Ros, rounds: int, count: int, mavros: Mavros | None = None) -> dict[str, list[float]]:
+    """Returns the latencies of each way in ms, of all rounds. Those of UAL share a daemon in each round."""
+    found: dict[str, list[float]] = defaultdict(list)
     with Child("benchmarks.vehicle") as vehicle:
         for _ in range(rounds):
             for way, latencies in _round(vehicle, ros, count).items():
                 found[way] += latencies
+            if mavros is not None:
+                found["mavros"] += _of_mavros(vehicle, mavros, count)
     return found
+
+
+def _of_mavros(vehicle: Child, mavros: Mavros, count: int) -> list[float]:
+    vehicle.ask("fly", port=mavros.port)
+    *before, python = mavros.python
+    with Child("benchmarks.peers", "mavros", prefix=before, python=python) as child:
+        for process in (vehicle, child):
+            process.prefer()
+        latencies = _paced(vehicle, child, count)
+    vehicle.ask("rest")
+    return latencies
 
 
 def _round(vehicle: Child, ros: Ros, count: int) -> dict[str, list[float]]:
@@ -36,8 +58,8 @@ def _round(vehicle: Child, ros: Ros, count: int) -> dict[str, list[float]]:
         node = stack.enter_context(ros.node("ns:=uav_1", f"address:={address}", "rate_hz:=50.0"))
         given = ("--address", address)
         children = {
-            "ual_stream": stack.enter_context(Child("benchmarks.peers", "ual_stream", *given)),
-            "ros2": stack.enter_context(ros.child("benchmarks.peers", "ros2", *given)),
+            "ual.Uav": stack.enter_context(Child("benchmarks.peers", "ual_stream", *given)),
+            "ual_ros2": stack.enter_context(ros.child("benchmarks.peers", "ros2", *given)),
         }
         for process in (vehicle, daemon, node, *children.values()):
             process.prefer()

@@ -35,7 +35,7 @@ class Team(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def team(processes: Processes, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Team]:
+def team(processes: Processes, tmp_path_factory: pytest.TempPathFactory) -> Team:
     directory = tmp_path_factory.mktemp("team")
     flags = (*ARMED_FAST, "--tls-certificate", str(directory / "certificates/uav_1.pem"))
     secret = ("--tls-key", str(directory / "certificates/uav_1.key"), "--tokens", str(directory / "tokens.json"))
@@ -47,7 +47,7 @@ def team(processes: Processes, tmp_path_factory: pytest.TempPathFactory) -> Iter
     processes.daemon(*flags, *secret)
     found = discovery.registered("uav_1")
     assert found is not None
-    yield Team(found.address, directory)
+    return Team(found.address, directory)
 
 
 def ual(directory: Path, *words: str) -> None:
@@ -57,7 +57,12 @@ def ual(directory: Path, *words: str) -> None:
         pytest.skip("DAEMON_PYTHON does not name a Python that has ual-tools")
     environment = {name: value for name, value in os.environ.items() if name not in ROS_ONLY}
     done = subprocess.run(
-        [str(Path(python).with_name("ual")), *words], cwd=directory, env=environment, capture_output=True, text=True, check=False
+        [str(Path(python).with_name("ual")), *words],
+        cwd=directory,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
 

@@ -73,7 +73,9 @@ class UavInterface:
         self._topics = topics.Topics(shared.node, ns, shared.time, shared.tf.moving)
         self._frames = Frames(self._uav, ns, shared.tf)
         self._setpoints: Newest[ual.PoseStamped | ual.TwistStamped] = Newest(self._loop, self._set, self._on_refusal)
-        self._external_poses: Newest[ual.types.ExternalPose] = Newest(self._loop, self._set_external_pose, self._on_refusal)
+        self._external_poses: Newest[ual.types.ExternalPose] = Newest(
+            self._loop, self._set_external_pose, self._on_refusal
+        )
         self._make_inputs()
 
     # --- For the node: on ROS' executor -------------------------------------------------------------------------------

@@ -1,0 +1,30 @@
+"""A program in ROS 1, which publishes velocities for a MAVROS that runs already."""
+
+from __future__ import annotations
+
+import time
+
+import rospy
+from geometry_msgs.msg import TwistStamped
+
+from benchmarks.marks import yaw_rate_rad_s
+from benchmarks.peers.base import SynchronousPeer, until
+
+
+class Peer(SynchronousPeer):
+    def connect(self) -> None:
+        rospy.init_node("peer", anonymous=True, disable_signals=True)
+        self._publisher = rospy.Publisher("/mavros/setpoint_velocity/cmd_vel", TwistStamped, queue_size=1)
+        self._message = TwistStamped()
+        self._message.twist.linear.y = 1.5
+        until(lambda: self._publisher.get_num_connections() > 0, "MAVROS listens")
+        for _ in range(20):
+            self.send(0)
+            time.sleep(0.05)
+
+    def send(self, number: int) -> None:
+        self._message.twist.angular.z = yaw_rate_rad_s(number)
+        self._publisher.publish(self._message)
+
+    def close(self) -> None:
+        rospy.signal_shutdown("the measurement has ended")
