@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -276,26 +277,32 @@ def test_a_refusal_is_told_and_the_next_one_is_sent() -> None:
 # --- Outcomes ---------------------------------------------------------------------------------------------------------
 
 
-async def _done() -> None:
-    pass
+async def _done() -> Mapping[str, object]:
+    return {}
 
 
-async def _refused() -> None:
+async def _read() -> Mapping[str, object]:
+    return {"parameter": 1}
+
+
+async def _refused() -> Mapping[str, object]:
     raise ual.GeofenceError("too far", {"setting": "radius"})
 
 
-async def _broken() -> None:
+async def _broken() -> Mapping[str, object]:
     raise ZeroDivisionError("oh")
 
 
-async def _for_ever() -> None:
+async def _for_ever() -> Mapping[str, object]:
     await asyncio.Event().wait()
+    return {}
 
 
 @pytest.mark.parametrize(
     ("begin", "ended"),
     [
         (_done, Outcome()),
+        (_read, Outcome(told={"parameter": 1})),
         (_refused, Outcome("GEOFENCE", "too far", {"setting": "radius"})),
         (_broken, Outcome("INTERNAL", "the node failed: ZeroDivisionError('oh')")),
     ],
@@ -331,8 +338,9 @@ def test_one_that_the_daemon_aborts_says_by_what_and_one_that_it_does_not_goes_o
     async def check() -> Outcome:
         flown: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
-        async def fly() -> None:
+        async def fly() -> Mapping[str, object]:
             await flown
+            return {}
 
         async def abort() -> None:
             if is_refused:
@@ -354,6 +362,7 @@ def test_answers_have_reason_words_and_metadata() -> None:
     filled = outcome.fill(SimpleNamespace(), refused, lambda **fields: fields)
     assert (filled.success, filled.reason, filled.message) == (False, "GEOFENCE", "too far")
     assert filled.metadata == [{"key": "setting", "value": "radius"}]
+    assert outcome.fill(SimpleNamespace(), Outcome(told={"parameter": 1}), dict).parameter == 1
     assert outcome.fill_trigger(SimpleNamespace(), refused).message == 'GEOFENCE: too far\n{"setting": "radius"}'
     assert outcome.fill_trigger(SimpleNamespace(), Outcome("GEOFENCE", "too far")).message == "GEOFENCE: too far"
     assert outcome.fill_trigger(SimpleNamespace(), Outcome()) == SimpleNamespace(success=True, message="")

@@ -68,14 +68,14 @@ class Processes:
         self.running.append(process)
         return process
 
-    def daemon(self, *flags: str, ns: str = "uav_1") -> subprocess.Popen[bytes]:
-        """Starts the daemon of a light UAV, and waits until it is there."""
+    def daemon(self, *flags: str, ns: str = "uav_1", backend: str = "light") -> subprocess.Popen[bytes]:
+        """Starts the daemon of a UAV, and waits until it is there."""
         python = os.environ.get("DAEMON_PYTHON")
         if python is None:
             pytest.skip("DAEMON_PYTHON does not name a Python that has ual_daemon")
         environment = {name: value for name, value in os.environ.items() if name not in ROS_ONLY}
         log = self._stack.enter_context((self._directory / f"{ns}-{self._count}.log").open("wb"))
-        command = (python, "-m", "ual_daemon", "--backend", "light", "--ns", ns, "--listen", "127.0.0.1:0", *flags)
+        command = (python, "-m", "ual_daemon", "--backend", backend, "--ns", ns, "--listen", "127.0.0.1:0", *flags)
         process = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT)
         self._stack.callback(end, process)
         waited(lambda: process.poll() is not None or is_registered(ns, process))

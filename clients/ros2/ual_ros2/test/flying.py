@@ -72,11 +72,11 @@ class Client:
         self._executor.shutdown()
         self._thread.join()
 
-    def call(self, kind: Any, name: str, **fields: Any) -> Any:
+    def call(self, kind: Any, name: str, /, **fields: Any) -> Any:
         """Calls a service and returns its response."""
         return self._result(self.call_soon(kind, name, **fields))
 
-    def call_soon(self, kind: Any, name: str, **fields: Any) -> Any:
+    def call_soon(self, kind: Any, name: str, /, **fields: Any) -> Any:
         """Calls a service and returns the future of its response."""
         client = self._client(kind, name)
         return self._on_executor(lambda: client.call_async(kind.Request(**fields)))

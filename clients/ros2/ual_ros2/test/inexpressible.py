@@ -32,7 +32,6 @@ _NO_ROUTE = Inexpressible("the way of the running task is not told", "^route$")
 _NO_GEOFENCE = Inexpressible("where the UAV may fly is not told", "^geofence$")
 _NO_INFO = Inexpressible("who the UAV is, what it can do, and its limits are not told", "^info has no backend$")
 _NO_FENCE = Inexpressible("the autopilot's fence is not offered", "^fence$")
-_NO_PARAMETERS = Inexpressible("the autopilot's parameters are not offered", "^parameters$")
 _NO_RATE = Inexpressible("the node has one `rate_hz` for all subscribers", "^rate_hz$")
 
 INEXPRESSIBLE: Mapping[str, Inexpressible] = {
@@ -58,9 +57,6 @@ INEXPRESSIBLE: Mapping[str, Inexpressible] = {
     "bad_velocities_are_refused": _NO_ANSWER,
     "the_pilot_takes_over": _NO_ANSWER,
     "a_paused_task_holds_on_its_way_and_goes_on": _NO_ROUTE,
-    "reads_the_autopilots_parameters": _NO_PARAMETERS,
-    "writes_a_parameter_and_reads_it_back": _NO_PARAMETERS,
-    "writes_no_parameter_in_flight": _NO_PARAMETERS,
     "reads_the_autopilots_fence": _NO_FENCE,
     "uploads_no_fence_in_flight": _NO_FENCE,
 }

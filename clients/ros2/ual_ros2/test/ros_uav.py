@@ -1,7 +1,7 @@
 """A `ual.interface.Uav` that knows its UAV by ROS only: by services, actions and topics of the node, and by tf.
 
-What ROS has nothing for raises `InexpressibleError`. Two things are not ROS' part and are given: what the program knows
-of its UAV before (`Info`), and the simulated world, in which the safety pilot is.
+What ROS has nothing for raises `InexpressibleError`. Three things are not ROS' part and are given: what the program
+knows of its UAV before (`Info`), the simulated world, in which the safety pilot is, and the time of that world.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from ual_msgs import action, srv
 import ual
 from ual.geometry import stamped_pose, stamped_twist
 from ual.interface import DryRun, Lease, Simulation, Task, Uav
+from ual.parameters.values import Parameter, ParameterType
 from ual.types import (
     FollowPathRequest,
     GoToWaypointGeoRequest,
@@ -57,14 +58,15 @@ def inexpressible(member: str) -> NoReturn:
 class RosUav(Uav):
     """One UAV of a node."""
 
-    def __init__(self, client: Client, info: ual.Info, world: Simulation) -> None:
+    def __init__(self, client: Client, info: ual.Info, world: Simulation, now_s: Callable[[], float]) -> None:
         self._client = client
         self._info = info
         self._world = world
+        self._now_s = now_s
         self._told = Told(client, info.namespace)
         for name, kind in PUBLISHED.items():
             client.publisher(kind, f"/{info.namespace}/ual/{name}", 10)  # the first message on a new one may be lost
-        waited(lambda: self._told.sample().transform is not None)
+        waited(lambda: self.telemetry().transform is not None)
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -79,7 +81,7 @@ class RosUav(Uav):
         return self._info
 
     def telemetry(self) -> ual.Telemetry:
-        return self._told.sample()
+        return self._told.sample(self._now_s())
 
     def subscribe(self, callback: Callable[[ual.Telemetry], None], rate_hz: float = 0.0) -> Subscribed:
         if rate_hz:
@@ -167,10 +169,15 @@ class RosUav(Uav):
         message.pose.covariance[::7] = [each**2 for each in deviations]
         self._publish(PoseWithCovarianceStamped, "external_pose_cov", message)
 
-    def _call(self, kind: Any, name: str, **fields: Any) -> None:
+    @property
+    def parameters(self) -> RosParameters:
+        return RosParameters(self._call)
+
+    def _call(self, kind: Any, name: str, /, **fields: Any) -> Any:
         answer = self._client.call(kind, f"/{self.ns}/ual/{name}", **fields)
         if not answer.success:
             raise error_of(answer)
+        return answer
 
     def _trigger(self, name: str, timeout_s: float | None = None) -> None:
         if timeout_s is not None:
@@ -211,10 +218,6 @@ class RosUav(Uav):
         inexpressible("task")
 
     @property
-    def parameters(self) -> ual.interface.Parameters:
-        inexpressible("parameters")
-
-    @property
     def cameras(self) -> ual.interface.Cameras:
         inexpressible("cameras")
 
@@ -233,6 +236,29 @@ class RosUav(Uav):
     @property
     def dry_run(self) -> DryRun[ual.types.Plan]:
         inexpressible("dry_run")
+
+
+class RosParameters:
+    """The autopilot's parameters, by the services of the node."""
+
+    def __init__(self, call: Callable[..., Any]) -> None:
+        self._call = call
+
+    def get(self, name: str) -> Parameter:
+        return _parameter(self._call(srv.GetParameter, "get_parameter", name=name).parameter)
+
+    def get_all(self) -> list[Parameter]:
+        return [_parameter(each) for each in self._call(srv.ListParameters, "list_parameters").parameters]
+
+    def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
+        answer = self._call(srv.SetParameter, "set_parameter", name=name, value=float(value), force=force)
+        return _parameter(answer.parameter)
+
+
+def _parameter(message: Any) -> Parameter:
+    kind = ParameterType[message.type]
+    value = int(message.value) if kind.is_whole else message.value
+    return Parameter(message.name, value, kind, message.is_relied_on)
 
 
 class Subscribed:

@@ -50,18 +50,15 @@ class Told:
         for name, kind in (("pose", PoseStamped), ("velocity", TwistStamped), ("odom", Odometry)):
             hear(kind, f"{ual_}/{name}", lambda message, name=name: self._on_part(name, message), ALL)
 
-    def sample(self) -> ual.Telemetry:
-        """Returns a sample that was told after this call. The next one may have been under way: so it is the one after.
+    def sample(self, since_s: float) -> ual.Telemetry:
+        """Returns a sample later than a time of the vehicle, however many earlier ones a busy computer still has.
 
         Raises:
             LinkLostError: None comes.
 
         """
         with self._changed:
-            now = 0 if self._newest is None else self._newest.sequence
-            came = self._changed.wait_for(
-                lambda: self._newest is not None and self._newest.sequence >= now + 2, LIMIT_S
-            )
+            came = self._changed.wait_for(lambda: self._newest is not None and self._newest.stamp_s > since_s, LIMIT_S)
             if not came or self._newest is None:
                 raise ual.LinkLostError(f"nothing is told for {LIMIT_S:g} s")
             return self._newest

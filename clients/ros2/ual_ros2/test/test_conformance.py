@@ -19,8 +19,13 @@ from ual.conformance.runner import LONGEST_GAP_S
 
 SPEED_FACTOR = 3.0
 ATTEMPTS = 5
-NOT_HERE = ("arming_belongs_to_the_pilot",)
-"""Needs a daemon that may not arm: that of a simulated UAV always may."""
+NOT_HERE = (
+    "arming_belongs_to_the_pilot",
+    "reads_the_autopilots_parameters",
+    "writes_a_parameter_and_reads_it_back",
+    "writes_no_parameter_in_flight",
+)
+"""The first needs a daemon that may not arm: that of a light UAV always may. The others need an autopilot."""
 NODE = ("rate_hz:=100.0", "slow_rate_hz:=20.0", "feedback_rate_hz:=50.0")
 """Faster than a daemon samples, so that each sample is told."""
 
@@ -31,7 +36,11 @@ def flight(processes: Processes, client: Client) -> Iterator[Flight]:
     processes.node("ns:=uav_1", *NODE)
     with ual.Uav("uav_1") as world:
         known = replace(world.info(), backend="", ual_version="")
-        yield Flight(RosUav(client, known, world.simulation), Tolerances.of_simulation())
+
+        def now_s() -> float:
+            return world.telemetry().stamp_s
+
+        yield Flight(RosUav(client, known, world.simulation, now_s), Tolerances.of_simulation())
 
 
 def run_check(flight: Flight, check: Check) -> None:

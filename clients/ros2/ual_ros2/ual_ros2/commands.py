@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from std_srvs.srv import Empty, Trigger
-from ual_msgs import action, srv
+from ual_msgs import action, msg, srv
 
 import ual
+from ual.parameters.values import Parameter
 from ual_ros2 import values
 from ual_ros2.messages import Entity, Message
 
 
 def _in_no_frame(_: Message) -> Iterable[str]:
     return ()
+
+
+def _nothing(_: object) -> Mapping[str, Message]:
+    return {}
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,8 @@ class Command:
     call: Callable[[ual.aio.Uav, Message], Awaitable[object]]
     frames: Callable[[Message], Iterable[str]] = _in_no_frame
     """The frames that the request is given in."""
+    told: Callable[[Any], Mapping[str, Message]] = _nothing
+    """The further fields of the response, of what the call has returned."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +85,18 @@ def _follow_path(uav: ual.aio.Uav, goal: Message) -> Awaitable[object]:
     )
 
 
+def _parameter(read: Parameter) -> Message:
+    return msg.Parameter(name=read.name, value=float(read.value), type=read.type.name, is_relied_on=read.is_relied_on)
+
+
+def _told_parameter(read: Parameter) -> Mapping[str, Message]:
+    return {"parameter": _parameter(read)}
+
+
+def _told_parameters(read: list[Parameter]) -> Mapping[str, Message]:
+    return {"parameters": [_parameter(each) for each in read]}
+
+
 SERVICES = (
     Command("take_off", srv.TakeOff, lambda uav, request: uav.take_off(request.height, blocking=request.blocking)),
     Command("land", srv.Land, lambda uav, request: uav.land(blocking=request.blocking)),
@@ -100,6 +120,16 @@ SERVICES = (
     Command("disarm", Trigger, lambda uav, _: uav.disarm()),
     Command("pause", Trigger, lambda uav, _: uav.pause()),
     Command("resume", Trigger, lambda uav, _: uav.resume()),
+    Command(
+        "get_parameter", srv.GetParameter, lambda uav, request: uav.parameters.get(request.name), told=_told_parameter
+    ),
+    Command("list_parameters", srv.ListParameters, lambda uav, _: uav.parameters.get_all(), told=_told_parameters),
+    Command(
+        "set_parameter",
+        srv.SetParameter,
+        lambda uav, request: uav.parameters.set(request.name, request.value, force=request.force),
+        told=_told_parameter,
+    ),
 )
 
 # The names are those of the services: ROS keeps the two apart.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -219,12 +219,12 @@ class UavInterface:
             return outcome.fill_trigger(response, ended)
         return outcome.fill(response, ended, KeyValue)
 
-    async def _perform(self, command: Command, request: Message) -> None:
+    async def _perform(self, command: Command, request: Message) -> Mapping[str, Message]:
         if not self._is_active:
             raise ual.WrongStateError("the node is not active: activate it (ros2 lifecycle set)", {"needed": "active"})
         self._require_lease()
         await self._frames.provide(command.frames(request))
-        await command.call(self._uav, request)
+        return command.told(await command.call(self._uav, request))
 
     async def _set(self, value: ual.PoseStamped | ual.TwistStamped) -> None:
         if not self._is_active:  # it ended after ROS' thread had taken this one

@@ -21,6 +21,8 @@ class Outcome:
     reason: str = ""
     message: str = ""
     metadata: Mapping[str, str] = field(default_factory=dict)
+    told: Mapping[str, Message] = field(default_factory=dict)
+    """Further fields of the answer, where it is done."""
 
     @property
     def is_success(self) -> bool:
@@ -43,13 +45,10 @@ class Outcome:
         return cls(error.reason, error.message, error.metadata)
 
 
-DONE = Outcome()
-
-
 class Run:
     """A command under way. However it ends, its `task` returns an outcome: the caller in ROS always gets an answer."""
 
-    def __init__(self, begin: Callable[[], Awaitable[object]]) -> None:
+    def __init__(self, begin: Callable[[], Awaitable[Mapping[str, Message]]]) -> None:
         self._by = ""
         self._has_begun = False
         self.task: asyncio.Task[Outcome] = asyncio.ensure_future(self._run(begin))
@@ -71,12 +70,12 @@ class Run:
             self._by = ""
             _log.warning("it is not cancelled: %s: %s", error.reason, error.message)
 
-    async def _run(self, begin: Callable[[], Awaitable[object]]) -> Outcome:
+    async def _run(self, begin: Callable[[], Awaitable[Mapping[str, Message]]]) -> Outcome:
         self._has_begun = True
         if self._by:
             return self._cancelled()
         try:
-            await begin()
+            return Outcome(told=await begin())
         except ual.TaskAbortedError as error:
             return self._cancelled() if self._by else Outcome.of(error)
         except ual.UalError as error:
@@ -86,7 +85,6 @@ class Run:
         except Exception as error:  # noqa: BLE001 (a mistake in the node: the caller must not wait for ever)
             _log.exception("a command failed in the node")
             return Outcome("INTERNAL", f"the node failed: {error!r}")
-        return DONE
 
     def _cancelled(self) -> Outcome:
         return Outcome("TASK_ABORTED", f"cancelled: {self._by}", {"by": self._by})
@@ -96,6 +94,8 @@ def fill(message: Message, outcome: Outcome, key_value: Callable[..., Message]) 
     """Fills a response or result of ``ual_msgs``, and returns it."""
     message.success, message.reason, message.message = outcome.is_success, outcome.reason, outcome.message
     message.metadata = [key_value(key=key, value=value) for key, value in outcome.metadata.items()]
+    for name, value in outcome.told.items():
+        setattr(message, name, value)
     return message
 
 
