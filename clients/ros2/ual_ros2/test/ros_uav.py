@@ -7,6 +7,7 @@ knows of its UAV before (`Info`), the simulated world, in which the safety pilot
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn
@@ -257,8 +258,17 @@ class RosParameters:
 
 def _parameter(message: Any) -> Parameter:
     kind = ParameterType[message.type]
-    value = int(message.value) if kind.is_whole else message.value
-    return Parameter(message.name, value, kind, message.is_relied_on)
+    return Parameter(
+        message.name,
+        int(message.value) if kind.is_whole else message.value,
+        kind,
+        message.is_relied_on,
+        None if math.isnan(message.minimum) else message.minimum,
+        None if math.isnan(message.maximum) else message.maximum,
+        message.unit,
+        message.description,
+        message.needs_reboot,
+    )
 
 
 class Subscribed:

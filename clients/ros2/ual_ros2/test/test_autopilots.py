@@ -69,6 +69,8 @@ def test_parameters_are_read_and_written(client: Client, processes: Processes) -
         waited(lambda: client.call(srv.GetParameter, f"{UAL}/get_parameter", name="COM_RC_OVERRIDE").success)
         before = parameters.get("COM_RC_OVERRIDE")
         assert before in parameters.get_all()
+        with ual.Uav("uav_1") as uav:
+            assert uav.parameters.get(before.name) == before
         assert parameters.set(before.name, before.value + 1).value == before.value + 1
         assert parameters.get(before.name).value == before.value + 1
         with pytest.raises(ual.InvalidArgumentError, match="value"):

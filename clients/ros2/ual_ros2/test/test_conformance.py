@@ -73,7 +73,7 @@ def test_conformance(flight: Flight, check: Check) -> None:
 
 @pytest.mark.parametrize("check", CANNOT, ids=named)
 def test_what_cannot_be_expressed(flight: Flight, check: Check) -> None:
-    """One that passes is to be taken from the list. On a busy computer a command may come too late for what is asked."""
+    """One that passes is to be taken from the list. On a busy computer a command may come too late."""
     for _ in range(ATTEMPTS):
         said = what_it_says(flight, check)
         if re.search(INEXPRESSIBLE[check.name].says, said):

@@ -86,7 +86,17 @@ def _follow_path(uav: ual.aio.Uav, goal: Message) -> Awaitable[object]:
 
 
 def _parameter(read: Parameter) -> Message:
-    return msg.Parameter(name=read.name, value=float(read.value), type=read.type.name, is_relied_on=read.is_relied_on)
+    return msg.Parameter(
+        name=read.name,
+        value=float(read.value),
+        type=read.type.name,
+        is_relied_on=read.is_relied_on,
+        minimum=values.known(read.minimum),
+        maximum=values.known(read.maximum),
+        unit=read.unit,
+        description=read.description,
+        needs_reboot=read.needs_reboot,
+    )
 
 
 def _told_parameter(read: Parameter) -> Mapping[str, Message]:
