@@ -94,5 +94,5 @@ def test_without_a_safety_pilot_a_cancel_ends_a_take_off_and_a_landing(client: C
             assert client.cancel(goal)
             status, result = client.end_of(goal)
             assert (status, result.message) == (CANCELED, "cancelled: the ROS client")
-            assert uav.state() is ual.State.FLYING_AUTO
+            uav.wait_for(ual.State.FLYING_AUTO, timeout_s=60.0)
         assert client.call(srv.Land, f"{UAL}/land", blocking=True).success
