@@ -31,6 +31,7 @@ _NO_FRAME = Inexpressible("frames are added by tf, which refuses none and remove
 _NO_ROUTE = Inexpressible("the way of the running task is not told", "^route$")
 _NO_GEOFENCE = Inexpressible("where the UAV may fly is not told", "^geofence$")
 _NO_INFO = Inexpressible("who the UAV is, what it can do, and its limits are not told", "^info has no backend$")
+_NO_CAMERAS = Inexpressible("cameras are not offered", "^cameras$")
 _NO_FENCE = Inexpressible("the autopilot's fence is not offered", "^fence$")
 _NO_RATE = Inexpressible("the node has one `rate_hz` for all subscribers", "^rate_hz$")
 
@@ -57,6 +58,9 @@ INEXPRESSIBLE: Mapping[str, Inexpressible] = {
     "bad_velocities_are_refused": _NO_ANSWER,
     "the_pilot_takes_over": _NO_ANSWER,
     "a_paused_task_holds_on_its_way_and_goes_on": _NO_ROUTE,
+    "lists_the_cameras": _NO_CAMERAS,
+    "takes_a_picture": _NO_CAMERAS,
+    "shows_what_the_camera_sees": _NO_CAMERAS,
     "reads_the_autopilots_fence": _NO_FENCE,
     "uploads_no_fence_in_flight": _NO_FENCE,
 }
