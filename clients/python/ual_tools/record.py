@@ -22,7 +22,9 @@ from ual_tools.tables import print_table
 from ual_tools.values import Number
 
 if TYPE_CHECKING:
+    from ual_tools.recording.autopilot_log import Track
     from ual_tools.recording.client import ClientRecording
+    from ual_tools.recording.page import Flight
     from ual_tools.recording.summary import Summary
 
 _LOOK_S = 0.2
@@ -210,13 +212,26 @@ def _exported(
     return done
 
 
-@command("plot", "ual plot flight.mcap", "ual plot flight.mcap --output flight.pdf", section=Section.LOOKING)
+@command(
+    "plot",
+    "ual plot flight.mcap",
+    "ual plot flight.mcap --output flight.pdf",
+    "ual plot flight.mcap --log uav_1_00000007.BIN",
+    section=Section.LOOKING,
+)
 @_FILE
 @click.option(
     "--output", type=click.Path(dir_okay=False, path_type=Path), help="PNG, SVG or PDF; FILE.png when not given."
 )
+@click.option(
+    "--log",
+    "log_file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="The autopilot's log of the same flight (.ulg, .bin), drawn beside the recording.",
+)
 @pass_session
-def plot(session: Session, file: Path, output: Path | None) -> None:
+def plot(session: Session, file: Path, output: Path | None, log_file: Path | None) -> None:
     """Draw a recorded flight on one page.
 
     It has the ground track, height, speed, states, tasks and refusals. Where the recording has several UAVs, they are
@@ -236,11 +251,33 @@ def plot(session: Session, file: Path, output: Path | None) -> None:
     drawn = page.flights(messages, is_in_map=is_in_map)
     if not drawn:
         raise InvalidArgumentError(f"{file} has no telemetry", {"field": "file"})
+    log = None if log_file is None else _beside(drawn, log_file, file)
     try:
-        page.draw(drawn, target, file.stem)
+        page.draw(drawn, target, file.stem, log)
     except OSError as error:
         raise InvalidArgumentError(f"cannot write {target}: {error.strerror}") from None
     session.emit_written({"file": str(target)}, str(target))
+
+
+def _beside(drawn: list[Flight], log_file: Path, recording: Path) -> Track:
+    """Returns the track in a log of the autopilot, laid over the flight that was recorded."""
+    from ual.recording.reader import Recording
+    from ual_tools.recording import autopilot_log
+
+    if log_file.suffix.lower() not in autopilot_log.ENDINGS:
+        text = f"{log_file} ends in none of {', '.join(autopilot_log.ENDINGS)}"
+        raise click.BadParameter(text, param_hint="--log")
+    if len(drawn) != 1:
+        raise InvalidArgumentError(f"{recording} has {len(drawn)} UAVs, and a log is of one", {"field": "log"})
+    with extras.needs("ual plot --log", "ual-tools[logs]"):
+        import numpy  # noqa: F401, ICN001
+        import pymavlink  # noqa: F401
+        import pyulog  # noqa: F401
+    [flight] = drawn
+    begin_ns = next(Recording(recording).messages(lambda topic: topic.endswith(("/telemetry", "/calls")))).log_ns
+    track = autopilot_log.laid_over(autopilot_log.read(log_file), flight.times_s, flight.speeds, begin_ns * 1e-9)
+    moved, _ = autopilot_log.placed(track, flight.times_s, (flight.xs, flight.ys, flight.heights))
+    return moved
 
 
 COMMANDS = (record, plot)

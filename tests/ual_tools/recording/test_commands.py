@@ -16,6 +16,7 @@ from click.testing import CliRunner
 import ual
 from tests.conftest import DaemonProcess, StartDaemon, daemon_environment
 from tests.ports import free_port
+from tests.ual_tools.recording.autopilot_logs import Sample, write_ulog
 from ual.errors import UalError
 from ual.recording.reader import Recording
 from ual.types import State
@@ -100,6 +101,29 @@ def test_a_flight_is_drawn_on_one_page(flown: Path, tmp_path: Path) -> None:
     target = tmp_path / "flight.pdf"
     run("plot", flown, "--output", target)
     assert target.read_bytes().startswith(b"%PDF")
+
+
+def test_the_autopilots_log_is_drawn_beside_it(flown: Path, tmp_path: Path) -> None:
+    from ual_tools.recording import page
+
+    [flight] = page.flights(Recording(flown).messages())
+    begin_s = next(iter(Recording(flown).messages())).log_ns * 1e-9
+    samples = [
+        Sample(time_s + 50.0, y, x, -z, speed)
+        for time_s, x, y, z, speed in zip(
+            flight.times_s, flight.xs, flight.ys, flight.heights, flight.speeds, strict=True
+        )
+    ]
+    write_ulog(tmp_path / "a.ulg", samples, begin_s - 50.0)
+    run("plot", flown, "--log", tmp_path / "a.ulg", "--output", tmp_path / "both.svg")
+    run("plot", flown, "--output", tmp_path / "one.svg")
+    assert "the autopilot" in (tmp_path / "both.svg").read_text()
+    assert "the autopilot" not in (tmp_path / "one.svg").read_text()
+    write_ulog(tmp_path / "a.ulg", samples, begin_s + 3600.0)
+    refused = CliRunner().invoke(cli, ["plot", str(flown), "--log", str(tmp_path / "a.ulg")])
+    assert (refused.exit_code, "of another time" in refused.output) == (1, True)
+    refused = CliRunner().invoke(cli, ["plot", str(flown), "--log", str(Path(__file__))])
+    assert (refused.exit_code, "ends in none of .ulg, .bin" in refused.output) == (2, True)
 
 
 def test_the_drawing_has_states_tasks_and_refusals(flown: Path) -> None:

@@ -11,6 +11,7 @@ from ual.geometry import Vector3
 from ual.recording.reader import Message
 from ual.types import State, Telemetry
 from ual_tools import places
+from ual_tools.recording.autopilot_log import Track
 
 _LEAST_NS = 40_000_000
 """So many points a second are drawn at most: 25."""
@@ -121,8 +122,10 @@ def flights(messages: Iterable[Message], *, is_in_map: bool = False) -> list[Fli
     return [found[ns] for ns in sorted(found)]
 
 
-def draw(drawn: list[Flight], file: Path, title: str) -> None:
+def draw(drawn: list[Flight], file: Path, title: str, log: Track | None = None) -> None:
     """Draws the page: ground track, height, speed, states, tasks and refusals. The ending of the name says the format.
+
+    A `log` is drawn beside them: the track in the autopilot's log of the same flight.
 
     Raises:
         OSError: The file cannot be written.
@@ -147,6 +150,10 @@ def draw(drawn: list[Flight], file: Path, title: str) -> None:
         wanted = [float("nan") if height is None else height for height in flight.wanted_heights]
         axes["height"].plot(flight.times_s, wanted, "--", color=line.get_color(), linewidth=0.8, alpha=0.7)
         axes["speed"].plot(flight.times_s, flight.speeds, color=line.get_color())
+    if log is not None:
+        axes["track"].plot(log.xs, log.ys, "k:", linewidth=0.8, label="the autopilot's log")
+        axes["height"].plot(log.times_s, log.heights, "k:", linewidth=0.8)
+        axes["speed"].plot(log.times_s, log.speeds, "k:", linewidth=0.8)
     frame = drawn[0].frame_id
     axes["track"].set(xlabel=f"x (m), in {frame}", ylabel="y (m)", title="ground track")
     axes["track"].set_aspect("equal", adjustable="datalim")
