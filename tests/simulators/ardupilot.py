@@ -111,6 +111,7 @@ class ArduPilot(Autopilot):
     autopilot = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
     external_pose_message = mavlink.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE
     make_store = ArduPilotStore
+    files_slow_streams = 4.0
     flight_sw_version = 0x040603FF
     gps_fix = mavlink.GPS_FIX_TYPE_RTK_FIXED
     vtol_state = mavlink.MAV_VTOL_STATE_MC

@@ -63,6 +63,8 @@ class Autopilot(ABC):
     external_pose_message: int
     """The message by which it takes poses from outside."""
     parameter_type = mavlink.MAV_PARAM_TYPE_REAL32
+    files_slow_streams = 1.0
+    """By how much its streams come less often while it sends files."""
     make_store: Callable[[Callable[[], None]], MissionStore]
     """Makes what keeps its mission, its fence and its rally points. It takes what is called after a change."""
 
@@ -174,6 +176,8 @@ class Autopilot(ABC):
             self.wander.step(STEP_S)
             self._fly()
             self.files.step(self.elapsed_s)
+            for channel in self.channels:
+                channel.slowdown = self.files_slow_streams if self.elapsed_s - self.files.sent_s < 1.0 else 1.0
             if not self.is_booting:
                 for channel in self.channels:
                     for message_id in channel.due(self.elapsed_s):

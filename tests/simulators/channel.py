@@ -19,6 +19,8 @@ class Channel:
 
     def __init__(self, port: Port, rates_hz: Mapping[int, float], *, forwards: bool = False) -> None:
         self.port = port
+        self.slowdown = 1.0
+        """By how much all streams come less often than was asked for."""
         self.forwards = forwards
         self._rates_hz = dict(rates_hz)
         self._session = port.sessions_count
@@ -81,7 +83,7 @@ class Channel:
         """Returns the ids of the messages that are due."""
         found = [message_id for message_id, due_s in self._due_s.items() if now_s >= due_s - 1e-9]
         for message_id in found:
-            interval_s = self.intervals_s[message_id]
+            interval_s = self.intervals_s[message_id] * self.slowdown
             self._due_s[message_id] = max(self._due_s[message_id] + interval_s, now_s - interval_s)
         return found
 

@@ -40,6 +40,8 @@ class FileStore:
         """So many blocks stream at each step."""
         self.said: list[str] = []
         """What it has said, as STATUSTEXT."""
+        self.sent_s = -math.inf
+        """When it has answered last."""
         self._is_px4 = is_px4
         self._is_armed = is_armed
         self._path: str | None = None
@@ -244,7 +246,7 @@ class FileStore:
         self._send(answer, sender, now_s)
 
     def _send(self, answer: FtpPacket, sender: Sender, now_s: float) -> None:
-        self._used_s = now_s
+        self._used_s = self.sent_s = now_s
         target = (sender.system_id, sender.component_id)
         sender.channel.send(mavlink.MAVLink_file_transfer_protocol_message(0, *target, answer.encode()), now_s)
 

@@ -27,7 +27,7 @@ def crc(data: bytes) -> int:
 def described(descriptions: Mapping[str, dict[str, Any]] = DESCRIBED) -> tuple[dict[str, bytes], int]:
     """Returns PX4's files, and the checksum that COMPONENT_METADATA tells."""
     rows = [{"name": name, "type": "Float", **each} for name, each in descriptions.items()]
-    parameters = lzma.compress(json.dumps({"version": 1, "parameters": rows}).encode())
+    parameters = lzma.compress(json.dumps({"version": 1, "parameters": rows}).encode(), preset=9)
     types = [
         {"type": 4, "uri": "mftp://etc/extras/all_events.json.xz", "fileCrc": 1},
         {"type": 1, "uri": f"mftp://{PARAMETERS}", "fileCrc": crc(parameters), "uriFallback": "https://example.com/x"},

@@ -43,6 +43,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
     parameter_codec = Cast()
     packed_parameters = "@PARAM/param.pck"
+    files_slow_streams = 4.0  # GCS_MAVLINK::get_reschedule_interval_ms, until 1 s after the last answer
     keeps_items = True
     tells_baseline = True
 

@@ -17,6 +17,8 @@ from ual.parameters.values import Description, Parameter, ParameterType
 
 MOST_BYTES = 16_000_000
 """A file may have so many once it is unpacked. PX4's has 0.7 MB."""
+MEMORY_BYTES = 100_000_000
+"""What unpacking may take: xz -9, by which PX4 packs, takes 66 MB."""
 MOST_PARAMETERS = 10_000
 LONGEST_TEXT = 500
 _PARAMETERS_KIND = 1
@@ -124,7 +126,7 @@ def _packed(data: bytes) -> Iterator[Parameter]:
 
 
 def _decompressed(data: bytes) -> bytes:
-    unpacker = lzma.LZMADecompressor(memlimit=2 * MOST_BYTES)
+    unpacker = lzma.LZMADecompressor(memlimit=MEMORY_BYTES)
     try:
         content = unpacker.decompress(data, MOST_BYTES)
     except (lzma.LZMAError, EOFError) as error:

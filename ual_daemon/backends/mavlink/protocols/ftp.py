@@ -27,6 +27,14 @@ T = TypeVar("T")
 Steps = Generator[Step[Any], Any, T]
 """An exchange about files, step by step; each `yield` returns the result of the step, or raises its error."""
 
+FASTER_S = 2.0
+"""Where files slow the autopilot's streams, faster ones are asked for so long before a file is read in flight, ..."""
+AGAIN_S = 5.0
+"""... and again as often, as a request may be lost."""
+SLOWED_S = 1.5
+"""For so long after the last answer the streams may be slow."""
+USUAL_COUNT = 3
+"""So often the usual rates are asked for after that."""
 IDLE_S = 2.0
 """After so long a file that is not read any more is closed."""
 BUSY_S = (0.5, 3.5, 11.0)
@@ -98,6 +106,38 @@ class _Dialogue(Exchange[T]):
             self.fail(self._explain(error))
 
 
+class _StreamRates:
+    """Keeps the autopilot's streams as fast as they are while it sends files in flight: what flies it needs them."""
+
+    def __init__(self, speed_up: Callable[[float], object]) -> None:
+        self.factor = 1.0
+        """By how much files slow the streams."""
+        self._speed_up = speed_up
+        self._began_s: float | None = None
+        self._slowed_s = 0.0
+        self._is_fast = False
+        self._next_s = 0.0
+        self._usual_count = 0
+
+    def are_ready(self, is_slowed: bool, now_s: float) -> bool:
+        """Asks for the rates that are due, while files slow the streams or not. Returns whether files may be read."""
+        if self.factor <= 1.0:
+            return True
+        if is_slowed:
+            self._slowed_s, self._usual_count = now_s, USUAL_COUNT
+            self._began_s = now_s if self._began_s is None else self._began_s
+        elif now_s - self._slowed_s > SLOWED_S:
+            self._began_s = None
+        is_fast = self._began_s is not None
+        if is_fast is not self._is_fast:
+            self._is_fast, self._next_s = is_fast, now_s
+        if now_s >= self._next_s and (is_fast or self._usual_count):
+            self._next_s = now_s + AGAIN_S
+            self._usual_count -= not is_fast
+            self._speed_up(self.factor if is_fast else 1.0)
+        return not is_slowed or self._began_s is None or now_s - self._began_s >= FASTER_S
+
+
 class Ftp(Protocol):
     """Belongs to the thread that receives. One exchange at a time, in the order in which they were asked for.
 
@@ -105,15 +145,21 @@ class Ftp(Protocol):
         send: Sends a message.
         is_up: Says whether the link is up at a time.
         is_gentle: Says whether it may be flying.
+        speed_up: Asks for all streams so many times as often as usual.
 
     """
 
     def __init__(
-        self, send: Callable[[Message], object], is_up: Callable[[float], bool], is_gentle: Callable[[], bool]
+        self,
+        send: Callable[[Message], object],
+        is_up: Callable[[float], bool],
+        is_gentle: Callable[[], bool],
+        speed_up: Callable[[float], object] = lambda _: None,
     ) -> None:
         self._send = send
         self._is_up = is_up
         self._is_gentle = is_gentle
+        self._streams = _StreamRates(speed_up)
         self._link: FtpLink | None = None
         self._file: OpenFile | None = None
         self._waiting: deque[_Dialogue[Any]] = deque()
@@ -133,6 +179,7 @@ class Ftp(Protocol):
     @override
     def attach(self, target: Source, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
+        self._streams.factor = dialect.files_slow_streams
         self._link = FtpLink(
             lambda payload: self._send(mavlink.MAVLink_file_transfer_protocol_message(0, *target, payload)),
             self._is_gentle,
@@ -154,6 +201,9 @@ class Ftp(Protocol):
                 self._running = None
                 break
             self._running = self._waiting.popleft()
+        is_slowed = self._running is not None and self._is_gentle()
+        if not self._streams.are_ready(is_slowed, now_s):
+            return
         if self._running is not None:
             self._running.tick(now_s)
         elif self._file is not None and now_s - self._file.used_s > IDLE_S:

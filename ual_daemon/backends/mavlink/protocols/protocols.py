@@ -28,6 +28,7 @@ class Protocols(Protocol):
         is_up: Says whether the link is up at a time.
         is_gentle: Says whether it may be flying, so that nothing may delay what flies it.
         has_room: Says whether nothing that is urgent has to wait for what is sent now.
+        speed_up: Asks for all streams so many times as often as usual.
 
     """
 
@@ -37,10 +38,11 @@ class Protocols(Protocol):
         is_up: Callable[[float], bool],
         is_gentle: Callable[[], bool] = lambda: True,
         has_room: Callable[[], bool] = lambda: True,
+        speed_up: Callable[[float], object] = lambda _: None,
     ) -> None:
         self.parameters = ParameterTransfers(send, is_up)
         self.missions = MissionTransfers(send, is_up)
-        self.files = Ftp(send, is_up, is_gentle)
+        self.files = Ftp(send, is_up, is_gentle, speed_up)
         self.logs = LogTransfers(send, is_up, is_gentle)
         self.component_metadata = ComponentMetadata(send)
         self.corrections = CorrectionsInjection(send, is_up, has_room)

@@ -63,7 +63,9 @@ class Discovery(Selector):
         self.watch = LinkWatch(url, Dialect.freshness.link_s, on_lost=self.discard_state, on_anew=self._request_anew)
         self.supervision = Supervision(self.watch)
         self.session: Session | None = None
-        self.protocols = Protocols(self.sender.send, self.watch.is_up, self._may_be_flying, lambda: link.has_room)
+        self.protocols = Protocols(
+            self.sender.send, self.watch.is_up, self._may_be_flying, lambda: link.has_room, self._speed_up
+        )
         self._settings = settings
         self._link = link
         self._setpoints = setpoints
@@ -85,6 +87,10 @@ class Discovery(Selector):
 
     def _may_be_flying(self) -> bool:
         return self.session is None or self.session.telemetry.is_armed is not False
+
+    def _speed_up(self, factor: float) -> None:
+        if self.session is not None:
+            self.session.speed_up(factor)
 
     def _request_anew(self) -> None:
         if self.session is not None:
