@@ -114,7 +114,6 @@ def test_the_autopilots_log_is_drawn_beside_it(flown: Path, tmp_path: Path) -> N
             flight.times_s, flight.xs, flight.ys, flight.heights, flight.speeds, strict=True
         )
     ]
-    print("DUR", flight.times_s[0], flight.times_s[-1], len(samples))
     write_ulog(tmp_path / "a.ulg", samples, begin_s - 50.0)
     run("plot", flown, "--log", tmp_path / "a.ulg", "--output", tmp_path / "both.svg")
     run("plot", flown, "--output", tmp_path / "one.svg")

@@ -20,7 +20,8 @@ ENDINGS = (".ulg", ".bin")
 _STEP_S = 0.1
 _LEAST_LIKENESS = 0.6
 """How much alike the speeds have to be, from 0 to 1, where the log does not know the time of day."""
-_LEAST_S = 1.0
+_LEAST_OVERLAP_S, _LEAST_COMPARED_S = 0.2, 5.0
+"""For how long the log has to be of the time of the recording, and to be compared with it."""
 _DATAFLASH = b"\xa3\x95\x80"
 _USEC_OF_UTC = 1_500_000_000_000_000
 
@@ -80,7 +81,7 @@ def laid_over(track: Track, times_s: Sequence[float], speeds: Sequence[float], b
     for time_s, x, y, height, speed in zip(track.times_s, track.xs, track.ys, track.heights, track.speeds, strict=True):
         if times_s[0] <= time_s + shift_s <= times_s[-1]:
             moved.add(time_s + shift_s, y, x, -height, speed)
-    if not moved.times_s or moved.times_s[-1] - moved.times_s[0] < _LEAST_S:
+    if not moved.times_s or moved.times_s[-1] - moved.times_s[0] < _LEAST_OVERLAP_S:
         raise InvalidArgumentError("the log is of another time than the recording", {"field": "log"})
     return moved
 
@@ -113,12 +114,12 @@ def _best_shift_s(track: Track, times_s: Sequence[float], speeds: Sequence[float
         return np.asarray(np.interp(grid, times, values))
 
     ours, theirs = even(times_s, speeds), even(track.times_s, track.speeds)
-    if min(len(ours), len(theirs)) * _STEP_S < _LEAST_S:
+    if min(len(ours), len(theirs)) * _STEP_S < _LEAST_COMPARED_S:
         raise InvalidArgumentError("the log or the recording is too short to be compared", {"field": "log"})
     products = np.correlate(ours, theirs, "full")
     squares = np.correlate(ours**2, np.ones(len(theirs)), "full") * np.correlate(np.ones(len(ours)), theirs**2, "full")
     lengths = np.correlate(np.ones(len(ours)), np.ones(len(theirs)), "full")
-    enough = (lengths * _STEP_S >= _LEAST_S) & (squares > 0.0)
+    enough = (lengths * _STEP_S >= _LEAST_COMPARED_S) & (squares > 0.0)
     # Of what moves alike for a short time and what does so for long, the longer is meant.
     likeness = np.where(enough, products / np.sqrt(np.where(squares > 0.0, squares, 1.0)), 0.0)
     best = int(np.argmax(likeness * np.sqrt(np.where(enough, products, 0.0).clip(0.0))))
