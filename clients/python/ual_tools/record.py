@@ -270,9 +270,7 @@ def _beside(drawn: list[Flight], log_file: Path, recording: Path) -> Track:
     if len(drawn) != 1:
         raise InvalidArgumentError(f"{recording} has {len(drawn)} UAVs, and a log is of one", {"field": "log"})
     with extras.needs("ual plot --log", "ual-tools[logs]"):
-        import numpy  # noqa: F401, ICN001
-        import pymavlink  # noqa: F401
-        import pyulog  # noqa: F401
+        autopilot_log.require()
     [flight] = drawn
     begin_ns = next(Recording(recording).messages(lambda topic: topic.endswith(("/telemetry", "/calls")))).log_ns
     track = autopilot_log.laid_over(autopilot_log.read(log_file), flight.times_s, flight.speeds, begin_ns * 1e-9)

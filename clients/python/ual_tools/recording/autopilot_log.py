@@ -49,6 +49,13 @@ class Track:
         self.speeds.append(speed)
 
 
+def require() -> None:
+    """Imports what reads logs. Raises `ImportError` where the extra is not there."""
+    import numpy  # noqa: F401, ICN001
+    import pymavlink  # noqa: F401
+    import pyulog  # noqa: F401
+
+
 def read(file: Path) -> Track:
     """Reads the track of a ULog of PX4, or of a dataflash log of ArduPilot.
 
