@@ -41,8 +41,8 @@ class Dialect(Autopilot):
     """Whether it may send GPS_RTK, with the distance from the base station."""
     parameter_codec: ParameterCodec | None = None
     """How values of parameters are sent; None where UAL neither reads nor writes them all."""
-    files_slow_streams = 1.0
-    """By how much its streams come less often while it sends files."""
+    rates_beside_files = 1.0
+    """So many times its streams are asked for while it sends files in flight, as it then sends them less often."""
     has_descriptions = False
     """Whether it may have a file that describes its parameters."""
     packed_parameters = ""

@@ -111,7 +111,7 @@ class _StreamRates:
 
     def __init__(self, speed_up: Callable[[float], object]) -> None:
         self.factor = 1.0
-        """By how much files slow the streams."""
+        """How many times the streams are asked for; 1: files do not slow them."""
         self._speed_up = speed_up
         self._began_s: float | None = None
         self._slowed_s = 0.0
@@ -179,7 +179,7 @@ class Ftp(Protocol):
     @override
     def attach(self, target: Source, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
-        self._streams.factor = dialect.files_slow_streams
+        self._streams.factor = dialect.rates_beside_files
         self._link = FtpLink(
             lambda payload: self._send(mavlink.MAVLink_file_transfer_protocol_message(0, *target, payload)),
             self._is_gentle,
