@@ -17,11 +17,11 @@ from ual_daemon import logs, validation
 from ual_daemon.backends.offers.logs import AutopilotLogs
 from ual_daemon.extensions.shipped.vehicle import ServedVehicle, offered, wait
 
-CHUNK = 65_536
-"""So much is read at a time. A message of gRPC may have 4 MiB."""
+CHUNK = 32_768
+"""So much is read at a time: over a slow radio in flight that takes half a minute."""
 LIST_S = 60.0
 """How long the list may take, and ..."""
-READ_S = 60.0
+READ_S = 180.0
 """... a piece. A backend ends by itself before, unless others wait, too."""
 LONGEST_ID = 200
 
