@@ -104,6 +104,9 @@ class _Dialogue(Exchange[T]):
         except UalError as error:
             self._step = None
             self.fail(self._explain(error))
+        except Exception as error:  # noqa: BLE001  a defect of one exchange must not end what flies
+            self._step = None
+            futures.fail(self.future, error)
 
 
 class _StreamRates:

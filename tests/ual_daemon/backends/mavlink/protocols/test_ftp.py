@@ -19,7 +19,7 @@ from ual.errors import (
     UalTimeoutError,
 )
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
-from ual_daemon.backends.mavlink.protocols.ftp import IDLE_S, MOST_WAITING, Entry
+from ual_daemon.backends.mavlink.protocols.ftp import IDLE_S, MOST_WAITING, Entry, Steps
 from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK, FtpNakError, FtpPacket, Nak, Opcode, decode
 from ual_daemon.backends.mavlink.protocols.ftp_steps import GENTLE_BYTES_S, GIVE_UP_S, MOST_BLOCKS, TRIES_COUNT, WINDOW
 from ual_daemon.backends.mavlink.wire.frames import Source
@@ -235,6 +235,17 @@ def test_what_is_given_up_lets_the_next_one_begin(served: Served) -> None:
     served.run(0.05)
     future.cancel()
     assert served.done(served.ftp.read("/b", 0, 1)) == b"b"
+
+
+def test_a_defect_of_one_exchange_ends_that_one_only(served: Served) -> None:
+    def defective() -> Steps[int]:
+        yield from served.ftp.list_directory("/log")
+        raise ZeroDivisionError
+
+    served.store.files = {"/log/a.ulg": b"a"}
+    with pytest.raises(ZeroDivisionError):
+        served.done(defective())
+    assert served.done(served.ftp.list_directory("/log")) == [Entry("a.ulg", 1)]
 
 
 def test_too_many_do_not_wait(served: Served) -> None:
