@@ -68,9 +68,14 @@ class MissionDownload(MissionExchange[MissionList]):
             # Not acknowledged in turn: PX4 tells the ground station of an acknowledgement that it does not expect.
             self.fail(self._refused(message.type))
 
+    @property
+    @override
+    def _is_answered(self) -> bool:
+        return self._count is not None
+
     @override
     def withdraw(self) -> None:
-        if self._count is not None:
+        if self._began_s is not None:  # PX4 has the transfer from the first request on
             self._line.acknowledge(CANCELLED)
 
     @override

@@ -110,8 +110,14 @@ class MissionExchange(MissionTaker[T]):
             self._next_s = now_s + PAUSE_S
             self._restart()
 
+    @property
+    def _is_answered(self) -> bool:
+        """Whether the autopilot takes part. Else PX4 tells the ground station of an end that it does not expect."""
+        return True
+
     def _give_up(self, now_s: float) -> None:
-        self.withdraw()
+        if self._is_answered:
+            self.withdraw()
         self.fail(self._unanswered(now_s))
 
     def _unanswered(self, now_s: float) -> UalError:

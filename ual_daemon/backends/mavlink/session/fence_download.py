@@ -58,7 +58,7 @@ class FenceDownload:
         """The newest that it has told."""
 
     def want(self) -> None:
-        """Downloads it anew, at the next tick: what is under way may be of the fence before."""
+        """Downloads it anew, soon: what is under way may be of the fence before, and ends first."""
         self._is_wanted = True
         self._pause_s = FIRST_PAUSE_S
 
@@ -69,15 +69,12 @@ class FenceDownload:
             self.want()
         self._was_armed = is_armed
         running = self._running
-        if self._is_wanted:
-            if running is not None:
-                running.cancel()
-            self._begin()
-        elif running is not None:
-            if running.done():
-                self._running = None
-                self._take(running, now_s)
-        elif now_s >= self._next_s and self._needs_poll(is_armed):
+        if running is not None:
+            if not running.done():
+                return
+            self._running = None
+            self._take(running, now_s)
+        if self._is_wanted or (now_s >= self._next_s and self._needs_poll(is_armed)):
             self._begin()
 
     def _is_changed(self) -> bool:

@@ -541,6 +541,18 @@ def test_another_stations_upload_is_waited_for(kind: str) -> None:
     assert differs(circles(3), link.store.lists[FENCE]) == ""
 
 
+def test_a_download_that_is_given_up_at_once_holds_px4_up_for_no_other() -> None:
+    link = BadLink(store("px4"), 1, loss=0.0)
+    given_up: Future[MissionList] = Future()
+    link.transfers.download(MissionType.FENCE, given_up)
+    link.step()
+    given_up.cancel()
+    future: Future[MissionList] = Future()
+    link.transfers.replace(MissionType.FENCE, circles(2), lambda: None, future, differs)
+    link.run(future, limit_s=4.0)
+    assert future.result(0).items
+
+
 def test_px4s_checksums_are_kept() -> None:
     link = BadLink(store("px4"), 1, loss=0.0)
     future: Future[MissionList] = Future()
