@@ -7,6 +7,7 @@ passes.
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import math
 from array import array
@@ -76,6 +77,7 @@ class Mavros:
         bootup_s: float = 1.0,
         target_system: int | None = None,
     ) -> None:
+        self._rtcm_count = 0
         self.autopilot = autopilot
         self.ros = ros
         self.name = name
@@ -164,7 +166,11 @@ class Mavros:
     @property
     def subscriptions(self) -> Mapping[str, tuple[str, Callable[[Message], None]]]:
         kind = "mavros_msgs/PositionTarget"
-        return {} if self.is_gone else {f"{self.name}/setpoint_raw/local": (kind, self._setpoint)}
+        found = {
+            f"{self.name}/setpoint_raw/local": (kind, self._setpoint),
+            f"{self.name}/gps_rtk/send_rtcm": ("mavros_msgs/RTCM", self._rtcm),
+        }
+        return {} if self.is_gone else found
 
     @property
     def services(self) -> Mapping[str, Service]:
@@ -396,6 +402,18 @@ class Mavros:
         self._acks[message.command] = message.result
 
     # --- What it is asked for -----------------------------------------------------------------------------------------
+
+    def _rtcm(self, message: Message) -> None:
+        """As the plugin gps_rtk does, which sends no empty fragment after full ones."""
+        data, sequence = base64.b64decode(message["data"]), self._rtcm_count % 32
+        self._rtcm_count += 1
+        fragments = [data[at : at + 180] for at in range(0, len(data), 180)]
+        if len(fragments) > 4:
+            return
+        for number, each in enumerate(fragments):
+            flags = sequence << 3 | (number << 1 | 1 if len(fragments) > 1 else 0)
+            packed = mavlink.MAVLink_gps_rtcm_data_message(flags, len(each), each.ljust(180, b"\0"))
+            self._send(packed)
 
     def _setpoint(self, message: Message) -> None:
         self.setpoints.append((self.autopilot.elapsed_s, message))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import TypeVar
 
 from typing_extensions import override
 
@@ -15,17 +16,20 @@ from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.command import Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.engine.command_runner import CommandRunner
-from ual_daemon.backends.engine.loop import Loop
+from ual_daemon.backends.engine.loop import Loop, Posted
 from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import commands, topics
 from ual_daemon.backends.mavros.commands import Call
+from ual_daemon.backends.mavros.corrections import MavrosCorrections
 from ual_daemon.backends.mavros.discovery import Discovery
 from ual_daemon.backends.mavros.session import FRESHNESS, Session
 from ual_daemon.backends.mavros.settings import SECTION, MavrosSettings
 from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
+
+T = TypeVar("T")
 
 
 class MavrosBackend(Backend):
@@ -50,12 +54,35 @@ class MavrosBackend(Backend):
         self._on_update: UpdateCallback = lambda _: None
         self._info = VehicleInfo()
         self._has_news = False
+        self._corrections = self._make_corrections(f"{self._settings.node}/{topics.RTCM}")
+
+    def _make_corrections(self, topic: str) -> MavrosCorrections:
+        def publish(message: Message) -> None:
+            if self._link is not None:
+                self._link.publish(topic, message)
+
+        def post(request: Posted) -> None:
+            if self._loop is not None:
+                self._loop.post(request)
+
+        return MavrosCorrections(
+            publish,
+            lambda: self._link is not None and self._link.waits(topic),
+            self._why_no_corrections,
+            post,
+            self.clock.now_s,
+        )
+
+    def _why_no_corrections(self) -> str:
+        is_in_reach = self._session_in_reach(self.clock.now_s()) is not None
+        return "" if is_in_reach else self._why_not("send corrections").message
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
         self._on_update = on_update
         link = self._link = self._make_link()
         link.advertise(self._setpoint_topic, topics.SETPOINT_TYPE)
+        link.advertise(f"{self._settings.node}/{topics.RTCM}", topics.RTCM_TYPE)
         discovery = self._discovery = Discovery(link, self._settings, self._sent, self._on_message, self.utc_s)
         self._loop = Loop(discovery, self.clock, discovery.watch, self._update)
         self._desk = CommandDesk(self._loop, self.clock, self._reach)
@@ -137,6 +164,10 @@ class MavrosBackend(Backend):
     def safety_pilot(self) -> SafetyPilot | None:
         return SimulatedPilot(lambda: self._session_in_reach(self.clock.now_s()), self.arm)
 
+    @override
+    def offer(self, kind: type[T]) -> T | None:
+        return self._corrections if isinstance(self._corrections, kind) else None
+
     # --- On the link's thread -----------------------------------------------------------------------------------------
 
     def _woke(self) -> float:
@@ -146,7 +177,9 @@ class MavrosBackend(Backend):
         """Does what is due: after each batch of messages, and at least every 0.1 s."""
         has_news, self._has_news = self._has_news, False
         if self._loop is not None:
-            self._loop.step(self.clock.now_s(), has_news=has_news)
+            now_s = self.clock.now_s()
+            self._loop.step(now_s, has_news=has_news)
+            self._corrections.tick(now_s)
 
     def _on_message(self, session: Session, topic: str, message: Message, now_s: float) -> None:
         """Takes a message of MAVROS for the session; one with a field that is missing is logged by the link."""
@@ -164,6 +197,7 @@ class MavrosBackend(Backend):
         self._info = self._info if info == self._info else info
         if session is not None:
             self.freshness = session.freshness
+            session.telemetry.corrections_age_s = self._corrections.age_s(snapshot.time_s)
         self._on_update(snapshot)
 
     def _command(self, what: str, make: Callable[[Session], Command[Call]]) -> Future[None]:

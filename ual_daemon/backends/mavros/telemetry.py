@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from ual.geometry import Pose, Twist
@@ -102,6 +103,8 @@ class Telemetry:
         self._gps_raw: Message | None = None
         self._fix: Message | None = None
         self._gps: GpsInfo | None = None
+        self.corrections_age_s: float | None = None
+        """How long ago the last corrections left for its receiver; None before the first."""
         self._satellites_count = 0
         self._battery: Battery | None = None
         self._batteries = Batteries()
@@ -198,7 +201,7 @@ class Telemetry:
             ),
             condition=Condition(
                 self._battery,
-                self._gps,
+                self._gps_now(),
                 self.status_text,
                 health,
                 self._has_rangefinder,
@@ -207,6 +210,10 @@ class Telemetry:
             link=LinkState(boots_count=self.boots_count),
             autopilot_fence=self.fence.limits,
         )
+
+    def _gps_now(self) -> GpsInfo | None:
+        gps, age_s = self._gps, self.corrections_age_s
+        return gps if gps is None or age_s is None else replace(gps, corrections_age_s=age_s)
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 

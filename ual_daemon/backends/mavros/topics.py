@@ -28,6 +28,8 @@ TARGET = "setpoint_raw/target_local"
 
 SETPOINT, SETPOINT_TYPE = "setpoint_raw/local", "mavros_msgs/PositionTarget"
 
+RTCM, RTCM_TYPE = "gps_rtk/send_rtcm", "mavros_msgs/RTCM"
+
 COMMAND = "cmd/command"
 ARMING = "cmd/arming"
 TAKE_OFF = "cmd/takeoff"

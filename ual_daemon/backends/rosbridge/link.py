@@ -167,6 +167,11 @@ class RosbridgeLink:
         with contextlib.suppress(OSError):  # the link's thread sees it, too
             connections.published.put(topic, data, may_leave=connections.answers(self._clock.now_s()))
 
+    def waits(self, topic: str) -> bool:
+        """Whether the message of a topic has not left yet."""
+        connections = self._connections
+        return connections is not None and connections.published.waits(self.url.resolve(topic))
+
     def withdraw(self, topic: str) -> None:
         """Withdraws the message of a topic that has not left yet."""
         connections = self._connections

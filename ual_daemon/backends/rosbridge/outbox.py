@@ -39,6 +39,11 @@ class Outbox:
         with self._lock:
             self._send()
 
+    def waits(self, key: str) -> bool:
+        """Whether the message of a key has not left yet."""
+        with self._lock:
+            return key in self._waiting
+
     def withdraw(self, key: str) -> None:
         """Withdraws the message of a key, if it has not left yet."""
         with self._lock:
