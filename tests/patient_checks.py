@@ -16,6 +16,7 @@ from ual.conformance.runner import LONGEST_GAP_S
 from ual.interface import Uav
 
 _ATTEMPTS = 5
+OF_PARAMETERS = {each.name for each in (*own_parameters.ON_GROUND, *own_parameters.IN_FLIGHT)}
 WITHOUT_PARAMETERS = {each.name for room in (own_parameters, own_fence) for each in (*room.ON_GROUND, *room.IN_FLIGHT)}
 """The checks that cannot run where the backend offers neither the autopilot's parameters nor its fence."""
 WITHOUT_CAMERAS = {each.name for each in own_cameras.ON_GROUND}

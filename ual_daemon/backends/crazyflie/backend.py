@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from typing import TypeVar
 
 from typing_extensions import override
 
@@ -16,12 +17,15 @@ from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, Simul
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.links import Link, ScannedLink, UdpLink, make_link, vehicle_key
+from ual_daemon.backends.crazyflie.parameters import CrazyflieParameters
 from ual_daemon.backends.crazyflie.session import Session
 from ual_daemon.backends.crazyflie.settings import SECTION, CrazyflieSettings
 from ual_daemon.backends.crazyflie.vehicle import describe
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError, convert
+
+T = TypeVar("T")
 
 _ARMING_LIMIT_S = 5.0
 
@@ -44,6 +48,7 @@ class CrazyflieBackend(Backend):
         self._mailbox: SetpointMailbox | None = None
         self._session: Session | None = None
         self._resets_count = 0
+        self._parameters = CrazyflieParameters(lambda: self._session)
 
     @classmethod
     @override
@@ -134,6 +139,10 @@ class CrazyflieBackend(Backend):
     @override
     def hold(self) -> Future[None]:
         return self._command("hold", lambda session: session.hold())
+
+    @override
+    def offer(self, kind: type[T]) -> T | None:
+        return self._parameters if isinstance(self._parameters, kind) else None
 
     @override
     def set_external_pose(self, measured: ExternalPose) -> None:

@@ -52,6 +52,8 @@ class Firmware:
     protocol: int = 0
     blocks: tuple[Block, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
+    table: Toc = field(default_factory=dict)
+    """Of all its parameters."""
 
 
 def steps(
@@ -87,7 +89,7 @@ def steps(
     blocks = log_blocks.make_blocks(log_toc, settings.pose_rate_hz, first_ident)
     yield [log_blocks.ask_deletion(block) for block in blocks] if is_watch_only else [log_blocks.ask_reset()]
     yield from _start_log(log_toc, blocks)
-    return Firmware(protocol, blocks, parameters)
+    return Firmware(protocol, blocks, parameters, parameter_toc)
 
 
 def _read_protocol(data: bytes) -> int:
@@ -127,10 +129,11 @@ def _set_parameters(table: Toc, wanted: Mapping[str, float]) -> Generator[Sequen
     refused = sorted(wanted.keys() - settable.keys() - ALWAYS_SET.keys())
     if refused:
         logs.event(_log, logging.WARNING, "parameters_not_set", parameters=", ".join(refused))
-    yield [_ask_write(table[name], value) for name, value in settable.items()]
+    yield [ask_write(table[name], value) for name, value in settable.items()]
 
 
-def _ask_write(variable: toc.Variable, value: float) -> Request:
+def ask_write(variable: toc.Variable, value: float) -> Request:
+    """Returns the request that writes a parameter."""
     ident = struct.pack("<H", variable.ident)
     number = value if variable.format in "efd" else round(value)
     return Request(Packet(PARAMETER, WRITE_CHANNEL, ident + struct.pack(f"<{variable.format}", number)), ident)
@@ -138,16 +141,26 @@ def _ask_write(variable: toc.Variable, value: float) -> Request:
 
 def _read_parameters(table: Toc) -> Generator[Sequence[Request], list[bytes], dict[str, float]]:
     present = [name for name in READ if name in table]
-    answers = yield [_ask_read(table[name]) for name in present]
+    answers = yield [ask_read(table[name]) for name in present]
     values = {}
     for name, data in zip(present, answers, strict=True):
-        layout = struct.Struct(f"<{table[name].format}")
-        if len(data) == _VALUE_OFFSET + layout.size:
-            values[name] = float(layout.unpack_from(data, _VALUE_OFFSET)[0])
+        value = value_of(table[name], data)
+        if value is not None:
+            values[name] = float(value)
     return values
 
 
-def _ask_read(variable: toc.Variable) -> Request:
+def value_of(variable: toc.Variable, data: bytes) -> float | None:
+    """Returns the value of a parameter in the answer to `ask_read`; None where it has none."""
+    layout = struct.Struct(f"<{variable.format}")
+    if len(data) != _VALUE_OFFSET + layout.size:
+        return None
+    found: float = layout.unpack_from(data, _VALUE_OFFSET)[0]
+    return found
+
+
+def ask_read(variable: toc.Variable) -> Request:
+    """Returns the request that reads a parameter."""
     ident = struct.pack("<H", variable.ident)
     return Request(Packet(PARAMETER, READ_CHANNEL, ident), ident)
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from concurrent.futures import Future
+from dataclasses import replace
 from functools import partial
 from typing import TypeAlias
 
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
 from ual.geometry import Pose, Vector3
+from ual.parameters.values import Parameter
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
@@ -20,6 +22,7 @@ from ual_daemon.backends.crazyflie.connecting import ASK_VERSION, Firmware
 from ual_daemon.backends.crazyflie.encoder import Encoder, rest
 from ual_daemon.backends.crazyflie.links import Link, LinkError, UdpLink, vehicle_key
 from ual_daemon.backends.crazyflie.packets import CONSOLE, LOG, LOG_DATA_CHANNEL, Packet
+from ual_daemon.backends.crazyflie.parameter_exchanges import ParameterExchanges
 from ual_daemon.backends.crazyflie.requests import Request, Requests
 from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
 from ual_daemon.backends.crazyflie.supervision import LinkState, Supervision
@@ -71,6 +74,7 @@ class Session:
         self._link = link
         self._clock = clock
         self._requests = Requests(link.send)
+        self.parameters = ParameterExchanges(self._requests, lambda: self.firmware.table, self._on_written)
         self._reader = ValuesReader(self.telemetry, self.watch)
         cache = TocCache(settings.cache_directory)
         make_steps = partial(connecting.steps, settings, cache, is_watch_only=is_watch_only)
@@ -240,6 +244,7 @@ class Session:
             self.commander.on_reboot()
         if self.is_connected and not self._reader.is_boot_open:  # one that has booted is not in the air any more
             self.commander.step(self._requests, now_s, self._flies(), touches=self.telemetry.contact.touches)
+        self.parameters.tick(now_s, is_connected=self.is_connected)
         self._requests.step(now_s)
 
     def _on_defect(self, error: Exception, now_s: float) -> None:
@@ -287,11 +292,22 @@ class Session:
         """Uses what was learned of a firmware."""
         self.firmware = firmware
         if is_new:
-            self.telemetry.parameters = firmware.parameters
-            self.commander.encoder = Encoder(firmware.protocol, firmware.parameters)
             self._reader.use(firmware.blocks)
             self._describe("")
-            self._requests.add(ASK_VERSION, self._on_version)
+            self._fly_by(firmware.parameters)
+
+    def _on_written(self, written: Parameter) -> None:
+        """Uses the new value of a parameter by which UAL flies."""
+        parameters = self.firmware.parameters
+        if written.name in parameters and parameters[written.name] != written.value:
+            changed = {**parameters, written.name: float(written.value)}
+            self._use(replace(self.firmware, parameters=changed), is_new=False)
+            self._fly_by(changed)
+
+    def _fly_by(self, parameters: Mapping[str, float]) -> None:
+        self.telemetry.parameters = parameters
+        self.commander.encoder = Encoder(self.firmware.protocol, parameters)
+        self._requests.add(ASK_VERSION, self._on_version)
 
     def _on_version(self, data: bytes) -> None:
         self._describe(data[1:].split(b"\0")[0].decode("ascii", "replace"))

@@ -63,18 +63,18 @@ class VehicleParameters:
         offer, name = self._offer(), _checked_name(name)
         value = validation.number(value, "value", at_most=float("inf"))
 
-        def require() -> None:
+        def require(own_name: str) -> None:
             require_change(self._vehicle, _SET, lease_id)
-            self._require_ground(name, offer, force=force)
-
-        def refusal() -> UalError | None:
-            try:
-                require()
-            except UalError as error:
-                return error
-            return None
+            self._require_ground(own_name, offer, force=force)
 
         def write(before: Parameter, known: Descriptions) -> Future[Parameter]:
+            def refusal() -> UalError | None:
+                try:  # by the autopilot's own name: where capital letters count, another one may have been typed
+                    require(before.name)
+                except UalError as error:
+                    return error
+                return None
+
             wanted = _fitted(before, value)
             if not force:
                 _require_range(before, wanted.value)
@@ -82,7 +82,7 @@ class VehicleParameters:
                 offer.write(wanted, refusal), lambda found: _written(before, _described(found, offer.relied_on, known))
             )
 
-        require()
+        require(name)
         return then_wait(
             offer.descriptions(),
             lambda known: then_wait(self._read(offer, name, known), lambda before: write(before, known)),

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_PARAMETERS, run_check_or_skip, wait_until_ready
+from tests.patient_checks import OF_PARAMETERS, WITHOUT_CAMERAS, WITHOUT_PARAMETERS, run_check_or_skip, wait_until_ready
 from tests.simulators.crazyflie import Crazyflie
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.ports import MemoryPort
@@ -25,10 +25,13 @@ NOT_HERE = {
     "the_pilot_flies_and_gives_back",
     "goes_to_a_geographic_waypoint",
     "bad_geographic_waypoints_are_refused",
-    *WITHOUT_PARAMETERS,
+    *(WITHOUT_PARAMETERS - OF_PARAMETERS),
     *WITHOUT_CAMERAS,
 }
 """What is skipped, and nothing else: it has no safety pilot, and does not know where it is on Earth."""
+
+
+NEEDS_DISARMED = {"arms_and_disarms", "takes_off_only_when_armed", "writes_a_parameter_and_reads_it_back"}
 
 
 ON_GROUND = [check for check in conformance.CHECKS if State.FLYING_AUTO not in check.starts]
@@ -56,7 +59,9 @@ def test_one_that_arms_itself_skips_only_what_needs_it_disarmed(
     flight_of_one_that_arms_itself: Flight, check: Check
 ) -> None:
     run_check_or_skip(
-        flight_of_one_that_arms_itself, check, NOT_HERE | {"arms_and_disarms", "takes_off_only_when_armed"}
+        flight_of_one_that_arms_itself,
+        check,
+        NOT_HERE | NEEDS_DISARMED,
     )
 
 

@@ -1,0 +1,48 @@
+"""The firmware's parameters: what any thread asks for goes to the engine's thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import TypeVar
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError
+from ual.parameters.values import Parameter
+from ual_daemon.backends.crazyflie.connecting import ALWAYS_SET, READ
+from ual_daemon.backends.crazyflie.parameter_exchanges import ParameterExchanges
+from ual_daemon.backends.crazyflie.session import Session
+from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
+
+T = TypeVar("T")
+
+
+class CrazyflieParameters(AutopilotParameters):
+    """The parameters of one backend. `session` returns its session; None before there is one."""
+
+    relied_on = frozenset((*READ, *ALWAYS_SET))
+
+    def __init__(self, session: Callable[[], Session | None]) -> None:
+        self._session = session
+
+    @override
+    def read(self, name: str) -> Future[Parameter]:
+        return self._give(lambda exchanges, future: exchanges.read(name, future))
+
+    @override
+    def read_all(self) -> Future[list[Parameter]]:
+        return self._give(ParameterExchanges.read_all)
+
+    @override
+    def write(self, parameter: Parameter, refusal: Refusal) -> Future[Parameter]:
+        return self._give(lambda exchanges, future: exchanges.write(parameter, refusal, future))
+
+    def _give(self, begin: Callable[[ParameterExchanges, Future[T]], None]) -> Future[T]:
+        future: Future[T] = Future()
+        session = self._session()
+        if session is None or not session.is_connected:
+            future.set_exception(LinkLostError("cannot exchange parameters: no Crazyflie is connected"))
+        else:
+            session.loop.post(lambda _: begin(session.parameters, future))
+        return future
