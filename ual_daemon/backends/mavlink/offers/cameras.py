@@ -83,8 +83,10 @@ class MavlinkCamera(OfferedCamera):
     @override
     def stop_photos(self) -> Future[None]:
         def stop(future: Future[None]) -> None:
-            self._link.stop_distance()
-            self._link.order(mavlink.MAV_CMD_IMAGE_STOP_CAPTURE, (), future)
+            if self._link.stop_distance():
+                futures.end(future)
+            else:
+                self._link.order(mavlink.MAV_CMD_IMAGE_STOP_CAPTURE, (), future)
 
         return self._give("stop taking photos", stop)
 

@@ -135,9 +135,10 @@ class CameraLink:
         """Begins to take pictures by the distance flown; the next tick orders the first."""
         self._distance = (distance_m, DistanceTrigger(distance_m))
 
-    def stop_distance(self) -> None:
-        """Ends that."""
-        self._distance = None
+    def stop_distance(self) -> bool:
+        """Ends that. Returns whether it was under way."""
+        was_under_way, self._distance = self._distance is not None, None
+        return was_under_way
 
     def read_status(self, future: Future[CameraStatus]) -> None:
         """Asks what it does now."""

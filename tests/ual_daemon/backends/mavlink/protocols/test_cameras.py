@@ -299,7 +299,8 @@ def test_by_distance_each_is_ordered_at_its_place_and_one_that_fails_is_counted(
     assert len(sent) == camera_link.SHOT_TRIES_COUNT
     assert len({each.param4 for each in sent}) == 1
     assert link.status().missed_count == 3
-    link.stop_distance()
+    assert link.stop_distance()
+    assert not link.stop_distance()
     bench.place = Pose.at(50.0, 0.0, 10.0)
     bench.run(1.0)
     assert link.status().missed_count == 3
