@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
 from ual import discovery
@@ -91,3 +93,11 @@ def test_external_poses(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     daemon.wait_for("state", new="UNINITIALIZED")
     lines = run("external_poses.py", **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
     assert any("LANDED_DISARMED not armed Vector3(x=1.0, y=2.0, z=0.0)" in line for line in lines), lines
+
+
+def test_land_on_marker() -> None:
+    pytest.importorskip("cv2", reason="no OpenCV: pip install opencv-python-headless")
+    [line] = run("land_on_marker.py")
+    landed = re.fullmatch(r"landed (\S+) m from the marker", line)
+    assert landed is not None
+    assert float(landed[1]) < 0.2
