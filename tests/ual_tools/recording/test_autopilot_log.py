@@ -54,6 +54,13 @@ def test_it_is_laid_over_the_recording_in_time(track: Track) -> None:
     assert moved.times_s[-1] <= TIMES_S[-1]
 
 
+def test_clocks_that_differ_by_seconds_are_found_out(tmp_path: Path) -> None:
+    write_dataflash(tmp_path / "7.BIN", SAMPLES, BOOT_UTC_S + 2.4)
+    moved = laid_over(read(tmp_path / "7.BIN"), TIMES_S, SPEEDS, BEGIN_S)
+    at_most = max(range(len(moved.times_s)), key=moved.speeds.__getitem__)
+    assert moved.times_s[at_most] == pytest.approx(25.0, abs=0.15)
+
+
 def test_it_is_moved_onto_the_places_of_the_recording(track: Track) -> None:
     moved = laid_over(track, TIMES_S, SPEEDS, BEGIN_S)
     xs = [-(time_s + 20.0) / 5 + 7.0 for time_s in TIMES_S]

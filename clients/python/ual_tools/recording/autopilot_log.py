@@ -20,6 +20,8 @@ ENDINGS = (".ulg", ".bin")
 _STEP_S = 0.1
 _LEAST_LIKENESS = 0.6
 """How much alike the speeds have to be, from 0 to 1, where the log does not know the time of day."""
+_CLOCKS_DIFFER_S = 10.0
+"""By so much the clock of a computer may differ from that of the satellites."""
 _LEAST_OVERLAP_S, _LEAST_COMPARED_S = 0.2, 5.0
 """For how long the log has to be of the time of the recording, and to be compared with it."""
 _DATAFLASH = b"\xa3\x95\x80"
@@ -83,7 +85,7 @@ def laid_over(track: Track, times_s: Sequence[float], speeds: Sequence[float], b
     """
     if not times_s:
         raise InvalidArgumentError("the recording has no positions", {"field": "log"})
-    shift_s = -begin_s if track.is_utc else _best_shift_s(track, times_s, speeds)
+    shift_s = _near_utc_s(track, times_s, speeds, begin_s) if track.is_utc else _best_shift_s(track, times_s, speeds)
     moved = Track(True)
     for time_s, x, y, height, speed in zip(track.times_s, track.xs, track.ys, track.heights, track.speeds, strict=True):
         if times_s[0] <= time_s + shift_s <= times_s[-1]:
@@ -110,6 +112,15 @@ def placed(track: Track, times_s: Sequence[float], places: Sequence[Sequence[flo
     for time_s, east, north, up, speed in zip(track.times_s, *own, track.speeds, strict=True):
         moved.add(time_s, north + y, east + x, -(up + z), speed)
     return moved, offsets
+
+
+def _near_utc_s(track: Track, times_s: Sequence[float], speeds: Sequence[float], begin_s: float) -> float:
+    """Returns by how much the times differ, by UTC, or better where the speeds are most alike near that."""
+    try:
+        best_s = _best_shift_s(track, times_s, speeds)
+    except InvalidArgumentError:
+        return -begin_s
+    return best_s if abs(best_s + begin_s) <= _CLOCKS_DIFFER_S else -begin_s
 
 
 def _best_shift_s(track: Track, times_s: Sequence[float], speeds: Sequence[float]) -> float:
