@@ -104,8 +104,8 @@ class CorrectionsInjection(Protocol):
             self.drop("the link is lost")
         elif now_s >= self._next_s and (self._pieces or self._next_message()):
             self._next_s = now_s + PACE_S
-            self._ask(now_s)
             self._send(now_s)
+            self._ask(now_s)
 
     def on_baseline(self, message: Message, now_s: float) -> None:
         """Takes a GPS_RTK or a GPS2_RTK."""
@@ -146,7 +146,7 @@ class CorrectionsInjection(Protocol):
     def _ask(self, now_s: float) -> None:
         """Asks for the base line. Only where corrections are sent: without them there is none."""
         is_needed = self._tells_baseline and self._target is not None and self._baseline_m(now_s) is None
-        if is_needed and self._target is not None and now_s >= self._next_ask_s:
+        if is_needed and self._target is not None and now_s >= self._next_ask_s and self._has_room():
             self._next_ask_s = now_s + ASK_S
             for each in _BASELINES:
                 self._transmit(set_message_interval(each, 1.0).request.encode(self._target, 0))
