@@ -24,6 +24,7 @@ from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.links import make_link
 from ual_daemon.backends.mavlink.links.base import BATCH_BYTES
 from ual_daemon.backends.mavlink.links.endpoints import parse_url
+from ual_daemon.backends.mavlink.wire import shared_link
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.mavlink.wire.shared_link import QUEUE_BYTES, SharedLink, VehicleLink
 from ual_daemon.backends.values import VelocitySetpoint
@@ -260,6 +261,16 @@ def test_what_nobody_takes_does_not_pile_up() -> None:
         assert got(link) == frame
     finally:
         line.close()
+
+
+def test_a_defect_in_reading_ends_nothing(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = packer(7)(heartbeat())
+    line.say_until(frame, lambda: got(line.links[0]))
+    with monkeypatch.context() as patch:
+        patch.setattr(shared_link, "pieces", lambda _: 1 / 0)
+        line.say_until(frame, lambda: line.links[0].trouble)
+    line.say_until(frame, lambda: got(line.links[0]))
+    assert line.links[0].connections_count > 1
 
 
 # --- Which vehicles ---------------------------------------------------------------------------------------------------

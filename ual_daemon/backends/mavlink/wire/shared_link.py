@@ -14,6 +14,7 @@ from typing_extensions import override
 
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.engine.limits import SILENT_S
+from ual_daemon.backends.engine.loop import OnceLog
 from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link
 from ual_daemon.backends.mavlink.links.connection import Connection
 from ual_daemon.backends.mavlink.links.udp import cannot_send
@@ -82,6 +83,7 @@ class _Reading:
         self._reader = FrameReader()
         self._connections_count = 0
         self._looked_s = clock.now_s()
+        self._failures = OnceLog("reading a shared link failed; this is a defect of UAL, please report it")
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -100,8 +102,8 @@ class _Reading:
         while not self._closing.is_set():
             try:
                 self._look()
-            except Exception:  # noqa: BLE001 - the callers must see a lost link that comes back
-                _log.exception("reading a shared link failed; this is a defect of UAL, please report it")
+            except Exception as error:  # noqa: BLE001 - the callers must see a lost link that comes back
+                self._failures.log(error)
                 self.connection.restart(self._clock.now_s())
                 self._closing.wait(WAIT_S)
 
