@@ -6,6 +6,7 @@ import socket
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 
 import pytest
 from typing_extensions import override
@@ -32,6 +33,7 @@ from ual_daemon.settings import ConfigError
 
 HERE = "127.0.0.1"
 SETPOINT = VelocitySetpoint(Vector3(1.0, 0.0, 0.0))
+OWN_ID = 191
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 KINDS: dict[int, type[Px4 | ArduPilot]] = {1: Px4, 2: ArduPilot, 3: Px4}
 """The autopilots by system id."""
@@ -151,12 +153,15 @@ def test_each_finds_its_own_and_commands_and_setpoints_go_nowhere_else(world: Wo
     autopilots, backends = world.autopilots, world.backends
     until(lambda: all(each.info().autopilot for each in backends), "the autopilots")
     assert [each.info().autopilot for each in backends] == ["PX4", "ArduPilot", "PX4"]
-    for count, backend in enumerate(backends, 1):
-        for _ in range(count):
-            backend.send(SETPOINT)
-    until(lambda: [len(each.setpoints_s) for each in autopilots] == [1, 2, 3], "each setpoint at its own")
-    backends[2].arm()
-    until(lambda: ARM in {each[1] for each in list(autopilots[2].commands)}, "the command to arm")
+    for autopilot, backend in zip(autopilots, backends, strict=True):
+        until(autopilot.setpoints_s.copy, "a setpoint", between=partial(backend.send, SETPOINT))
+    # UAL speaks as a component of the system that it flies: another vehicle's setpoints would have its system's id.
+    assert [set(each.setpoint_senders) for each in autopilots] == [{(number, OWN_ID)} for number in KINDS]
+    until(
+        lambda: ARM in {each[1] for each in list(autopilots[2].commands)},
+        "the command to arm",
+        between=backends[2].arm,
+    )
     assert not any(ARM in {each[1] for each in list(other.commands)} for other in autopilots[:2])
 
 
@@ -228,12 +233,12 @@ def test_a_datagram_of_several_systems_is_taken_apart(line: Line) -> None:
 
     def has_come() -> bool:
         received[:] = [before + got(link) for before, link in zip(received, line.links, strict=True)]
-        return all(received)
+        return all(heard in each for each in received)
 
     line.say_until(own + strange + other + heard, has_come)
+    assert own in received[0]
     assert received[0].replace(own, b"").replace(heard, b"") == b""
     assert received[1].replace(other, b"").replace(heard, b"") == b""
-    assert heard in received[0]
 
 
 def test_the_port_is_free_once_the_last_has_left(line: Line) -> None:
