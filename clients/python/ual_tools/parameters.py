@@ -48,7 +48,7 @@ def list_parameters(session: Session, pattern: str) -> None:
     """
     with session.connect() as uav:
         every = uav.parameters.get_all()
-    found = [each for each in every if fnmatch.fnmatchcase(each.name, pattern.upper())]
+    found = [each for each in every if fnmatch.fnmatchcase(each.name.upper(), pattern.upper())]
     if not found:
         raise InvalidArgumentError(f"none of its {len(every)} parameters matches {pattern}", {"field": "pattern"})
     if session.as_json:

@@ -92,3 +92,11 @@ def test_a_file_that_is_a_part_differs_only_where_it_says_something() -> None:
     assert compare({mode.name: 3.0, cruise.name: 5.1}, PARAMETERS, all_names=True) == [
         Difference("BAT_LOW_THR", None, low)
     ]
+
+
+def test_names_of_a_crazyflie_are_written_and_read(tmp_path: Path) -> None:
+    parameters = [Parameter("posCtlPid.xVelMax", real32(0.75), ParameterType.REAL32)]
+    path = tmp_path / "a.param"
+    assert write(parameters, path) == 1
+    assert read(path) == {"posCtlPid.xVelMax": pytest.approx(0.75)}
+    assert compare(read(path), parameters, all_names=True) == []

@@ -20,8 +20,8 @@ ENDINGS = (QGC_ENDING, ".param", ".parm")
 MOST_BYTES = 4 << 20
 """A file that is larger is not read. ArduPilot's 1,400 parameters are 30 kB."""
 
-_NAME = re.compile(r"[A-Za-z0-9_]{1,16}")
-"""MAVLink's param_id has 16 characters."""
+_NAME = re.compile(r"[A-Za-z0-9_]{1,16}|[A-Za-z0-9_]{1,30}\.[A-Za-z0-9_]{1,30}")
+"""MAVLink's param_id has 16 characters. A Crazyflie has the name of a group before each."""
 _QGC_FIELDS_COUNT = 5
 _HEAD = "# Onboard parameters for Vehicle {system_id}\n#\n# Vehicle-Id Component-Id Name Value Type\n"
 
