@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import Any, NamedTuple, TypeVar
 
 from typing_extensions import override
@@ -215,9 +216,14 @@ class Ftp(Protocol):
     def on_message(self, message: Message, now_s: float) -> None:
         """Takes a FILE_TRANSFER_PROTOCOL."""
         packet = decode(bytes(message.payload))
-        if packet is not None and self._running is not None:
+        if packet is None:
+            return
+        if self._running is not None:
             self._running.on_packet(packet, now_s)
             self.tick(now_s)
+        elif self._file is not None and packet.requested == Opcode.BURST_READ_FILE:
+            with suppress(FtpNakError):  # the next part of the file will be told
+                self._file.on_burst(packet, now_s)  # a burst goes on between two parts
 
     def run(self, future: Future[T], steps: Steps[T]) -> None:
         """Has an exchange done once it is its turn."""

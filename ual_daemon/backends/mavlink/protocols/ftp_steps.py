@@ -76,6 +76,10 @@ class OpenFile:
         """The sequence number of the burst that is under way."""
         self.burst_s = 0.0
         """When its last block came."""
+        self.is_burst_empty = False
+        """Whether it has brought nothing new."""
+        self.place = 0
+        """Where it is read."""
         self.has_bursts = True
         """Whether a burst still brings anything: none does at the end of a file whose size is not known."""
         self.used_s = 0.0
@@ -95,8 +99,37 @@ class OpenFile:
             self.end = min(self.limit, offset + len(data))
         return True
 
+    def on_burst(self, packet: FtpPacket, now_s: float) -> bool:
+        """Takes an answer of the burst that is under way, also between two steps. Returns whether it has a new block.
+
+        Raises:
+            FtpNakError: The burst has ended otherwise than at the end of the file.
+
+        """
+        if self.burst is None or (packet.sequence - self.burst - 1) % SEQUENCES >= BURST_SEQUENCES:
+            return False
+        is_new = False
+        if packet.opcode == Opcode.NAK:
+            self._end_burst(packet)
+        elif packet.opcode == Opcode.ACK:
+            self.burst_s = now_s
+            is_new = self.keep(packet.offset, packet.data, self.place)
+            self.is_burst_empty = self.is_burst_empty and not is_new
+            if packet.is_burst_complete:
+                self.burst = None
+        return is_new
+
+    def _end_burst(self, packet: FtpPacket) -> None:
+        self.burst = None
+        error = FtpNakError(self.path, packet)
+        if error.code != Nak.END_OF_FILE:
+            raise error
+        if self.is_burst_empty:  # where it ends, reading block by block tells: ArduPilot's offset does not
+            self.has_bursts = False
+
     def drop_before(self, offset: int) -> None:
-        """Forgets the blocks that were read."""
+        """Forgets the blocks that were read; the reading is there now."""
+        self.place = offset
         for each in [each for each in self.blocks if each + BLOCK <= offset]:
             del self.blocks[each]
 
@@ -177,7 +210,6 @@ class Reading(Step[bytes]):
         self._group_s: float | None = None
         """When the group of blocks began that is under way, while it may be flying."""
         self._next_s = -math.inf
-        self._is_burst_empty = False
         file.drop_before(offset)
 
     @override
@@ -237,7 +269,7 @@ class Reading(Step[bytes]):
     def _begin_burst(self, link: FtpLink, offset: int, now_s: float) -> None:
         file = self._file
         file.burst, file.burst_s = link.next_sequence(BURST_SEQUENCES), now_s
-        self._is_burst_empty = True
+        file.is_burst_empty = True
         link.request(file.burst, Opcode.BURST_READ_FILE, file.session, offset, b"", BLOCK)
 
     def _watch_burst(self, link: FtpLink, now_s: float) -> None:
@@ -252,22 +284,11 @@ class Reading(Step[bytes]):
             )
 
     def _on_burst(self, packet: FtpPacket, now_s: float) -> None:
-        file = self._file
-        if file.burst is None or (packet.sequence - file.burst - 1) % SEQUENCES >= BURST_SEQUENCES:
-            return
-        if packet.opcode == Opcode.NAK:
-            file.burst = None
-            error = FtpNakError(file.path, packet)
-            if error.code != Nak.END_OF_FILE:
-                self.error = error
-            elif self._is_burst_empty:  # where it ends, reading block by block tells: ArduPilot's offset does not
-                file.has_bursts = False
-        elif packet.opcode == Opcode.ACK:
-            file.burst_s = now_s
-            if self._keep(packet):
-                self._new_s, self._is_burst_empty = now_s, False
-            if packet.is_burst_complete:
-                file.burst = None
+        try:
+            if self._file.on_burst(packet, now_s):
+                self._new_s = now_s
+        except FtpNakError as error:
+            self.error = error
 
     # --- Block by block -----------------------------------------------------------------------------------------------
 

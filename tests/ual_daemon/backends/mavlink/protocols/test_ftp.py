@@ -146,6 +146,15 @@ def test_the_file_stays_open_for_the_next_part_and_is_closed_after_that(served: 
     assert opcodes(served).count(Opcode.TERMINATE_SESSION) == 1
 
 
+def test_a_burst_goes_on_between_two_parts(served: Served) -> None:
+    served.store.files = {LOG: content(300_000)}
+    began_s = served.now_s
+    for offset in range(0, 300_000, 30_000):
+        assert served.done(served.ftp.read(LOG, offset, 30_000)) == content(300_000)[offset : offset + 30_000]
+        served.run(0.05)
+    assert served.now_s - began_s < 4.5  # 2.5 s at the rate of the server, and 0.5 s of pauses
+
+
 def test_another_file_is_opened_after_the_first_is_closed(served: Served) -> None:
     served.store.files = {"/a": content(1000, 1), "/b": content(1000, 2)}
     for name, seed in (("/a", 1), ("/b", 2), ("/a", 1)):
