@@ -43,7 +43,7 @@ def take_off(altitude_m: float = 20.0) -> dict[str, Any]:
 
 def at(north: float, east: float, **more: Any) -> dict[str, Any]:
     """A waypoint so many ten-thousandths of a degree away from home."""
-    return waypoint(LAT + north * 1e-4, LON + east * 1e-4, **more)
+    return waypoint(round(LAT + north * 1e-4, 7), round(LON + east * 1e-4, 7), **more)
 
 
 def survey(*items: dict[str, Any]) -> dict[str, Any]:
@@ -79,7 +79,7 @@ TEN = (
     ),
     Example(
         "a region of interest",
-        plan(take_off(), item(195, [0, 0, 0, 0, LAT + 1e-4, LON, 0]), at(3, 0), at(3, 3), do(197), _RTL),
+        plan(take_off(), item(195, [0, 0, 0, 0, round(LAT + 1e-4, 7), LON, 0]), at(3, 0), at(3, 3), do(197), _RTL),
         ("TakeOff", "RegionOfInterest", "Waypoint", "Waypoint", "RegionOfInterestEnd", "ReturnToLaunch"),
     ),
     Example(

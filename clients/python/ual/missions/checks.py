@@ -19,6 +19,7 @@ from ual.missions.items import (
     Item,
     Jump,
     Land,
+    OtherItem,
     RegionOfInterest,
     RegionOfInterestEnd,
     ReturnToLaunch,
@@ -180,4 +181,5 @@ _FAULTS: dict[type[Any], Callable[[Any], Iterator[str]]] = {
     Land: _place,
     ReturnToLaunch: _nothing,
     Jump: _jump,
+    OtherItem: lambda item: iter((item.text,)),
 }

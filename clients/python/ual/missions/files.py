@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ual.missions import _from_mavlink
+from ual.missions import commands
 from ual.missions.items import Item, Waypoint
 from ual.routes import MOST_BYTES, RouteError, _document, _plan, _text, _wpl
 from ual.routes import parse as parse_route
@@ -78,12 +78,12 @@ def _of_commands(data: bytes, ending: str) -> Mission | None:
     text = _text(data)
     if text.lstrip().startswith(_wpl.HEADER) or ending == ".waypoints":
         items, firmware, has_home = _wpl.items_of(text.lstrip())
-        return Mission(_from_mavlink.items(items, firmware, None), [_wpl.HOME] if has_home else [])
+        return Mission(commands.items_of_file(items, firmware, None), [_wpl.HOME] if has_home else [])
     document = _document(text)
     if not (_plan.is_plan(document) or ending in _PLANS):
         return None
     items, firmware = _plan.items_of(document)
-    return Mission(_from_mavlink.items(items, firmware, _plan.planned_home(document)), _plan.other_parts(document))
+    return Mission(commands.items_of_file(items, firmware, _plan.planned_home(document)), _plan.other_parts(document))
 
 
 def _along(route: Route) -> Mission:

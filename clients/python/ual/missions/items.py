@@ -132,6 +132,17 @@ class Jump(Item):
     times: int
 
 
+@dataclass(frozen=True, slots=True)
+class OtherItem(Item):
+    """Something else that the autopilot has in its mission: a MAV_CMD, and why a mission of UAL has it not.
+
+    It can be downloaded, and not uploaded.
+    """
+
+    command: int
+    text: str
+
+
 MOVING = (TakeOff, Waypoint, HoldTime, Land, ReturnToLaunch)
 """Items that take time to fly. The others act at once, on the way to the next of these."""
 PLACED = (TakeOff, Waypoint, Land)
@@ -162,4 +173,5 @@ _WORDS: dict[type[Item], str] = {
     Land: "landing",
     ReturnToLaunch: "return to launch",
     Jump: "jump",
+    OtherItem: "another command",
 }

@@ -1,4 +1,4 @@
-"""From the commands of a file to the items of a mission, and why a command is refused.
+"""From the commands of a file, or of an autopilot, to the items of a mission, and why a command is none.
 
 Sources: MAVLink's MAV_CMD; what PX4 1.17 (mavlink_mission.cpp, mission_block.cpp) and ArduCopter 4.6 (AP_Mission.cpp,
 mode_auto.cpp) make of an item's fields.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 from ual.missions import items as neutral
 from ual.missions.items import CameraAction, CameraTrigger
@@ -35,7 +36,25 @@ _SAME_PLACE_DEG = 1e-5
 Place = tuple[float, float]
 
 
-def items(found: Sequence[FileItem], firmware: Firmware, home: Place | None) -> list[neutral.Item]:
+class Command(NamedTuple):
+    """An item as an autopilot has it: a MAV_CMD, its frame (MAV_FRAME), and its seven numbers; None for none (NaN)."""
+
+    command: int
+    frame: int
+    params: Sequence[float | None]
+
+
+def items_on_autopilot(found: Sequence[Command], first_seq: int, *, is_ardupilot: bool) -> list[neutral.Item]:
+    """Returns the items of a mission that an autopilot has. What a mission of UAL has not is an `OtherItem`."""
+    firmware = Firmware.ARDUPILOT if is_ardupilot else Firmware.PX4
+    read = [
+        FileItem(str(index + 1), each.command, each.frame, each.params, index + first_seq)
+        for index, each in enumerate(found)
+    ]
+    return _Reader(read, firmware, None).items_or_others()
+
+
+def items_of_file(found: Sequence[FileItem], firmware: Firmware, home: Place | None) -> list[neutral.Item]:
     """Returns the items of a file. `home` is where it plans to take off. Raises `FaultError` with the item's number."""
     if not found:
         raise FaultError("has no items")
@@ -68,6 +87,15 @@ class _Reader:
 
     def items(self) -> list[neutral.Item]:
         return [self._item(each) for each in self._found]
+
+    def items_or_others(self) -> list[neutral.Item]:
+        return [self._item_or_other(each) for each in self._found]
+
+    def _item_or_other(self, item: FileItem) -> neutral.Item:
+        try:
+            return self._item(item)
+        except FaultError as fault:
+            return neutral.OtherItem(item.command, fault.text, number=item.number)
 
     def _item(self, item: FileItem) -> neutral.Item:
         make = self._makers.get(item.command)
