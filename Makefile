@@ -21,7 +21,8 @@ PROTOS := proto/ual/v1/ual.proto \
 	proto/ual/v1/camera.proto \
 	proto/ual/v1/fence.proto \
 	proto/ual/v1/logs.proto \
-	proto/ual/v1/corrections.proto
+	proto/ual/v1/corrections.proto \
+	proto/ual/v1/mission.proto
 GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plugin=$(BIN)/protoc-gen-mypy \
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)

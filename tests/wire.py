@@ -20,7 +20,16 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError, Message
 
-from ual.v1 import camera_pb2, corrections_pb2, fence_pb2, logs_pb2, parameters_pb2, simulation_pb2, ual_pb2
+from ual.v1 import (
+    camera_pb2,
+    corrections_pb2,
+    fence_pb2,
+    logs_pb2,
+    mission_pb2,
+    parameters_pb2,
+    simulation_pb2,
+    ual_pb2,
+)
 
 ROOT = Path(__file__).parents[1]
 RECORDS = ROOT / "tests" / "data" / "wire"
@@ -30,6 +39,7 @@ FILES = (
     "ual/v1/ual.proto",
     "ual/v1/simulation.proto",
     "ual/v1/parameters.proto",
+    "ual/v1/mission.proto",
     "ual/v1/camera.proto",
     "ual/v1/fence.proto",
     "ual/v1/logs.proto",
@@ -39,6 +49,7 @@ SERVICES = (
     "ual.v1.UalService",
     "ual.v1.SimulationService",
     "ual.v1.ParameterService",
+    "ual.v1.MissionService",
     "ual.v1.CameraService",
     "ual.v1.FenceService",
     "ual.v1.LogService",
@@ -102,6 +113,7 @@ def _modules() -> tuple[Any, ...]:
         ual_pb2,
         simulation_pb2,
         parameters_pb2,
+        mission_pb2,
         camera_pb2,
         fence_pb2,
         logs_pb2,

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _parameter_calls
+from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _mission_calls, _parameter_calls
 from ual._calls import MEMBERS, Kind
 from ual.shared import views
 
@@ -45,6 +45,7 @@ PARTS: Mapping[str, ModuleType] = {
     "Camera": _camera_calls,
     "Cameras": _cameras_calls,
     "Parameters": _parameter_calls,
+    "Mission": _mission_calls,
     "Fence": _fence_calls,
     "Logs": _log_calls,
 }

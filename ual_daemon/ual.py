@@ -55,6 +55,7 @@ from ual_daemon.extensions.shipped.cameras import Cameras
 from ual_daemon.extensions.shipped.corrections import Corrections
 from ual_daemon.extensions.shipped.fence import Fence
 from ual_daemon.extensions.shipped.logs import Logs
+from ual_daemon.extensions.shipped.missions import Mission
 from ual_daemon.extensions.shipped.parameters import Parameters
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
@@ -362,6 +363,11 @@ class UAL(Uav):
     @override
     def parameters(self) -> Parameters:
         return Parameters(self.vehicle, lambda: self._lease_id)
+
+    @property
+    @override
+    def mission(self) -> Mission:
+        return Mission(self.vehicle, lambda: self._lease_id)
 
     @property
     @override

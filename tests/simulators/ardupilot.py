@@ -11,6 +11,7 @@ from functools import partial
 from tests.simulators import parameter_files
 from tests.simulators.autopilot import ACCEPTED, FAILED, STEP_S, UNSUPPORTED, Autopilot, Sticks
 from tests.simulators.channel import Channel
+from tests.simulators.mission_flight import ACTIVE, COMPLETE, NAV_LAST, NOT_STARTED, PAUSED
 from tests.simulators.mission_store import ArduPilotStore, Sender
 from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
@@ -161,6 +162,9 @@ class ArduPilot(Autopilot):
             "EK3_SRC1_POSXY": 3.0,
             "GUID_TIMEOUT": 3.0,
             "DISARM_DELAY": 10.0,
+            "FS_GCS_ENABLE": 0.0,
+            "FS_OPTIONS": 0.0,
+            "MIS_RESTART": 0.0,
             "SIM_SPEEDUP": 1.0,
             "SIM_GPS_DISABLE": 0,
             "FENCE_ENABLE": 0,
@@ -212,6 +216,9 @@ class ArduPilot(Autopilot):
     def _boot(self, boot_s: float) -> None:
         super()._boot(boot_s)
         self.mode = STABILIZE
+        self.mission = self._new_mission(1)
+        self._is_auto_armed = False
+        """Whether it may lift in AUTO: by MISSION_START, or a raised throttle."""
         self._target = Target()
         self._setpoint_s = -math.inf
         self._is_timed = False
@@ -264,7 +271,7 @@ class ArduPilot(Autopilot):
             return int(mavlink.MAV_LANDED_STATE_TAKEOFF)
         if self._is_landed:
             return int(mavlink.MAV_LANDED_STATE_ON_GROUND)
-        if self.mode == LAND or (self.mode == RTL and self._is_over_home()):
+        if self.mode == LAND or (self._returns() and self._is_over_home()) or self._lands_in_auto():
             return int(mavlink.MAV_LANDED_STATE_LANDING)
         return int(mavlink.MAV_LANDED_STATE_IN_AIR)
 
@@ -275,7 +282,10 @@ class ArduPilot(Autopilot):
         why = ""
         if mode not in MODES:
             return False
-        if mode == AUTO and self.is_armed:  # refused, because it has no mission
+        if mode == AUTO and self.is_armed and len(self.missions.lists[0]) < 2:  # it has no mission but home
+            why = "init failed"
+        elif mode == AUTO and self.is_armed and self._is_landed and not self._begins_with_take_off():
+            self.say("Auto: Missing Takeoff Cmd")
             why = "init failed"
         elif mode in _NEEDS_POSITION and not self.has_position:
             why = "requires position"
@@ -283,10 +293,26 @@ class ArduPilot(Autopilot):
             self.say(f"Mode change to {MODES[mode]} failed: {why}", mavlink.MAV_SEVERITY_WARNING)
             return False
         if mode != self.mode:
-            self.mode = mode
+            was, self.mode = self.mode, mode
             self._stop()
+            if was == AUTO:
+                self.mission.leave()
+            if mode == AUTO:
+                if self.parameters["MIS_RESTART"]:
+                    self.mission.reset()
+                self._is_auto_armed = not self._is_landed
+                north, east, down = self._target.position
+                assert north is not None
+                assert east is not None
+                assert down is not None
+                self.mission.begin((north, east, down))
             self._push(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         return True
+
+    def _begins_with_take_off(self) -> bool:
+        """Whether the first item that moves it is a take-off."""
+        moving = (each.command for each in self.missions.lists[0][1:] if each.command <= NAV_LAST)
+        return bool(next(moving, 0) == mavlink.MAV_CMD_NAV_TAKEOFF)
 
     def trigger_failsafe(self, kind: str) -> None:
         """Triggers a failsafe as recorded: "rc", "battery" or "fence". It returns; on the ground it changes nothing."""
@@ -419,6 +445,11 @@ class ArduPilot(Autopilot):
             return ACCEPTED
         if command in (mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH):
             return ACCEPTED if self.set_mode(LAND if command == mavlink.MAV_CMD_NAV_LAND else RTL) else FAILED
+        if command == mavlink.MAV_CMD_MISSION_START:
+            if not self.set_mode(AUTO):
+                return FAILED
+            self._is_auto_armed = True
+            return ACCEPTED
         return UNSUPPORTED
 
     # Setpoints
@@ -518,12 +549,31 @@ class ArduPilot(Autopilot):
         elif self._touched_s is not None and not self._is_landed and self.now_s - self._touched_s >= _LANDED_S:
             self._is_landed = True
             self._landed_s = self.now_s
+            if self.mode == AUTO:
+                self.mission.landed()
 
     def _lifts(self) -> bool:
         """Whether it leaves the ground: by a take-off or by the throttle. A velocity setpoint is not enough."""
         if self.is_taking_off and self._takeoff is not None:
             return self.now_s - self._takeoff[1] >= _TAKEOFF_LIFTS_S
+        if self.mode == AUTO:
+            return self._is_auto_armed and self.mission.state == ACTIVE and self._wanted_up()
         return self.mode in _BY_STICKS and self.has_sticks and self.sticks.up > 0.2
+
+    def _wanted_up(self) -> bool:
+        down = self._wanted().position[2]
+        return down is not None and down < self.position[2] - 0.5
+
+    def _returns(self) -> bool:
+        """Whether it flies home: in its mode for that, or by an item of its mission, in AUTO."""
+        return self.mode == RTL or (self.mode == AUTO and self._auto_command() == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+
+    def _lands_in_auto(self) -> bool:
+        return self.mode == AUTO and self.mission.is_landing(self.position)
+
+    def _auto_command(self) -> int:
+        item = self.mission.item if self.mission.state == ACTIVE else None
+        return 0 if item is None else item.command
 
     def _watch(self) -> None:
         """Applies failsafes and automatic disarming."""
@@ -539,19 +589,26 @@ class ArduPilot(Autopilot):
             self.set_mode(RTL)
         if self._is_landed and self._takeoff is None:
             since_s = self.now_s - max(self.armed_s, self._landed_s)
-            is_down = self.mode in (LAND, RTL) and self._landed_s > self.armed_s and since_s >= _LANDED_DISARM_S
+            ends = self.mode in (LAND, RTL) or self._is_mission_over()
+            is_down = ends and self._landed_s > self.armed_s and since_s >= _LANDED_DISARM_S
             if is_down or since_s >= self.parameters["DISARM_DELAY"]:
                 self._stop_motors()
+
+    def _is_mission_over(self) -> bool:
+        return self.mode == AUTO and self.mission.state == COMPLETE
 
     def _wanted(self) -> Target:
         if self.mode == GUIDED:
             return self._guided()
         if self.mode in _BY_STICKS:
             return self._by_sticks()
-        if self.mode == RTL and not self._is_over_home() and self.home is not None:
-            return replace(self._target, position=(self.home[0], self.home[1], self._target.position[2]))
-        if self.mode in (LAND, RTL):
-            north, east, _ = self._target.position
+        if self._returns() and not self._is_over_home() and self.home is not None:
+            down = self.mission.hold[2] if self.mode == AUTO else self._target.position[2]
+            return replace(self._target, position=(self.home[0], self.home[1], down))
+        if self.mode == AUTO and not self._returns() and not self._lands_in_auto():
+            return self.mission.target(self.position, self.now_s, self._target.yaw_rad or 0.0)
+        if self.mode in (LAND, RTL, AUTO):
+            north, east, _ = self._target.position if self.mode != AUTO else self.position
             if not self.has_position:
                 north = east = None
             return Target(
@@ -619,7 +676,7 @@ class ArduPilot(Autopilot):
             # the real one shapes its velocity like this: with a lag of the acceleration limit divided by the jerk limit
             velocity_gain=p("PSC_JERK_XY") / p("WPNAV_ACCEL"),
             vertical_gain=4.0,
-            speed_m_s=p("WPNAV_SPEED"),
+            speed_m_s=self.mission.speed_m_s or p("WPNAV_SPEED") if self.mode == AUTO else p("WPNAV_SPEED"),
             climb_m_s=min(_TAKEOFF_M_S if self.is_taking_off else math.inf, p("WPNAV_SPEED_UP")),
             descent_m_s=p("WPNAV_SPEED_DN"),
             acceleration_m_s2=p("WPNAV_ACCEL"),
@@ -670,7 +727,13 @@ class ArduPilot(Autopilot):
             mavlink.MAVLINK_MSG_ID_SIM_STATE: self._sim_state,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._position_target,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self._mission_current,
         }
+
+    def _mission_current(self) -> Message:
+        total = max(0, len(self.missions.lists[0]) - 1)
+        state = {PAUSED: NOT_STARTED}.get(self.mission.state, self.mission.state)
+        return mavlink.MAVLink_mission_current_message(self.mission.seq, total, state, int(self.mode == AUTO))
 
     def heartbeat(self) -> Message:
         base_mode = 81 if self.mode == STABILIZE else 89

@@ -17,10 +17,12 @@ from typing import Any
 from tests.simulators.channel import Channel
 from tests.simulators.fence import CIRCLES, POLYGONS, Fence, Item
 from tests.simulators.files import FileStore
-from tests.simulators.mission_store import MissionStore, Sender
+from tests.simulators.mission_flight import MissionFlight
+from tests.simulators.mission_store import MISSION, MissionStore, Sender
 from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus, wrap
 from tests.simulators.satellite_receiver import SatelliteReceiver
 from ual.geometry import Vector3
+from ual_daemon.backends.firmwares.mission_items import MissionItem
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.geodesy import Projection
@@ -138,6 +140,7 @@ class Autopilot(ABC):
             mavlink.MAVLINK_MSG_ID_PARAM_SET: self._on_param_set,
             mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._on_local_target,
             mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL: self._on_manual_control,
+            mavlink.MAVLINK_MSG_ID_MISSION_SET_CURRENT: self._on_mission_set_current,
             **{message_id: partial(self._transfer, act) for message_id, act in self.missions.handlers().items()},
             **{message_id: partial(self._transfer, act) for message_id, act in self.files.handlers().items()},
             self.external_pose_message: self._on_external_pose,
@@ -564,6 +567,34 @@ class Autopilot(ABC):
         """Returns whether a position is outside an inclusion of its own fence, or in an exclusion."""
         latitude, longitude, _ = self.geo(position)
         return bool(self.fence.items) and self.fence.is_beyond(latitude, longitude, self.projection)
+
+    # Its mission
+
+    mission: MissionFlight
+    """What it flies of its mission; made at each boot."""
+
+    def _new_mission(self, first: int) -> MissionFlight:
+        found = MissionFlight(lambda: self.missions.lists[MISSION], first, self._mission_place, self._on_reached)
+        self.missions.on_mission = found.reset
+        found.reset()
+        return found
+
+    def _mission_place(self, item: MissionItem) -> Vector:
+        """Returns the place of an item, in metres north, east and down."""
+        altitude_m = item.z
+        if item.frame in (3, 6):
+            home_z_m = 0.0 if self.home is None else self.home[2]
+            altitude_m = self.projection.altitude_amsl_m - home_z_m + item.z
+        place = self.projection.to_local(item.x / 1e7, item.y / 1e7, altitude_m)
+        return place.y, place.x, -place.z
+
+    def _on_reached(self, seq: int) -> None:
+        for channel in self.channels:
+            channel.send(mavlink.MAVLink_mission_item_reached_message(seq), self.elapsed_s)
+
+    def _on_mission_set_current(self, message: Message, sender: Sender) -> None:
+        if self.mission.choose(message.seq):
+            self._request(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, sender.channel)
 
     def _transfer(self, act: Callable[[Message, Sender, float], None], message: Message, sender: Sender) -> None:
         act(message, sender, self.elapsed_s)

@@ -56,6 +56,8 @@ class MissionStore(ABC):
 
     def __init__(self, on_fence: Callable[[], None]) -> None:
         self._on_fence = on_fence
+        self.on_mission: Callable[[], None] = lambda: None
+        """Called after a change of the mission."""
         self.lists: dict[int, list[MissionItem]] = {MISSION: [], FENCE: [], RALLY: []}
         self.refusal: int | None = None
         """The MAV_MISSION_RESULT with which every request is refused; None: it answers."""
@@ -71,6 +73,8 @@ class MissionStore(ABC):
         self.lists[kind] = list(items)
         if kind == FENCE:
             self._on_fence()
+        elif kind == MISSION:
+            self.on_mission()
 
     def handlers(self) -> dict[int, Callable[[Message, Sender, float], None]]:
         """Returns what answers the messages of the mission protocol, each with the time."""
@@ -162,11 +166,11 @@ class Px4Store(MissionStore):
         self.opaque_ids[kind] = crc
         super().keep(kind, items)
 
-    def current(self) -> Message:
+    def current(self, seq: int = 0, state: int = 1) -> Message:
         """Returns the MISSION_CURRENT."""
         ids = [("I", self.opaque_ids[kind]) for kind in (MISSION, FENCE, RALLY)]
         total = len(self.lists[MISSION]) or 0xFFFF
-        return raw(mavlink.MAVLink_mission_current_message, ("H", 0), ("H", total), ("B", 1), ("B", 2), *ids)
+        return raw(mavlink.MAVLink_mission_current_message, ("H", seq), ("H", total), ("B", state), ("B", 2), *ids)
 
     def tick(self, now_s: float) -> None:
         if self._state == "getting" and now_s - self._sent_s > self.retry_s:
@@ -400,6 +404,8 @@ class ArduPilotStore(MissionStore):
     def _complete(self, kind: int) -> int:
         if kind != FENCE:
             self.uploads_count += 1
+            if kind == MISSION:
+                self.on_mission()
             return ACCEPTED
         if not _is_whole(self._incoming):
             return ERROR

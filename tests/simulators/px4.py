@@ -19,6 +19,7 @@ from tests.simulators.autopilot import (
     filler,
 )
 from tests.simulators.channel import Channel
+from tests.simulators.mission_flight import COMPLETE
 from tests.simulators.mission_store import Px4Store, Sender
 from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
@@ -41,8 +42,8 @@ class Mode(NamedTuple):
 
 
 MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED = Mode(1), Mode(2), Mode(3), Mode(6), Mode(7)
-TAKEOFF, LOITER, RTL, LAND = Mode(4, 2), Mode(4, 3), Mode(4, 5), Mode(4, 6)
-MODES = frozenset({MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED, TAKEOFF, LOITER, RTL, LAND})
+TAKEOFF, LOITER, MISSION, RTL, LAND = Mode(4, 2), Mode(4, 3), Mode(4, 4), Mode(4, 5), Mode(4, 6)
+MODES = frozenset({MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED, TAKEOFF, LOITER, MISSION, RTL, LAND})
 _PASSING = frozenset({TAKEOFF, RTL, LAND})
 """Modes that end by themselves; after them the previous mode returns."""
 _BASE_MODE = {MANUAL: 81, ALTCTL: 81, POSCTL: 81, STABILIZED: 81, OFFBOARD: 17}
@@ -246,11 +247,14 @@ class Px4(Autopilot):
             "GF_MAX_VER_DIST": 0.0,
             "COM_DISARM_LAND": _LANDED_DISARM_S,
             "COM_DISARM_PRFLT": _IDLE_DISARM_S,
+            "NAV_DLL_ACT": 0,
+            "COM_DLL_EXCEPT": 0,
         }
 
     def _boot(self, boot_s: float) -> None:
         super()._boot(boot_s)
         self.intention = self._before = LOITER
+        self.mission = self._new_mission(0)
         self.failsafe: Mode | None = None
         self._failsafe_kind = ""
         self._mode_s = boot_s
@@ -312,7 +316,9 @@ class Px4(Autopilot):
             return False
         if mode == OFFBOARD and self.is_armed and not self.has_stream:
             return False
-        if mode in (POSCTL, LOITER, RTL, TAKEOFF, OFFBOARD) and self.is_armed and not self.is_aided:
+        if mode == MISSION and self.is_armed and not self.missions.lists[0]:
+            return False
+        if mode in (POSCTL, LOITER, MISSION, RTL, TAKEOFF, OFFBOARD) and self.is_armed and not self.is_aided:
             return False
         if mode in (MANUAL, ALTCTL, POSCTL, STABILIZED) and self.is_armed and not self.has_sticks:
             return False
@@ -360,6 +366,10 @@ class Px4(Autopilot):
             return
         self._mode_s = self._status_changed_s = self.now_s
         self._hold, self._hold_yaw_rad = self._stopping_point(), self.body.yaw_rad
+        if was == MISSION:
+            self.mission.leave()
+        if self.mode == MISSION:
+            self.mission.begin(self._hold)
 
     def _turn_targets(self, by_rad: float) -> None:
         self._hold_yaw_rad += by_rad
@@ -525,6 +535,8 @@ class Px4(Autopilot):
             self._is_landed = True
             self._landed_s = self.now_s
             self._event(*_LANDING_DETECTED)
+            if self.mode == MISSION:
+                self.mission.landed()
         elif self._is_landed and self._touched_s is None:
             armed_s = self.now_s - self.armed_s
             entered_s = self.now_s - self._mode_s
@@ -569,6 +581,8 @@ class Px4(Autopilot):
             return self._setpoint
         if mode in (POSCTL, ALTCTL, STABILIZED, MANUAL):
             return self._by_sticks(mode)
+        if mode == MISSION:
+            return self._by_mission()
         north, east, _ = self._hold
         if mode == TAKEOFF:
             if self.position[2] <= self._takeoff_z_m + _TAKEOFF_REACHED_M:
@@ -586,6 +600,23 @@ class Px4(Autopilot):
             down = speed_m_s if height_m > _CRAWL_HEIGHT_M else min(speed_m_s, _CRAWL_M_S * speed_m_s / 0.7)
             return Target((north, east, None), (0.0, 0.0, down), yaw_rad=self._hold_yaw_rad)
         return Target(self._hold, yaw_rad=self._hold_yaw_rad)
+
+    def _by_mission(self) -> Target:
+        """Flies its mission. It holds after the end of it, and returns in its own mode for that."""
+        mission = self.mission
+        if mission.is_landing(self.position) or (self._is_landed and mission.state == COMPLETE):
+            north, east, _ = self._mission_place(mission.item) if mission.item is not None else self._hold
+            return Target(
+                (north, east, None), (0.0, 0.0, self.parameters["MPC_LAND_SPEED"]), yaw_rad=self._hold_yaw_rad
+            )
+        target = mission.target(self.position, self.now_s, self._hold_yaw_rad)
+        is_return = mission.item is not None and mission.item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+        if is_return or (mission.state == COMPLETE and not self._is_landed):
+            was, self.intention = self.mode, RTL if is_return else LOITER
+            self._entered(was)
+            self._status_changed_s = self.now_s
+            return self._target()
+        return target
 
     def _by_sticks(self, mode: Mode) -> Target:
         if self.failsafe == ALTCTL:  # without a position: descends, and drifts with the wind
@@ -612,7 +643,7 @@ class Px4(Autopilot):
             height_gain=1.0,
             velocity_gain=p["MPC_XY_VEL_P_ACC"],
             vertical_gain=p["MPC_Z_VEL_P_ACC"],
-            speed_m_s=p["MPC_XY_VEL_MAX"],
+            speed_m_s=self.mission.speed_m_s or p["MPC_XY_CRUISE"] if self.mode == MISSION else p["MPC_XY_VEL_MAX"],
             climb_m_s=clamp(climb_m_s, 0.0, p["MPC_Z_VEL_MAX_UP"]),
             descent_m_s=p["MPC_Z_VEL_MAX_DN"],
             acceleration_m_s2=p["MPC_ACC_HOR"] if is_own else 8.0,
@@ -639,7 +670,7 @@ class Px4(Autopilot):
             mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: self._hil_state,
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._estimator_status,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._current_mode,
-            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self.missions.current,
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: lambda: self.missions.current(self.mission.seq, self.mission.state),
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self._odometry,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: filler(85),
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda: None,  # accepted; without a transmitter none comes

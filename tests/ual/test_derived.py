@@ -26,6 +26,7 @@ BY_HAND = {
     "task",
     "dry_run",
     "simulation",
+    "mission",
     "parameters",
     "fence",
     "logs",

@@ -23,11 +23,12 @@ from ual_daemon.flight.explanation import Explanation
 from ual_daemon.flight.flown import SILENT, Ending, Flown
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
+from ual_daemon.flight.manoeuvres.recover import Recover
 from ual_daemon.flight.policy.authority import Authority
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.policy.lease import NOBODY, Lease
-from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watching, replaced, shutting_down
+from ual_daemon.flight.refusals import not_pausable, not_replaceable, on_mission, only_watching, replaced, shutting_down
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
 from ual_daemon.flight.state import Estimate, estimate
@@ -117,7 +118,8 @@ class Flight:
         """Estimates the state from the autopilot's data and the manoeuvre that is under way."""
         manoeuvre, explanation = self._flown.manoeuvre, self._explanation
         declared = None if manoeuvre is None else manoeuvre.declares
-        found = estimate(snapshot, self._backend.freshness, declared, explanation.note)
+        mission = "" if manoeuvre is None else manoeuvre.mission
+        found = estimate(snapshot, self._backend.freshness, declared, explanation.note, mission)
         return found if found.state is not State.UNINITIALIZED else explanation.explained(found, snapshot)
 
     @property
@@ -141,6 +143,17 @@ class Flight:
         return self.authority.is_ours or (
             not self.is_watch_only and self._backend.info().setpoint_loss is SetpointLoss.FALLS
         )
+
+    @property
+    def manoeuvre(self) -> Manoeuvre | None:
+        """What is flown now; None if nothing is."""
+        return self._flown.manoeuvre
+
+    @property
+    def is_on_mission(self) -> bool:
+        """Whether the autopilot flies a mission by itself, as a task of UAL."""
+        manoeuvre = self._flown.manoeuvre
+        return manoeuvre is not None and bool(manoeuvre.mission)
 
     def task_info(self) -> TaskInfo | None:
         """Returns the running task; None if there is none."""
@@ -262,6 +275,17 @@ class Flight:
             manoeuvre.end(error)
             raise
 
+    def adopt(self, manoeuvre: Manoeuvre) -> bool:
+        """Begins a manoeuvre of UAL that was under way before this daemon. Returns False where something is flown."""
+
+        def begins(old: Manoeuvre | None) -> Ending | None:
+            if old is not None or self.is_closing or self.is_watch_only:
+                return None
+            self.authority.begin()
+            return SILENT
+
+        return self._exchange(manoeuvre, begins)
+
     def begin_reference(
         self, reference: Reference, by: str, snapshot: Snapshot, order: Order, *, only_task_id: str = ""
     ) -> None:
@@ -286,6 +310,8 @@ class Flight:
             raise refusal
         if old is not None and not old.is_replaceable and self.has_safety_pilot:
             raise not_replaceable(old, by)
+        if old is not None and old.mission and not new.is_awaited:
+            raise on_mission(by)
         if since is not None and since is not self._last_command:
             other = self._last_command.name
             raise TaskAbortedError(f"{by}: replaced by {other}, while it was planned", {"by": other})
@@ -304,12 +330,28 @@ class Flight:
         A take-off or a landing goes on, and in a flight that is not UAL's nothing is sent.
         """
         snapshot = self._backend.snapshot()
-        if self.raw_estimate(snapshot).state is State.FLYING_AUTO:
+        if self.is_on_mission:
+            self._take_back_for_lease(why, snapshot)
+        elif self.raw_estimate(snapshot).state is State.FLYING_AUTO:
             stop = self.brake(snapshot)
             new = FlyReference("lease", stop, self._rules)
             self._exchange(new, partial(self._ends_with_lease, why), stop.setpoint(snapshot), snapshot)
         else:
             self._exchange(None, partial(self._ends_with_lease, why))
+
+    def _take_back_for_lease(self, why: str, snapshot: Snapshot) -> None:
+        """Takes the control back from a mission, so that the UAV holds."""
+        state = self.raw_estimate(snapshot).state
+        if state not in (State.FLYING_MANUAL, State.FLYING_AUTO):  # it takes off or lands by itself, or stands
+            self._exchange(None, partial(self._ends_with_lease, why))
+            return
+        is_early = state is State.FLYING_AUTO
+        command = AutopilotCommand("take our references")
+        take_control = self._backend.take_control
+        limits = self.limits.get()
+        recover = Recover(command, limits, take_control, lambda _: None, name="lease", is_early=is_early)
+        if self._exchange(recover, partial(self._ends_with_lease, why)) and not is_early:
+            recover.send()
 
     def _ends_with_lease(self, why: str, old: Manoeuvre | None) -> Ending | None:
         self._note_command("lease")

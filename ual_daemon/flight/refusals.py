@@ -29,6 +29,15 @@ def not_replaceable(manoeuvre: Manoeuvre, command: str) -> WrongStateError:
     )
 
 
+def on_mission(command: str) -> WrongStateError:
+    """The refusal of a reference while the autopilot flies a mission: a stream of them cannot take it back."""
+    return WrongStateError(
+        f"{command}: the autopilot flies a mission; stop it first (abort), or replace it by a go-to, a path, a landing "
+        "or a return",
+        {"command": command, "needed": "abort"},
+    )
+
+
 def not_pausable(command: str, why: str) -> WrongStateError:
     """The refusal of a pause or resume; `why` says what runs, or that nothing does."""
     return WrongStateError(f"{command}: {why}", {"command": command})

@@ -21,11 +21,14 @@ class Estimate:
     is_link_up: bool = True
 
 
-def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None = None, note: str = "") -> Estimate:
+def estimate(
+    snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None = None, note: str = "", mission: str = ""
+) -> Estimate:
     """Estimates the state from the data, in the order of `ual.v1.State`.
 
     `manoeuvre` is TAKING_OFF or LANDING while a take-off or landing of UAL is under way; None otherwise. `note` is
-    added to the reason of FLYING_AUTO.
+    added to the reason of FLYING_AUTO. `mission` says what the autopilot does in a mission that is a task of UAL; empty
+    where it flies none.
     """
     if not _is_all_fresh(snapshot, freshness):
         missing = _why_uninitialized(snapshot, freshness)
@@ -50,6 +53,8 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
         return Estimate(State.LANDING, "our landing is under way")
     if landed is LandedState.LANDING or control is Control.LAND:
         return Estimate(State.LANDING, f"the autopilot lands{_in_mode(snapshot)}")
+    if mission:
+        return Estimate(State.FLYING_AUTO, f"in the air, {mission} (mode {mode})")
     if control is Control.REFERENCES:
         return _in_auto(mode, note)
     return _in_manual(mode, known.held_by)

@@ -111,9 +111,10 @@ class Tasks:
         self._tasks: OrderedDict[str, VehicleTask | TaskInfo] = OrderedDict()
         self._ended: Counter[tuple[TaskKind, TaskStatus]] = Counter()
 
-    def new(self, kind: TaskKind, description: str) -> VehicleTask:
-        """Makes a task, and forgets the oldest one if there are too many."""
+    def new(self, kind: TaskKind, description: str, task_id: str = "") -> VehicleTask:
+        """Makes a task, and forgets the oldest one if there are too many. `task_id` is that of one found again."""
         task = VehicleTask(kind, description, self._clock)
+        task.id = task_id or task.id
         with self._lock:
             for each in self._tasks.values():
                 if isinstance(each, VehicleTask) and each.future.done():

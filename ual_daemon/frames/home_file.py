@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
-import stat
 import threading
 import time
 from collections.abc import Mapping
@@ -15,12 +13,9 @@ from typing import Any
 
 from ual.types import GeoPoint
 from ual_daemon import logs
+from ual_daemon.frames import small_file
 
 _log = logging.getLogger(__name__)
-
-_LONGEST_FILE = 4096
-_READABLE = 0o644
-_OWN = 0o600
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +52,15 @@ class HomeFile:
         self._written: SavedHome | None = None
         self._number = 0
 
+    @property
+    def path(self) -> Path:
+        """Where it is."""
+        return self._path
+
     def read(self) -> SavedHome | None:
         """Returns what was saved; None if there is nothing, or nothing that can be used."""
         try:
-            return _parse(_read_own(self._path))
+            return _parse(small_file.read_own(self._path))
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
@@ -81,32 +81,13 @@ class HomeFile:
                 return
             self._written = saved
             try:
-                _replace(self._path, json.dumps(asdict(saved)) + "\n")
+                small_file.replace(self._path, json.dumps(asdict(saved)) + "\n")
             except OSError as error:
                 logs.event(_log, logging.WARNING, "home_not_saved", file=str(self._path), why=_why(error))
 
 
 def _why(error: Exception) -> str:
     return error.strerror or str(error) if isinstance(error, OSError) else f"it is damaged ({error!r})"
-
-
-def _read_own(path: Path) -> bytes:
-    """Reads a file of this user. All users of the computer may put files into the directory: a home of another user's
-    could lead the UAV anywhere.
-    """
-    handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-    try:
-        found = os.fstat(handle)
-        if not stat.S_ISREG(found.st_mode):
-            raise ValueError("not a regular file")
-        if found.st_uid != os.geteuid():
-            raise ValueError("a file of another user")
-        text = os.read(handle, _LONGEST_FILE + 1)
-    finally:
-        os.close(handle)
-    if len(text) > _LONGEST_FILE:
-        raise ValueError("too long")
-    return text
 
 
 def _parse(text: bytes) -> SavedHome:
@@ -122,18 +103,3 @@ def _point(values: Mapping[str, Any] | None) -> GeoPoint | None:
     if not all(abs(value) <= limit for value, limit in zip(point, limits, strict=True)):  # nor NaN
         raise ValueError(f"{point} is not on Earth")
     return GeoPoint(*point)
-
-
-def _replace(path: Path, text: str) -> None:
-    """Writes a file. A reader sees the old one or the new one, never a part of one."""
-    # The name cannot be guessed: other users may write in this directory, too.
-    unfinished = path.with_name(f"{path.name}.{os.urandom(8).hex()}.tmp")
-    handle = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, _OWN)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            os.fchmod(handle, _READABLE)
-            stream.write(text)
-        unfinished.replace(path)
-    except OSError:
-        unfinished.unlink(missing_ok=True)
-        raise

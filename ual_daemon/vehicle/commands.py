@@ -86,7 +86,7 @@ class Commands:
         """Whether a simulated safety pilot arms whenever the UAV is ready on the ground: a take-off waits for that."""
         reach_limit = ReachLimit(settings)
         self._landings = Landings(backend, flight)
-        self._planner = Planner(flight, resolver, preconditions, tasks, settings, reach_limit, self._landings)
+        self._planner = Planner(backend, flight, resolver, preconditions, tasks, settings, reach_limit, self._landings)
         self.setpoints = Setpoints(flight, resolver, preconditions, reach_limit)
         """The commands that are sent as they are: `set_pose` and `set_velocity`."""
 
@@ -119,7 +119,7 @@ class Commands:
         if isinstance(request, GoToWaypointGeoRequest):
             return self._planner.go_to_waypoint_geo(request, order)
         if isinstance(request, ReturnToLaunchRequest):
-            return self._planner.return_to_launch(request, self._backend, order)
+            return self._planner.return_to_launch(request, order)
         assert isinstance(request, FollowPathRequest)
         return self._planner.follow_path(request, order)
 
@@ -275,7 +275,7 @@ class Commands:
                 self.cancel(self._tasks.get(task_id), lease_id)  # a take-off that waits for the arming
                 return
             snapshot = self._preconditions.require_state("abort", lease_id, *self._abortable())
-            if self._is_flown_by_autopilot(snapshot):
+            if self._is_flown_by_autopilot(snapshot) or self._is_mission(task_id):
                 self._take_back("abort", snapshot, lease_id)
             else:
                 motion = measured_motion(snapshot)
@@ -296,14 +296,22 @@ class Commands:
         )
         return is_by_itself and not self._flight.has_safety_pilot
 
+    def _is_mission(self, task_id: str) -> bool:
+        """Whether the autopilot flies a mission that is this task, or any where no task is named."""
+        info = self._flight.task_info()
+        return self._flight.is_on_mission and info is not None and task_id in ("", info.id)
+
     def _take_back(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
         """Takes the control back from the autopilot's own landing or take-off."""
         command = AutopilotCommand("take our references")
         state = self._flight.raw_estimate(snapshot).state
         limits, take_control = self._flight.limits.get(), self._backend.take_control
-        recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=state)
+        is_early = state is State.FLYING_AUTO
+        out_of = State.FLYING_MANUAL if is_early else state
+        recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=out_of, is_early=is_early)
         self._flight.begin(recover, Order(lease_id))
-        recover.send()
+        if not is_early:
+            recover.send()
 
     def cancel(self, task: VehicleTask, lease_id: str = NOBODY) -> None:
         """Cancels a task: the UAV stops and holds its position. Nothing happens if the task has ended.
@@ -315,7 +323,9 @@ class Commands:
         if task.future.done():
             return
         snapshot = self._backend.snapshot()
-        if self._is_flown_by_autopilot(snapshot):
+        if self._is_flown_by_autopilot(snapshot) or (
+            self._is_mission(task.id) and self._flight.estimate(snapshot).state is State.FLYING_AUTO
+        ):
             self._take_back("cancel", snapshot, lease_id)
         elif self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
             stop = self._flight.brake(snapshot)

@@ -37,6 +37,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.manoeuvres.recover import RecoverFirst
 from ual_daemon.flight.manoeuvres.return_to_launch import ReturnToLaunch
 from ual_daemon.flight.policy.ground import SEEN_NOISE_M
+from ual_daemon.flight.refusals import on_mission
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.settings import Tracker, VehicleSettings
@@ -68,6 +69,7 @@ class Planner:
 
     def __init__(
         self,
+        backend: Backend,
         flight: Flight,
         resolver: FrameResolver,
         preconditions: Preconditions,
@@ -76,6 +78,7 @@ class Planner:
         reach_limit: ReachLimit,
         landings: Landings,
     ) -> None:
+        self._backend = backend
         self._flight = flight
         self._landings = landings
         self._resolver = resolver
@@ -238,9 +241,17 @@ class Planner:
             tracker = self._tracker()
             return FollowTrajectory(name, task, trajectory, self._tolerance, tracker, snapshot.time_s, course)
 
+        def onward(task: VehicleTask, now: Snapshot) -> Manoeuvre:
+            anew = course.first(now)
+            admit(self._flight, name, anew, now)
+            course.fence = self._flight.geofence.fence(now)
+            return FollowTrajectory(name, task, anew, self._tolerance, self._tracker(), now.time_s, course)
+
+        if self._flight.is_on_mission:
+            return Prepared(plan, partial(self._begin_after_recovery, kind, what, onward, order))
         return self._prepared(kind, what, trajectory, plan, make, order, relies_on_home=relies_on_home)
 
-    def return_to_launch(self, request: ReturnToLaunchRequest, backend: Backend, order: Order) -> Prepared[VehicleTask]:
+    def return_to_launch(self, request: ReturnToLaunchRequest, order: Order) -> Prepared[VehicleTask]:
         """Plans the way home. Where the autopilot flies by itself, control is taken back first."""
         with self._preconditions.logging_refusal("return_to_launch"):
             self._preconditions.require_capability(Capability.POSITION, "return_to_launch")
@@ -250,7 +261,7 @@ class Planner:
                 height_m = validation.positive(height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("return_to_launch")
             snapshot = self._preconditions.require_no_pilot("return_to_launch", order.lease_id)
-            is_ours = self._flight.estimate(snapshot).state is State.FLYING_AUTO
+            is_ours = self._flight.estimate(snapshot).state is State.FLYING_AUTO and not self._flight.is_on_mission
             if not is_ours and (refusal := self._failsafe_refusal(snapshot)):
                 raise refusal
             way = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), snapshot)
@@ -268,7 +279,7 @@ class Planner:
         way_height_m = way.trajectory.end().position.z - way.home.position.z
         what = f"return to {way.home.what} at {way_height_m:.1f} m above the ground, and land"
         if not is_ours:
-            begin = partial(self._begin_after_recovery, TaskKind.RETURN_TO_LAUNCH, what, backend, onward, order)
+            begin = partial(self._begin_after_recovery, TaskKind.RETURN_TO_LAUNCH, what, onward, order)
             return Prepared(way.plan, begin)
         make = partial(home_by, way=way, planned_s=snapshot.time_s)
         kind = TaskKind.RETURN_TO_LAUNCH
@@ -286,7 +297,6 @@ class Planner:
         self,
         kind: TaskKind,
         what: str,
-        backend: Backend,
         onward: Callable[[VehicleTask, Snapshot], Manoeuvre],
         order: Order,
     ) -> VehicleTask:
@@ -296,11 +306,15 @@ class Planner:
             snapshot = self._preconditions.require_no_pilot(name, order.lease_id)
             task = self._tasks.new(kind, what)
             command = AutopilotCommand("take our references")
-            limits, control = self._flight.limits.get(), backend.take_control
-            recover = RecoverFirst(task, name, command, limits, control, self._failsafe_refusal, partial(onward, task))
+            limits, control = self._flight.limits.get(), self._backend.take_control
+            is_early = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
+            refusal = self._failsafe_refusal
+            recover = RecoverFirst(
+                task, name, command, limits, control, refusal, partial(onward, task), is_early=is_early
+            )
             self._flight.begin(recover, order)
             self._flight.request_home()
-            if snapshot.control.held_by is not Cause.OPEN:
+            if snapshot.control.held_by is not Cause.OPEN and not is_early:
                 recover.send()
             accepted(name, task_id=task.id, what=what)
             return task
@@ -349,6 +363,8 @@ class Planner:
     ) -> Prepared[VehicleTask]:
         """Prepares the task that catches up with a goal in a frame that moves."""
         name, what, bounds = "go_to_waypoint", f"go to {_text(goal)}", partial(self._bounds, max_speed_m_s)
+        if self._flight.is_on_mission:
+            raise on_mission(name)
         reference = moving_goal(self._flight, self._resolver, self._reach_limit, goal, bounds, snapshot, max_speed_m_s)
         admit(self._flight, name, reference, snapshot)
         motion = reference.goal(snapshot.time_s)

@@ -33,6 +33,8 @@ from ual_daemon.vehicle.external_poses import ExternalPoses
 from ual_daemon.vehicle.fence_notice import FenceNotice
 from ual_daemon.vehicle.figures import Figures
 from ual_daemon.vehicle.in_map import geofence_in_map, route_in_map
+from ual_daemon.vehicle.mission_file import MissionFile
+from ual_daemon.vehicle.missions import Missions
 from ual_daemon.vehicle.on_earth import fence_on_earth
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.reported import ReportedVehicle
@@ -75,6 +77,9 @@ class Vehicle(ReportedVehicle):
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
         )
+        file = None if kept is None else MissionFile.beside(kept.path)
+        self.missions = Missions(backend, self._flight, resolver, self._tasks, settings, file)
+        """The missions that the autopilot flies by itself."""
         self._jumps = JumpDetector()
         self._heading_jumps = HeadingJumpDetector()
         self.external_poses = ExternalPoses(
@@ -323,6 +328,7 @@ class Vehicle(ReportedVehicle):
         self._resolver.update(snapshot)
         if self._flight.lease.id != NOBODY:
             self._expire_lease()
+        self.missions.update(snapshot)
         if not self._follow_jumps(snapshot):
             self._flight.step(snapshot)
         self._publish(snapshot, self._flight.estimate(snapshot))

@@ -93,6 +93,7 @@ class Service(Enum):
     UAL = "UalService"
     SIMULATION = "SimulationService"
     PARAMETERS = "ParameterService"
+    MISSION = "MissionService"
     CAMERAS = "CameraService"
     FENCE = "FenceService"
     LOGS = "LogService"

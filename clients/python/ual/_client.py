@@ -13,7 +13,7 @@ from ual._cameras import Cameras
 from ual._connection import Connection
 from ual._corrections import Corrections
 from ual._derived import SimulationMembers, UavMembers
-from ual._derived_parts import Fence, Logs, Parameters
+from ual._derived_parts import Fence, Logs, Mission, Parameters
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
@@ -66,6 +66,7 @@ class Uav(UavMembers):
         self._simulation = Simulation(self._connection)
         self._is_simulation = False
         self._parameters = Parameters(self._connection)
+        self._mission = Mission(self._connection)
         self._cameras = Cameras(self._connection)
         self._fence = Fence(self._connection)
         self._logs = Logs(self._connection)
@@ -145,6 +146,11 @@ class Uav(UavMembers):
     @override
     def parameters(self) -> Parameters:
         return self._parameters
+
+    @property
+    @override
+    def mission(self) -> Mission:
+        return self._mission
 
     @property
     @override

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from typing_extensions import override
 
-from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _parameter_calls, interface
+from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _mission_calls, _parameter_calls, interface
 from ual._connection import Connection
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
 from ual.logs.values import Log, LogChunk
+from ual.missions.items import Item
+from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
 from ual.parameters.values import Parameter
+from ual.types import TaskInfo
 
 
 class Camera(interface.Camera):
@@ -109,6 +112,52 @@ class Parameters(interface.Parameters):
     @override
     def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
         return self._connection.run(_parameter_calls.set_(name=name, value=value, force=force))
+
+
+class Mission(interface.Mission):
+    """`ual.interface.Mission`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Mission of {self._connection.described}>"
+
+    @override
+    def plan(self, items: Sequence[Item]) -> MissionPlan:
+        return self._connection.run(_mission_calls.plan(items))
+
+    @override
+    def upload(self, items: Sequence[Item]) -> StoredMission:
+        return self._connection.run(_mission_calls.upload(items))
+
+    @override
+    def download(self) -> StoredMission:
+        return self._connection.run(_mission_calls.download())
+
+    @override
+    def clear(self) -> None:
+        self._connection.run(_mission_calls.clear())
+
+    @override
+    def start(self, first_item: int = 1, on_link_loss: LinkLossAction | None = None) -> TaskInfo:
+        return self._connection.run(_mission_calls.start(first_item=first_item, on_link_loss=on_link_loss))
+
+    @override
+    def pause(self) -> None:
+        self._connection.run(_mission_calls.pause())
+
+    @override
+    def resume(self) -> None:
+        self._connection.run(_mission_calls.resume())
+
+    @override
+    def jump_to(self, item: int) -> None:
+        self._connection.run(_mission_calls.jump_to(item))
+
+    @override
+    def progress(self) -> MissionProgress:
+        return self._connection.run(_mission_calls.progress())
 
 
 class Fence(interface.Fence):

@@ -21,6 +21,7 @@ from ual.v1 import (
     corrections_pb2_grpc,
     fence_pb2_grpc,
     logs_pb2_grpc,
+    mission_pb2_grpc,
     parameters_pb2_grpc,
     simulation_pb2_grpc,
     ual_pb2_grpc,
@@ -55,6 +56,7 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
 _MADE_BY: Mapping[Service, Callable[[Any], Any]] = {
     Service.SIMULATION: simulation_pb2_grpc.SimulationServiceStub,
     Service.PARAMETERS: parameters_pb2_grpc.ParameterServiceStub,
+    Service.MISSION: mission_pb2_grpc.MissionServiceStub,
     Service.CAMERAS: camera_pb2_grpc.CameraServiceStub,
     Service.FENCE: fence_pb2_grpc.FenceServiceStub,
     Service.LOGS: logs_pb2_grpc.LogServiceStub,

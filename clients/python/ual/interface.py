@@ -33,6 +33,8 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.logs.values import Log, LogChunk
+from ual.missions.items import Item
+from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
 from ual.parameters.values import Parameter
 from ual.shared import views
 from ual.shared.time_limit import time_limit
@@ -517,6 +519,122 @@ class Cameras(Protocol):
 
     def __iter__(self) -> Iterator[Camera]:
         """Yields each camera that was found."""
+        ...
+
+
+class Mission(Protocol):
+    """The mission that the autopilot flies by itself. The manual is ``docs/missions.md``.
+
+    It goes on where the link or the daemon is lost. `ual.missions` has the items, and reads them from files.
+
+    Raises:
+        NotSupportedError: UAL brings no missions to this autopilot.
+
+    """
+
+    def plan(self, items: Sequence[Item]) -> MissionPlan:
+        """Makes a dry run: nothing is sent to the autopilot.
+
+        Raises:
+            InvalidArgumentError: The autopilot would ignore an item, or read it otherwise. The metadata `item` has
+                its number.
+            GeofenceError: It leads outside the fence, below the floor, or above the ceiling.
+            WrongStateError: It is not known where the UAV is.
+
+        """
+        ...
+
+    def upload(self, items: Sequence[Item]) -> StoredMission:
+        """Checks a mission, uploads it, and returns it as it was read back.
+
+        Raises:
+            InvalidArgumentError: As `plan`.
+            GeofenceError: As `plan`.
+            WrongStateError: The autopilot flies a mission now.
+            RejectedByAutopilotError: It keeps another one.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: download what it has now.
+
+        """
+        ...
+
+    def download(self) -> StoredMission:
+        """Returns the mission that the autopilot has, read now, whoever has uploaded it.
+
+        Raises:
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        ...
+
+    def clear(self) -> None:
+        """Removes the mission from the autopilot.
+
+        Raises:
+            WrongStateError: The autopilot flies a mission now.
+            RejectedByAutopilotError: It keeps it.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: download what it has now.
+
+        """
+        ...
+
+    def start(self, first_item: int = 1, on_link_loss: LinkLossAction | None = None) -> TaskInfo:
+        """Flies the mission that the autopilot has. It is read, and checked as by `plan`, before.
+
+        Returns the task once it has begun: `Uav.task` with its `id` waits for it, watches and cancels it.
+
+        Args:
+            first_item: The item to begin with, counted from 1.
+            on_link_loss: What the autopilot has to do by itself once its ground station is lost. Its parameters are
+                read, and never written. None: whatever they say; the task's description tells what.
+
+        Raises:
+            WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, the mission cannot begin there, or the
+                parameters say something else than `on_link_loss`.
+            InvalidArgumentError: It has an item that UAL does not know; the metadata `item` names it.
+            GeofenceError: As `plan`.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: The autopilot is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        ...
+
+    def pause(self) -> None:
+        """Holds on the way, by the autopilot's own hold.
+
+        Raises:
+            WrongStateError: No mission of UAL is flown, or it cannot be paused.
+
+        """
+        ...
+
+    def resume(self) -> None:
+        """Goes on after `pause`.
+
+        Raises:
+            WrongStateError: It is not paused.
+
+        """
+        ...
+
+    def jump_to(self, item: int) -> None:
+        """Flies on to another item, counted from 1. Returns once the autopilot says that it is the current one.
+
+        Raises:
+            WrongStateError: No mission of UAL is flown, it is paused, or there is no such item.
+            InvalidArgumentError: The item does not fly.
+            UalTimeoutError: The autopilot has not said so.
+
+        """
+        ...
+
+    def progress(self) -> MissionProgress:
+        """Returns how far the autopilot is with its mission, whoever has started it."""
         ...
 
 
@@ -1302,6 +1420,11 @@ class Uav(TaskCommands[Task]):
     @abstractmethod
     def parameters(self) -> Parameters:
         """The autopilot's own parameters."""
+
+    @property
+    @abstractmethod
+    def mission(self) -> Mission:
+        """The mission that the autopilot flies by itself."""
 
     @property
     @abstractmethod

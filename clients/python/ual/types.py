@@ -54,6 +54,7 @@ class TaskKind(Enum):
     GO_TO_WAYPOINT_GEO = 4
     FOLLOW_PATH = 5
     RETURN_TO_LAUNCH = 6
+    MISSION = 7
 
 
 class TaskStatus(Enum):

@@ -23,9 +23,9 @@ from ual.errors import (
 from ual.fences import FencePlan, FenceZone, KeptFence, RallyPoint
 from ual.parameters import Parameter, ParameterType
 from ual.types import AltitudeReference, GeoPoint, Telemetry
+from ual_daemon.backends.chain import done
 from ual_daemon.backends.offers.fence import AutopilotFenceStore, FenceSwitch
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
-from ual_daemon.extensions.shipped.chain import done
 from ual_daemon.extensions.shipped.fence import Fence, VehicleFence
 
 T = TypeVar("T")

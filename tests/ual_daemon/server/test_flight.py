@@ -300,6 +300,8 @@ def test_it_flies_by_reflection_alone(start_daemon: StartDaemon) -> None:
     uav, simulation = "ual.v1.UalService", "ual.v1.SimulationService"
     beside = {
         "ual.v1.ParameterService",
+        "ual.v1.MissionService",
+        "ual.v1.CameraService",
         "ual.v1.FenceService",
         "ual.v1.LogService",
         "ual.v1.CorrectionsService",

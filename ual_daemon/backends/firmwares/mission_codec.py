@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from abc import ABC
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
@@ -33,9 +33,11 @@ from ual.missions.items import (
     Waypoint,
     name_of,
 )
+from ual.missions.plan import LinkLossAction
 from ual.parameters.values import real32
 from ual.types import AltitudeReference
 from ual_daemon.backends.firmwares.mission_items import MissionItem
+from ual_daemon.backends.offers.missions import OnItsOwn
 
 _MISSION_FRAME = 2
 _FRAMES = {AltitudeReference.AMSL: 0, AltitudeReference.HOME: 3}
@@ -69,6 +71,16 @@ class MissionCodec(ABC):
     restart_seq: int
     """The number that begins the mission anew, with all jumps."""
     is_ardupilot: bool
+    mode: str
+    """The name of the mode in which it flies its mission."""
+    return_mode: str
+    """The name of the mode to which a return to launch leads; that of the mission where it stays in it."""
+    pause_mode: str
+    """The name of the mode in which it pauses."""
+    done_mode: str
+    """The name of the mode in which it holds its position after a mission; that of the mission where it stays."""
+    parameters: Sequence[str]
+    """Those that say what it does by itself in a mission."""
     height_tolerance_m = 0.0
     """How much a height may change because of the way in which it is kept."""
     faults: ClassVar[Mapping[type[Item], Fault]]
@@ -124,6 +136,10 @@ class MissionCodec(ABC):
         ]
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
+    @abstractmethod
+    def on_its_own(self, values: Sequence[float]) -> OnItsOwn:
+        """Returns what it does by itself in a mission, by the values of `parameters`."""
+
     def seq_of(self, index: int) -> int:
         """Returns the number that it gives to an item, counted from 0 here."""
         return index + self.first_seq
@@ -175,12 +191,33 @@ class MissionCodec(ABC):
         return math.nan if yaw_rad is None else _from_north_deg(yaw_rad)
 
 
+CONTINUE, RETURN, LAND = LinkLossAction.CONTINUE, LinkLossAction.RETURN, LinkLossAction.LAND
+_PX4_LOSS = {0: CONTINUE, 2: RETURN, 3: LAND}
+_PX4_IN_MISSION = 1
+"""The bit of COM_DLL_EXCEPT for missions."""
+_COPTER_LOSS = {0: CONTINUE, 1: RETURN, 3: RETURN, 4: RETURN, 5: LAND}
+_COPTER_OLD_CONTINUES = 2
+_COPTER_CONTINUES = 1 << 1
+"""The bit of FS_OPTIONS by which it goes on in AUTO when the ground station is lost."""
+
+
+_LINK_LOSS_TEXTS = {CONTINUE: "goes on with the mission", RETURN: "returns", LAND: "lands", None: "does something else"}
+
+
+def _on_its_own(action: LinkLossAction | None, why: str, begins_anew: str = "") -> OnItsOwn:
+    text = f"once its ground station is lost, the autopilot {_LINK_LOSS_TEXTS[action]} ({why})"
+    return OnItsOwn(action, text, begins_anew)
+
+
 class Px4Missions(MissionCodec):
     """PX4, from 1.13."""
 
     name = "PX4"
     first_seq = restart_seq = 0
     is_ardupilot = False
+    mode, return_mode = "AUTO.MISSION", "AUTO.RTL"
+    pause_mode = done_mode = "AUTO.LOITER"
+    parameters = ("NAV_DLL_ACT", "COM_DLL_EXCEPT")
     kept: ClassVar = {
         _TAKE_OFF: _GLOBAL,
         _WAYPOINT: (*_GLOBAL, "param1", "param2", "param4"),
@@ -196,6 +233,12 @@ class Px4Missions(MissionCodec):
         _JUMP: ("param1", "param2"),
     }
     faults: ClassVar = {Heading: lambda *_: "has no turn of its own: give the heading to the waypoint (yaw_rad)"}
+
+    @override
+    def on_its_own(self, values: Sequence[float]) -> OnItsOwn:
+        action, excepted = map(int, values)
+        why = f"NAV_DLL_ACT is {action}, COM_DLL_EXCEPT {excepted}"
+        return _on_its_own(CONTINUE if excepted & _PX4_IN_MISSION else _PX4_LOSS.get(action), why)
 
 
 def _copter_take_off(item: Any) -> str:  # noqa: ANN401  a TakeOff, by the table
@@ -229,6 +272,9 @@ class ArduCopterMissions(MissionCodec):
     name = "ArduCopter"
     first_seq, restart_seq = 1, 0
     is_ardupilot = True
+    mode = return_mode = done_mode = "AUTO"
+    pause_mode = "BRAKE"
+    parameters = ("FS_GCS_ENABLE", "FS_OPTIONS", "MIS_RESTART")
     height_tolerance_m = 0.0101  # it keeps centimetres, and cuts off what is beyond
     kept: ClassVar = {
         _TAKE_OFF: ("frame", "z"),
@@ -245,6 +291,14 @@ class ArduCopterMissions(MissionCodec):
         _STOP_CAPTURE: (),
         _JUMP: ("param1", "param2"),
     }
+
+    @override
+    def on_its_own(self, values: Sequence[float]) -> OnItsOwn:
+        action, options, restart = map(int, values)
+        why = f"FS_GCS_ENABLE is {action}, FS_OPTIONS {options}"
+        is_continued = options & _COPTER_CONTINUES or action == _COPTER_OLD_CONTINUES
+        anew = f"MIS_RESTART is {restart}" if restart else ""
+        return _on_its_own(CONTINUE if is_continued else _COPTER_LOSS.get(action), why, anew)
 
     @override
     def encode(self, items: Sequence[Item], here: Place | None) -> list[MissionItem]:

@@ -35,6 +35,7 @@ from ual_daemon.backends.mavlink.offers.cameras import MavlinkCameras
 from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
 from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
+from ual_daemon.backends.mavlink.offers.missions import MavlinkMissions
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
 from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.offers.trigger_camera import TriggerCamera
@@ -86,6 +87,13 @@ class MavlinkBackend(Backend):
         self._desk: CommandDesk[CommandLong] | None = None
         self._offers = (
             MavlinkParameters(self._last_session, self._reach, self._post),
+            MavlinkMissions(
+                self._last_session,
+                self._reach,
+                self._post,
+                lambda: self._command("fly the mission", lambda dialect: dialect.fly_mission()),
+                lambda: self.snapshot().motion.position_geo,
+            ),
             MavlinkFenceStore(Reach(self._last_session, self._reach, self._post)),
             MavlinkLogs(self._reach, self._post),
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),

@@ -24,8 +24,8 @@ from ual.cameras import (
 from ual.errors import InvalidArgumentError, NotSupportedError
 from ual.geometry import Pose, PoseStamped
 from ual_daemon import validation
+from ual_daemon.backends.chain import then
 from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
-from ual_daemon.extensions.shipped.chain import then
 from ual_daemon.extensions.shipped.vehicle import LocatedVehicle, offered, wait
 from ual_daemon.flight.refusals import only_watching
 

@@ -17,9 +17,9 @@ from ual.fences.values import FencePlan, FenceZone, KeptFence, RallyPoint, leave
 from ual.parameters.values import Parameter
 from ual.types import AltitudeReference, Telemetry
 from ual_daemon import logs, validation
+from ual_daemon.backends.chain import done, in_turn, then, then_wait
 from ual_daemon.backends.offers.fence import AutopilotFenceStore, FenceSwitch
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
-from ual_daemon.extensions.shipped.chain import done, in_turn, then, then_wait
 from ual_daemon.extensions.shipped.vehicle import (
     ServedVehicle,
     offered,

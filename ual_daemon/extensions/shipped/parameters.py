@@ -14,8 +14,8 @@ from ual import interface
 from ual.errors import UalError
 from ual.parameters.values import Description, Parameter, range_text, real32
 from ual_daemon import logs, validation
+from ual_daemon.backends.chain import then, then_wait
 from ual_daemon.backends.offers.parameters import AutopilotParameters
-from ual_daemon.extensions.shipped.chain import then, then_wait
 from ual_daemon.extensions.shipped.vehicle import (
     ServedVehicle,
     offered,

@@ -10,6 +10,8 @@ from ual.geometry import Pose, PoseStamped
 from ual.types import State
 from ual_daemon.backends import futures
 from ual_daemon.flight.refusals import only_watching
+from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.missions import Missions
 
 T = TypeVar("T")
 
@@ -47,6 +49,18 @@ class LocatedVehicle(ServedVehicle, Protocol):
 
     def in_odom(self, local: Pose, boots_count: int) -> PoseStamped | None:
         """Returns a pose of the backend's local frame in ``<ns>/odom``; None where that is not known any more."""
+
+
+class CommandedVehicle(ServedVehicle, Protocol):
+    """One that may be flown, as far as its members say."""
+
+    @property
+    def commands(self) -> Commands:
+        """Its commands; raises `NotSupportedError` where it has none."""
+
+    @property
+    def missions(self) -> Missions:
+        """What flies the autopilot's missions; raises `NotSupportedError` where it cannot be commanded."""
 
 
 def offered(vehicle: ServedVehicle, kind: type[T], what: str) -> T:

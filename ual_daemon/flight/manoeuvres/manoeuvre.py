@@ -88,6 +88,8 @@ class Manoeuvre(ABC):
     is_goal_moving = False
     is_replaceable = True
     is_awaited = True
+    mission = ""
+    """What the autopilot does by itself in a mission, human-readable, while that is the task; empty otherwise."""
     why_not_pausable = "only the safety pilot can abort it"
     # Here and not in `__init__`: each setpoint of a stream makes a manoeuvre.
     task: VehicleTask | None = None

@@ -19,6 +19,9 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold, Reference, brake, measured_motion
 
+ENTERED_S = 1.5
+"""So long after a command of UAL the autopilot may still enter the mode to which that led."""
+
 Refusal = Callable[[Snapshot], UalError | None]
 
 
@@ -40,12 +43,16 @@ class Recover(Manoeuvre):
         name: str = "recover_from_manual",
         task: VehicleTask | None = None,
         out_of: State = State.FLYING_MANUAL,
+        is_early: bool = False,
     ) -> None:
         """`take_control` sends the command; `refusal` returns why it may not be sent by a snapshot, None if it may.
 
-        `out_of` is the state that it is to leave for FLYING_AUTO.
+        `out_of` is the state that it is to leave for FLYING_AUTO. `is_early`: the autopilot may just be entering the
+        mode out of which it is to be taken, by an earlier command of UAL.
         """
         super().__init__(name, task)
+        self._is_early = is_early
+        self._begun_s: float | None = None
         self._out_of = out_of
         self._command = self.command = command
         self._limits = limits
@@ -64,6 +71,8 @@ class Recover(Manoeuvre):
         lost = why_blind(estimate, self.name)
         if lost is not None:
             return failed(self._command.left_behind(lost))
+        if estimate.state is State.FLYING_AUTO and self._may_still_enter(snapshot):
+            return self._hold(snapshot)
         if estimate.state is State.FLYING_AUTO:
             stop = brake(snapshot, self._limits)
             return Step(stop.setpoint(snapshot), has_ended=True, next_reference=stop)
@@ -86,6 +95,13 @@ class Recover(Manoeuvre):
         failure = self._command.failure(snapshot)
         if failure is not None:
             return failed(failure)
+        return self._hold(snapshot)
+
+    def _may_still_enter(self, snapshot: Snapshot) -> bool:
+        self._begun_s = snapshot.time_s if self._begun_s is None else self._begun_s
+        return self._is_early and not self._is_sent and snapshot.time_s - self._begun_s < ENTERED_S
+
+    def _hold(self, snapshot: Snapshot) -> Step:
         motion = measured_motion(snapshot)
         return Step(Hold(motion.position, motion.yaw_rad).setpoint(snapshot))
 
@@ -114,9 +130,11 @@ class RecoverFirst(Recover):
         take_control: Callable[[], Future[None]],
         refusal: Refusal,
         onward: Callable[[Snapshot], Manoeuvre],
+        *,
+        is_early: bool = False,
     ) -> None:
         """`onward` makes the manoeuvre that begins in a snapshot; where it raises, the UAV stops and holds."""
-        super().__init__(command, limits, take_control, refusal, name=name, task=task)
+        super().__init__(command, limits, take_control, refusal, name=name, task=task, is_early=is_early)
         self._onward = onward
 
     @override

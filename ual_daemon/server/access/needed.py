@@ -43,6 +43,9 @@ _FLYING = (
 _SEEING = ("ListCameras", "GetCameraStatus", "ListPhotos", "ListVideoStreams", "GetImage")
 _COMMANDING = ("Arm", "Disarm", "SetHome")
 
+_READING_MISSIONS = ("PlanMission", "DownloadMission", "GetMissionProgress", "WatchMission")
+_FLYING_MISSIONS = ("UploadMission", "ClearMission", "StartMission", "PauseMission", "ResumeMission", "JumpToItem")
+
 _OF_METHOD: Mapping[str, Role] = {
     **{f"ual.v1.UalService/{name}": Role.OBSERVER for name in _READING},
     **{f"ual.v1.UalService/{name}": Role.PILOT for name in _FLYING},
@@ -51,6 +54,8 @@ _OF_METHOD: Mapping[str, Role] = {
     "ual.v1.SimulationService/ListFaults": Role.OBSERVER,
     "ual.v1.ParameterService/GetParameter": Role.OBSERVER,
     "ual.v1.ParameterService/ListParameters": Role.OBSERVER,
+    **{f"ual.v1.MissionService/{name}": Role.OBSERVER for name in _READING_MISSIONS},
+    **{f"ual.v1.MissionService/{name}": Role.PILOT for name in _FLYING_MISSIONS},
     **{f"ual.v1.CameraService/{name}": Role.OBSERVER for name in _SEEING},
     "ual.v1.FenceService/GetFence": Role.OBSERVER,
     "ual.v1.LogService/ListLogs": Role.OBSERVER,
@@ -65,6 +70,7 @@ _OF_SERVICE: Mapping[str, Role] = {
     "ual.v1.LogService": Role.PILOT,  # a log tells all flights and all settings, and its download takes up the link
     "ual.v1.CorrectionsService": Role.PILOT,  # false ones move the position by which it flies
     "ual.v1.CameraService": Role.PILOT,
+    "ual.v1.MissionService": Role.COMMANDER,  # what is new and was forgotten above
     "grpc.health.v1.Health": Role.OBSERVER,
     "grpc.reflection.v1alpha.ServerReflection": Role.OBSERVER,
 }

@@ -17,7 +17,7 @@ from ual.aio._cameras import Cameras
 from ual.aio._connection import Connection
 from ual.aio._corrections import Corrections
 from ual.aio._derived import SimulationMembers, UavMembers
-from ual.aio._derived_parts import Fence, Logs, Parameters
+from ual.aio._derived_parts import Fence, Logs, Mission, Parameters
 from ual.aio._lease import Lease
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
@@ -65,6 +65,7 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         self._dry_run: DryRun[Coroutine[Any, Any, Plan]] = DryRun(self._plan)
         self._simulation = Simulation(self._connection)
         self._parameters = Parameters(self._connection)
+        self._mission = Mission(self._connection)
         self._cameras = Cameras(self._connection)
         self._fence = Fence(self._connection)
         self._logs = Logs(self._connection)
@@ -208,6 +209,11 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
     def parameters(self) -> Parameters:
         """The autopilot's own parameters."""
         return self._parameters
+
+    @property
+    def mission(self) -> Mission:
+        """The mission that the autopilot flies by itself."""
+        return self._mission
 
     @property
     def cameras(self) -> Cameras:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 
-from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _parameter_calls
+from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _mission_calls, _parameter_calls
 from ual.aio._connection import Connection
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
 from ual.logs.values import Log, LogChunk
+from ual.missions.items import Item
+from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
 from ual.parameters.values import Parameter
+from ual.types import TaskInfo
 
 
 class Camera:
@@ -150,6 +153,121 @@ class Parameters:
 
         """
         return await self._connection.run(_parameter_calls.set_(name=name, value=value, force=force))
+
+
+class Mission:
+    """`ual.interface.Mission`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Mission of {self._connection.described}>"
+
+    async def plan(self, items: Sequence[Item]) -> MissionPlan:
+        """Makes a dry run: nothing is sent to the autopilot.
+
+        Raises:
+            InvalidArgumentError: The autopilot would ignore an item, or read it otherwise. The metadata `item` has
+                its number.
+            GeofenceError: It leads outside the fence, below the floor, or above the ceiling.
+            WrongStateError: It is not known where the UAV is.
+
+        """
+        return await self._connection.run(_mission_calls.plan(items))
+
+    async def upload(self, items: Sequence[Item]) -> StoredMission:
+        """Checks a mission, uploads it, and returns it as it was read back.
+
+        Raises:
+            InvalidArgumentError: As `plan`.
+            GeofenceError: As `plan`.
+            WrongStateError: The autopilot flies a mission now.
+            RejectedByAutopilotError: It keeps another one.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: download what it has now.
+
+        """
+        return await self._connection.run(_mission_calls.upload(items))
+
+    async def download(self) -> StoredMission:
+        """Returns the mission that the autopilot has, read now, whoever has uploaded it.
+
+        Raises:
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_mission_calls.download())
+
+    async def clear(self) -> None:
+        """Removes the mission from the autopilot.
+
+        Raises:
+            WrongStateError: The autopilot flies a mission now.
+            RejectedByAutopilotError: It keeps it.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: download what it has now.
+
+        """
+        await self._connection.run(_mission_calls.clear())
+
+    async def start(self, first_item: int = 1, on_link_loss: LinkLossAction | None = None) -> TaskInfo:
+        """Flies the mission that the autopilot has. It is read, and checked as by `plan`, before.
+
+        Returns the task once it has begun: `Uav.task` with its `id` waits for it, watches and cancels it.
+
+        Args:
+            first_item: The item to begin with, counted from 1.
+            on_link_loss: What the autopilot has to do by itself once its ground station is lost. Its parameters are
+                read, and never written. None: whatever they say; the task's description tells what.
+
+        Raises:
+            WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, the mission cannot begin there, or the
+                parameters say something else than `on_link_loss`.
+            InvalidArgumentError: It has an item that UAL does not know; the metadata `item` names it.
+            GeofenceError: As `plan`.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: The autopilot is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_mission_calls.start(first_item=first_item, on_link_loss=on_link_loss))
+
+    async def pause(self) -> None:
+        """Holds on the way, by the autopilot's own hold.
+
+        Raises:
+            WrongStateError: No mission of UAL is flown, or it cannot be paused.
+
+        """
+        await self._connection.run(_mission_calls.pause())
+
+    async def resume(self) -> None:
+        """Goes on after `pause`.
+
+        Raises:
+            WrongStateError: It is not paused.
+
+        """
+        await self._connection.run(_mission_calls.resume())
+
+    async def jump_to(self, item: int) -> None:
+        """Flies on to another item, counted from 1. Returns once the autopilot says that it is the current one.
+
+        Raises:
+            WrongStateError: No mission of UAL is flown, it is paused, or there is no such item.
+            InvalidArgumentError: The item does not fly.
+            UalTimeoutError: The autopilot has not said so.
+
+        """
+        await self._connection.run(_mission_calls.jump_to(item))
+
+    async def progress(self) -> MissionProgress:
+        """Returns how far the autopilot is with its mission, whoever has started it."""
+        return await self._connection.run(_mission_calls.progress())
 
 
 class Fence:

@@ -195,6 +195,8 @@ class _TaskKindEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumT
     TASK_KIND_GO_TO_WAYPOINT_GEO: _TaskKind.ValueType  # 4
     TASK_KIND_FOLLOW_PATH: _TaskKind.ValueType  # 5
     TASK_KIND_RETURN_TO_LAUNCH: _TaskKind.ValueType  # 6
+    TASK_KIND_MISSION: _TaskKind.ValueType  # 7
+    """Of MissionService."""
 
 class TaskKind(_TaskKind, metaclass=_TaskKindEnumTypeWrapper):
     """Which manoeuvre a task is."""
@@ -206,6 +208,8 @@ TASK_KIND_GO_TO_WAYPOINT: TaskKind.ValueType  # 3
 TASK_KIND_GO_TO_WAYPOINT_GEO: TaskKind.ValueType  # 4
 TASK_KIND_FOLLOW_PATH: TaskKind.ValueType  # 5
 TASK_KIND_RETURN_TO_LAUNCH: TaskKind.ValueType  # 6
+TASK_KIND_MISSION: TaskKind.ValueType  # 7
+"""Of MissionService."""
 Global___TaskKind: typing_extensions.TypeAlias = TaskKind
 
 class _TaskStatus:
@@ -889,7 +893,7 @@ class Task(google.protobuf.message.Message):
     """0 to 1, where it can be told."""
     distance_left_m: builtins.float
     waypoint_index: builtins.int
-    """Of FollowPath: the waypoint it flies to, counted from 0."""
+    """Of FollowPath: the waypoint it flies to, counted from 0. Of a mission: its item, counted from 0."""
     description: builtins.str
     """What it was told to do, human-readable."""
     is_paused: builtins.bool

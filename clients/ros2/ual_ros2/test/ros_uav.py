@@ -223,6 +223,10 @@ class RosUav(Uav):
         inexpressible("cameras")
 
     @property
+    def mission(self) -> ual.interface.Mission:
+        inexpressible("mission")
+
+    @property
     def fence(self) -> ual.interface.Fence:
         inexpressible("fence")
 

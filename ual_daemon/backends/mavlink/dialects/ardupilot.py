@@ -12,6 +12,7 @@ from typing_extensions import override
 from ual_daemon.backends.engine.command import FLYING, shows_landed
 from ual_daemon.backends.firmwares import ardupilot
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
+from ual_daemon.backends.firmwares.mission_codec import ArduCopterMissions
 from ual_daemon.backends.mavlink.dialects.command_long import (
     LongCommand,
     arm_or_disarm,
@@ -30,7 +31,7 @@ from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, LandedState, PositionSetpoint, Setpoint, Snapshot
 
-_GUIDED, _BRAKE = 4, 17
+_AUTO, _GUIDED, _BRAKE = 3, 4, 17
 
 
 class ArduCopter(ardupilot.ArduCopter, Dialect):
@@ -47,6 +48,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     rates_beside_files = 6.0
     keeps_items = True
     tells_baseline = True
+    missions = ArduCopterMissions()
 
     @override
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:
@@ -60,6 +62,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
             set_message_interval(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 10.0),
             *pose_streams(pose_rate_hz),
             *slow_streams(),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 2.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0),
         ]
@@ -105,6 +108,14 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     @override
     def hold(self) -> LongCommand:
         return self._set_mode(_BRAKE, "hold")
+
+    @override
+    def fly_mission(self) -> LongCommand:
+        # On the ground it waits in AUTO for a raised throttle, or for this command, which does not arm.
+        start = replace(
+            command_of(mavlink.MAV_CMD_MISSION_START, (), "fly the mission", FLYING), mode=self.missions.mode
+        )
+        return replace(self._set_mode(_AUTO, "fly the mission"), then=start)
 
     def _set_mode(self, number: int, what: str) -> LongCommand:
         return set_mode(self.mode(number).name, number, what=what)

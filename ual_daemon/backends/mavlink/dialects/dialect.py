@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from ual.errors import NotSupportedError
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Autopilot, version_text
+from ual_daemon.backends.firmwares.mission_codec import MissionCodec
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, arm_or_disarm
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
@@ -49,6 +50,9 @@ class Dialect(Autopilot):
     """The file with all parameters and their values; empty where there is none."""
     keeps_items = False
     """Whether UAL transfers its mission, its fence and its rally points by the mission protocol."""
+
+    missions: MissionCodec | None = None
+    """How it keeps missions; None where UAL brings it none."""
 
     @abstractmethod
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:
@@ -110,6 +114,10 @@ class Dialect(Autopilot):
     @abstractmethod
     def hold(self) -> LongCommand:
         """Changes to a mode in which it holds its position by itself."""
+
+    def fly_mission(self) -> LongCommand:
+        """Changes to the mode in which it flies its mission, and begins with its current item. Never arms."""
+        raise NotSupportedError(f"UAL flies no missions of {self.name}")
 
     def version(self, message: Message) -> str:
         """Returns its version, from AUTOPILOT_VERSION."""

@@ -11,6 +11,7 @@ from typing_extensions import override
 
 from ual_daemon.backends.firmwares import px4, px4_events
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
+from ual_daemon.backends.firmwares.mission_codec import Px4Missions
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import (
     CommandLong,
@@ -29,7 +30,7 @@ from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Setpoint, Snapshot
 
-_AUTO, _OFFBOARD, _SUB_LOITER = 4, 6, 3
+_AUTO, _OFFBOARD, _SUB_LOITER, _SUB_MISSION = 4, 6, 3, 4
 _EVENT = struct.Struct("<IIHBBB40s")
 """EVENT on the wire: id, time since boot, sequence, destination component and system, log levels, arguments."""
 
@@ -50,6 +51,7 @@ class Px4(px4.Px4, Dialect):
     parameter_codec = ByteWise()
     has_descriptions = True
     keeps_items = True
+    missions = Px4Missions()
 
     @override
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:
@@ -109,6 +111,11 @@ class Px4(px4.Px4, Dialect):
     @override
     def hold(self) -> LongCommand:
         return self._set_mode(_AUTO, _SUB_LOITER, "hold")
+
+    @override
+    def fly_mission(self) -> LongCommand:
+        # Not by MISSION_START, which also arms (Commander.cpp).
+        return self._set_mode(_AUTO, _SUB_MISSION, "fly the mission")
 
     def _enter_offboard(self, what: str) -> LongCommand:
         return replace(self._set_mode(_OFFBOARD, 0, what), setpoints_before_s=self.setpoints_before_mode_s)

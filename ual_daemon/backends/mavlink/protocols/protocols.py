@@ -13,6 +13,7 @@ from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMe
 from ual_daemon.backends.mavlink.protocols.corrections_injection import CorrectionsInjection
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
+from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgress
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
@@ -47,9 +48,11 @@ class Protocols(Protocol):
         self.component_metadata = ComponentMetadata(send)
         self.corrections = CorrectionsInjection(send, is_up, has_room)
         self.cameras = Cameras(send)
+        self.progress = MissionProgress(send, is_up)
         self._all: tuple[Protocol, ...] = (
             self.parameters,
             self.missions,
+            self.progress,
             self.files,
             self.logs,
             self.component_metadata,

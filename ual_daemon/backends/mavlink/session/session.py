@@ -38,6 +38,7 @@ from ual_daemon.backends.mavlink.dialects.detection import Kind, kind_of
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
+from ual_daemon.backends.mavlink.protocols.mission_progress import Heard
 from ual_daemon.backends.mavlink.protocols.protocol import Handler
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.conversions import channels
@@ -182,6 +183,11 @@ class Session:
         """Ids of the messages that are worth decoding; of others only the arrival counts."""
         wanted_ids = self._payload_messages.ids
         return self._own_decoded_ids | wanted_ids if wanted_ids else self._own_decoded_ids
+
+    @property
+    def mission_heard(self) -> Heard | None:
+        """The newest of what was heard of its mission. From any thread."""
+        return self._protocols.progress.heard
 
     @property
     def is_urgent(self) -> bool:

@@ -1,0 +1,353 @@
+"""Missions that simulated autopilots fly by themselves, as tasks of UAL, in the vehicle's time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import LIMIT_S
+from tests.simulators import Faults
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from ual.errors import (
+    GeofenceError,
+    InvalidArgumentError,
+    TaskAbortedError,
+    UalError,
+    WrongStateError,
+)
+from ual.geometry import Twist, Vector3
+from ual.missions import HoldTime, Item, Jump, Land, ReturnToLaunch, Speed, TakeOff, Waypoint
+from ual.missions.plan import LinkLossAction, MissionStage
+from ual.types import State, TaskKind, TaskStatus
+
+HOME = (47.3977428, 8.5455967)
+SILENT = Faults(is_silent=True)
+LOSSY = Faults(loss=0.2, duplication=0.05, jitter_s=0.05)
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Flight]:
+    class Kept(Flight):
+        home_file = tmp_path / "uav_1.home"
+
+    flight = Kept(str(request.param))
+    yield flight
+    flight.uav.close()
+
+
+def at(flight: Flight, north_m: float, east_m: float, altitude_m: float = 6.0, **more: Any) -> Waypoint:
+    """A waypoint so far from where the autopilot's frame begins."""
+    place = flight.autopilot.projection.to_geo(Vector3(east_m, north_m, 0.0))
+    return Waypoint(round(place.latitude_deg, 7), round(place.longitude_deg, 7), altitude_m, **more)
+
+
+def landing(flight: Flight, north_m: float, east_m: float) -> Land:
+    place = at(flight, north_m, east_m)
+    return Land(place.latitude_deg, place.longitude_deg)
+
+
+def box(flight: Flight) -> list[Item]:
+    return [TakeOff(6.0), at(flight, 12, 0), at(flight, 12, 12), at(flight, 0, 12), landing(flight, 0, 0)]
+
+
+def wait_for_place(flight: Flight) -> None:
+    def is_placed() -> bool:
+        snapshot = flight.backend.snapshot()
+        return snapshot.motion.position_geo is not None and snapshot.earth.projection is not None
+
+    flight.wait_for(is_placed, "its place on Earth")
+
+
+def stand_armed(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    wait_for_place(flight)
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    flight.wait_for(flight._is_take_off_planned, "what a mission needs")
+
+
+def start(flight: Flight, items: list[Item], first: int = 1) -> str:
+    flight.uav.mission.upload(items)
+    return flight.uav.mission.start(first).id
+
+
+def item_of(flight: Flight) -> int | None:
+    return flight.uav.mission.progress().item
+
+
+def wait_for_item(flight: Flight, item: int) -> None:
+    flight.wait_for(lambda: (item_of(flight) or 0) >= item, f"item {item}")
+
+
+def place_m(flight: Flight) -> tuple[float, float, float]:
+    north, east, down = flight.autopilot.place
+    return north, east, -down
+
+
+def test_a_mission_is_flown_from_the_ground_to_its_landing(flight: Flight) -> None:
+    stand_armed(flight)
+    begun_s = flight.now_s
+    task = flight.uav.task(start(flight, box(flight)))
+    flight.wait_for_state(State.FLYING_AUTO)
+    wait_for_item(flight, 3)
+    telemetry = flight.uav.telemetry()
+    assert telemetry.task is not None
+    assert telemetry.task.kind is TaskKind.MISSION
+    assert telemetry.task.waypoint_index in (2, 3)
+    assert "the autopilot flies our mission: item " in telemetry.state_reason
+    assert flight.uav.mission.progress().stage is MissionStage.ACTIVE
+    info = task.wait(LIMIT_S)
+    assert info.status is TaskStatus.SUCCEEDED
+    north, east, _ = place_m(flight)
+    assert math.hypot(north, east) < 1.5
+    flight.wait_for_state(State.LANDED_DISARMED)
+    assert State.FLYING_MANUAL not in flight.states_since(begun_s)
+    assert [each for each in flight.autopilot.setpoints_s if each > begun_s] == []
+
+
+def test_a_mission_that_does_not_land_ends_with_the_uav_held_by_ual(flight: Flight) -> None:
+    stand_armed(flight)
+    task = flight.uav.task(start(flight, [TakeOff(6.0), at(flight, 8, 0), at(flight, 8, 8)]))
+    assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+    assert flight.uav.state() is State.FLYING_AUTO
+    flight.let_pass(3.0)
+    north, east, up = place_m(flight)
+    assert math.dist((north, east, up), (8.0, 8.0, 6.0)) < 2.0
+    flight.uav.go_to_waypoint(flight.goal(3.0, 0.0))
+    flight.land()
+
+
+def test_a_mission_begins_in_the_air_jumps_and_returns(flight: Flight) -> None:
+    flight.take_off()
+    items = [at(flight, 6, 0), at(flight, 6, 6), Jump(1, 1), HoldTime(3.0), ReturnToLaunch()]
+    task = flight.uav.task(start(flight, items))
+    assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+    assert flight.autopilot.landed_state == 1
+    reached = flight.uav.mission.progress().reached
+    assert reached is not None
+
+
+def test_it_is_paused_resumed_jumped_and_aborted(flight: Flight) -> None:
+    stand_armed(flight)
+    far = [TakeOff(6.0), at(flight, 60, 0), at(flight, 60, 20), at(flight, 0, 20)]
+    task = flight.uav.task(start(flight, far))
+    wait_for_item(flight, 2)
+    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    flight.uav.mission.pause()
+    flight.wait_for(lambda: "holds on our mission" in flight.uav.telemetry().state_reason, "its hold")
+    assert flight.uav.state() is State.FLYING_AUTO
+    flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() < 0.2, "its rest")
+    flight.let_pass(3.0)
+    held = place_m(flight)
+    flight.let_pass(5.0)
+    assert math.dist(held, place_m(flight)) < 0.3
+    assert task.info().is_paused
+    flight.uav.mission.resume()
+    flight.wait_for(lambda: place_m(flight)[0] > held[0] + 5.0, "its way again")
+    assert item_of(flight) == 2
+    flight.uav.mission.jump_to(4)
+    assert item_of(flight) == 4
+    flight.wait_for(lambda: place_m(flight)[1] > 3.0, "the other way")
+    flight.uav.abort()
+    with pytest.raises(TaskAbortedError, match="cancelled"):
+        task.wait(LIMIT_S)
+    flight.wait_for_state(State.FLYING_AUTO)
+    flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() < 0.1, "its rest")
+    flight.land()
+
+
+@pytest.mark.parametrize("command", ["go_to_waypoint", "follow_path", "land", "return_to_launch"])
+def test_any_flying_command_replaces_it(flight: Flight, command: str) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, 80, 0), at(flight, 80, 80)]))
+    flight.wait_for(lambda: "our mission" in flight.uav.telemetry().state_reason, "the mission")
+    flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 1.0, "its way")
+    uav, goal = flight.uav, flight.goal(-6.0, 0.0)
+    calls: dict[str, Callable[[], Any]] = {
+        "go_to_waypoint": lambda: uav.go_to_waypoint(goal),
+        "follow_path": lambda: uav.follow_path([goal]),
+        "land": uav.land,
+        "return_to_launch": lambda: uav.return_to_launch(8.0),
+    }
+    calls[command]()
+    with pytest.raises(TaskAbortedError, match=f"replaced by {command}"):
+        task.wait(LIMIT_S)
+    if command in ("go_to_waypoint", "follow_path"):
+        assert (flight.uav.pose().pose.position - goal.position).norm() < 1.0
+        assert flight.uav.state() is State.FLYING_AUTO
+
+
+def test_a_stream_of_references_does_not_replace_it(flight: Flight) -> None:
+    flight.take_off()
+    start(flight, [at(flight, 80, 0), at(flight, 80, 80)])
+    flight.wait_for(lambda: "our mission" in flight.uav.telemetry().state_reason, "the mission")
+    with pytest.raises(WrongStateError, match=r"the autopilot flies a mission; stop it first \(abort\)"):
+        flight.uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
+    with pytest.raises(WrongStateError, match="the autopilot flies a mission now"):
+        flight.uav.mission.upload([at(flight, 5, 5)])
+    flight.uav.abort()
+    flight.wait_for_state(State.FLYING_AUTO)
+
+
+def test_the_pilot_takes_it_as_always(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, 80, 0), at(flight, 80, 80)]))
+    flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 2.0, "its way")
+    flight.autopilot.pilot_take_over()
+    with pytest.raises(TaskAbortedError, match="the safety pilot took over"):
+        task.wait(LIMIT_S)
+    taken_s = flight.now_s
+    flight.wait_for_state(State.FLYING_MANUAL)
+    flight.let_pass(2.0)
+    assert [each for each in flight.autopilot.setpoints_s if each > taken_s] == []
+    assert flight.commands_since(taken_s) == set()
+
+
+def test_it_goes_on_without_a_link_and_its_task_with_it(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, 60, 0), at(flight, 60, 30)]))
+    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.link.down = flight.link.up = SILENT
+    flight.wait_for_state(State.UNINITIALIZED)
+    flight.let_pass(6.0)
+    assert task.info().status is TaskStatus.RUNNING
+    assert "the autopilot flies on by itself" in task.info().description
+    flight.link.down = flight.link.up = Faults()
+    flight.wait_for_state(State.FLYING_AUTO)
+    assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+
+
+def test_a_long_silence_in_which_another_mission_came_makes_it_theirs(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, 90, 0), at(flight, 90, 90)]))
+    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.link.down = flight.link.up = SILENT
+    flight.wait_for_state(State.UNINITIALIZED)
+    flight.let_pass(11.0)
+    store = flight.autopilot.missions
+    with flight.autopilot.lock:
+        store.keep(0, [*store.lists[0], store.lists[0][-1]])
+        flight.autopilot.mission.state = 3
+    flight.link.down = flight.link.up = Faults()
+    with pytest.raises(TaskAbortedError, match="has another mission now, which UAL has not started"):
+        task.wait(LIMIT_S)
+
+
+def test_a_new_daemon_finds_its_mission_and_its_task_again(flight: Flight) -> None:
+    stand_armed(flight)
+    task_id = start(flight, [TakeOff(6.0), at(flight, 50, 0), at(flight, 50, 20), landing(flight, 20, 20)])
+    wait_for_item(flight, 2)
+    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    flight.kill()
+    flight.autopilot.run(4.0)
+    began_s = flight.now_s
+    flight.start()
+    flight.wait_for(lambda: flight.uav.telemetry().task is not None, "its task")
+    flight.wait_for_state(State.FLYING_AUTO)
+    task = flight.uav.task(task_id)
+    assert task.info().status is TaskStatus.RUNNING
+    assert flight.commands_since(began_s) == set()
+    assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+    file = (flight.home_file or Path()).with_suffix(".mission")
+    flight.wait_for(lambda: not file.exists(), "it to be forgotten")
+
+
+def test_a_new_daemon_leaves_a_mission_of_others_alone(flight: Flight) -> None:
+    stand_armed(flight)
+    start(flight, [TakeOff(6.0), at(flight, 80, 0), at(flight, 80, 80)])
+    wait_for_item(flight, 2)
+    flight.kill()
+    store = flight.autopilot.missions
+    store.keep(0, [*store.lists[0], store.lists[0][-1]])
+    flight.autopilot.mission.state = 3
+    flight.start()
+    flight.wait_for_state(State.FLYING_MANUAL)
+    file = (flight.home_file or Path()).with_suffix(".mission")
+    flight.wait_for(lambda: not file.exists(), "it to be forgotten")
+    assert flight.uav.telemetry().task is None
+
+
+def test_what_cannot_be_flown_is_refused_before_anything_moves(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    wait_for_place(flight)
+    mission = flight.uav.mission
+    with pytest.raises(WrongStateError, match="has no mission; upload one"):
+        mission.start()
+    with pytest.raises(InvalidArgumentError, match="item 2"):
+        mission.upload([at(flight, 5, 5), Speed(-1.0)])
+    flight.wait_for(flight._is_take_off_planned, "home")
+    with pytest.raises(GeofenceError, match=r"mission: item 2 \(waypoint\)"):
+        mission.upload([TakeOff(6.0), at(flight, 5, 5, 200.0)])
+    mission.upload([at(flight, 5, 5), at(flight, 5, 9)])
+    with pytest.raises(WrongStateError, match="LANDED_ARMED"):
+        mission.start()
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    with pytest.raises(WrongStateError, match="has to begin with a take-off"):
+        mission.start()
+    with pytest.raises(WrongStateError, match="no item 3"):
+        mission.start(3)
+    with pytest.raises(WrongStateError, match="on_link_loss is LAND, but once its ground station is lost"):
+        mission.start(on_link_loss=LinkLossAction.LAND)
+    with pytest.raises(WrongStateError, match="no mission of UAL is flown"):
+        mission.pause()
+    mission.clear()
+    assert mission.download().items == ()
+    assert flight.uav.state() is State.LANDED_ARMED
+
+
+def test_a_dry_run_tells_length_time_and_heights(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    wait_for_place(flight)
+    flight.wait_for(flight._is_take_off_planned, "home")
+    plan = flight.uav.mission.plan([TakeOff(6.0), at(flight, 20, 0), at(flight, 20, 30), HoldTime(9.0), Jump(2, 1)])
+    assert plan.length_m == pytest.approx(6 + 20 + 30 + 30 + 30, abs=2.0)
+    assert 25.0 < plan.duration_s < 80.0
+    assert plan.lowest_m == pytest.approx(6.0, abs=1.0)
+    assert plan.highest_m == pytest.approx(6.0, abs=1.0)
+    assert plan.executed_count == 7
+
+
+def test_uploads_over_a_link_that_loses_a_fifth_are_whole(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    wait_for_place(flight)
+    flight.link.down = flight.link.up = LOSSY
+    try:
+        for number in range(4):
+            items: list[Item] = [at(flight, float(number), float(east)) for east in range(1, 9)]
+            assert list(flight.uav.mission.upload(items).items) == items
+    finally:
+        flight.link.down = flight.link.up = Faults()
+
+
+def test_with_a_mission_that_begins_anew_it_is_not_paused() -> None:
+    flight = Flight("ardupilot")
+    try:
+        flight.autopilot.parameters["MIS_RESTART"] = 1.0
+        flight.take_off()
+        flight.uav.mission.upload([at(flight, 60, 0), at(flight, 60, 60)])
+        with pytest.raises(WrongStateError, match=r"would begin with item 1 \(MIS_RESTART is 1\)"):
+            flight.uav.mission.start(2)
+        flight.uav.mission.start()
+        flight.wait_for(lambda: "our mission" in flight.uav.telemetry().state_reason, "the mission")
+        with pytest.raises(WrongStateError, match="would begin it anew"):
+            flight.uav.mission.pause()
+        flight.uav.abort()
+    finally:
+        flight.uav.close()
+
+
+def test_a_lease_that_is_taken_stops_it(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, 80, 0), at(flight, 80, 80)]))
+    flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 2.0, "its way")
+    lease = flight.uav.lease("another")
+    with pytest.raises(UalError, match="has acquired the lease"):
+        task.wait(LIMIT_S)
+    flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() < 0.1, "its rest")
+    flight.wait_for_state(State.FLYING_AUTO)
+    lease.release()

@@ -1,0 +1,148 @@
+"""How far the autopilot is with its mission, and which item is the current one.
+
+https://mavlink.io/en/services/mission.html#current-mission-item. MISSION_SET_CURRENT is used, not the command
+DO_SET_MISSION_CURRENT: PX4 1.17 does not have that one (navigator_main.cpp, Commander.cpp), and ArduPilot has both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError, UalTimeoutError
+from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.exchange import Exchange
+from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.offers.parameters import Refusal
+
+RETRY_S = 0.5
+TRIES_COUNT = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """The newest of what was heard of the mission: MISSION_CURRENT, and the number of MISSION_ITEM_REACHED."""
+
+    state: int
+    seq: int
+    time_s: float
+    mission_id: int
+    reached: int | None = None
+
+
+class SetCurrent(Exchange[None]):
+    """Makes an item the current one. Ends once MISSION_CURRENT has one of the numbers that show it.
+
+    PX4 takes the message only, without an answer; ArduPilot takes both, and announces the item at once.
+    """
+
+    def __init__(
+        self,
+        future: Future[None],
+        transmit: Callable[[], object],
+        shown_by: frozenset[int],
+        refusal: Refusal,
+        is_up: Callable[[float], bool],
+    ) -> None:
+        super().__init__(future)
+        self._transmit = transmit
+        self._shown_by = shown_by
+        self._refusal = refusal
+        self._is_up = is_up
+        self._tries_count = 0
+        self._next_s = 0.0
+
+    @override
+    def tick(self, now_s: float) -> None:
+        if self._tries_count and now_s < self._next_s:
+            return
+        error = self._refusal()
+        if error is not None:
+            self.fail(error)
+        elif self._tries_count >= TRIES_COUNT:
+            self._give_up(now_s)
+        else:
+            self._tries_count += 1
+            self._next_s = now_s + RETRY_S
+            self._transmit()
+
+    def on_current(self, seq: int) -> None:
+        """Takes the number of the current item."""
+        if self._tries_count and seq in self._shown_by:
+            self._end(None)
+
+    def _give_up(self, now_s: float) -> None:
+        if self._is_up(now_s):
+            self.fail(UalTimeoutError("the autopilot did not make that item its current one: look where it flies"))
+        else:
+            self.fail(LinkLostError("nothing comes from the autopilot: it is not known which item is its current one"))
+
+
+class MissionProgress(Protocol):
+    """Belongs to the thread that receives, but for `heard`, which any thread may read."""
+
+    def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
+        self._send = send
+        self._is_up = is_up
+        self._target: Source | None = None
+        self._setting: SetCurrent | None = None
+        self.heard: Heard | None = None
+
+    @property
+    @override
+    def handlers(self) -> dict[int, Handler]:
+        return {
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self._on_current,
+            mavlink.MAVLINK_MSG_ID_MISSION_ITEM_REACHED: self._on_reached,
+        }
+
+    @override
+    def attach(self, target: Source, dialect: Dialect) -> None:
+        self.drop("another autopilot was found")
+        self._target = target
+
+    @override
+    def drop(self, why: str) -> None:
+        self.heard = None
+        if self._setting is not None:
+            self._setting.fail(LinkLostError(f"no item was made the current one: {why}"))
+            self._setting = None
+
+    @override
+    def tick(self, now_s: float) -> None:
+        if self._setting is not None:
+            self._setting.tick(now_s)
+            if self._setting.is_over:
+                self._setting = None
+
+    def set_current(self, seq: int, shown_by: frozenset[int], refusal: Refusal, future: Future[None]) -> None:
+        """Makes an item the current one. Replaces one that was asked for before."""
+        target = self._target
+        if target is None:
+            futures.fail(future, LinkLostError("no autopilot was found"))
+            return
+        if self._setting is not None:
+            self._setting.fail(UalTimeoutError("another item was asked for"))
+
+        def transmit() -> None:
+            self._send(mavlink.MAVLink_mission_set_current_message(*target, seq))
+
+        self._setting = SetCurrent(future, transmit, shown_by, refusal, self._is_up)
+
+    def _on_current(self, message: Message, now_s: float) -> None:
+        reached = None if self.heard is None else self.heard.reached
+        state, mission_id = getattr(message, "mission_state", 0), getattr(message, "mission_id", 0)
+        self.heard = Heard(state, message.seq, now_s, mission_id, reached)
+        if self._setting is not None:
+            self._setting.on_current(message.seq)
+
+    def _on_reached(self, message: Message, now_s: float) -> None:
+        heard = self.heard
+        if heard is not None:
+            self.heard = Heard(heard.state, heard.seq, heard.time_s, heard.mission_id, message.seq)

@@ -1,0 +1,200 @@
+"""The missions that the autopilot flies by itself: what may be done and when. The manual is docs/missions.md."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import replace
+from typing import SupportsInt
+
+from typing_extensions import override
+
+from ual import interface
+from ual.errors import FrameLostError, UalError, WrongStateError
+from ual.missions import checks
+from ual.missions.items import Item
+from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
+from ual.types import TaskInfo
+from ual_daemon import logs, validation
+from ual_daemon.backends.chain import then, then_wait
+from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, OnItsOwn
+from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, offered, require_change, wait
+
+TRANSFER_S = 1250.0
+"""How long a transfer may take, with those that others have asked for before. A backend ends by itself before."""
+START_S = 650.0
+JUMP_S = 12.0
+_UPLOAD, _CLEAR, _START = "upload_mission", "clear_mission", "start_mission"
+
+_log = logging.getLogger(__name__)
+
+
+class VehicleMissions:
+    """The missions of one UAV. From any thread; no method waits."""
+
+    def __init__(self, vehicle: CommandedVehicle) -> None:
+        self._vehicle = vehicle
+
+    def plan(self, items: Sequence[Item]) -> MissionPlan:
+        """See `ual.interface.Mission`."""
+        self._require_items(self._offer(), items)
+        return self._vehicle.missions.plan(items)
+
+    def upload(self, items: Sequence[Item], lease_id: str) -> Future[StoredMission]:
+        """See `ual.interface.Mission`."""
+        offer = self._offer()
+        self._require_change(_UPLOAD, lease_id)
+        self._require_items(offer, items)
+        self._require_inside(items)
+        uploading = offer.upload(list(items), lambda: self._refusal(_UPLOAD, lease_id))
+        return then(uploading, lambda kept: _noted("mission_uploaded", _numbered(kept, items)))
+
+    def download(self) -> Future[StoredMission]:
+        """See `ual.interface.Mission`."""
+        return then(self._offer().download(), _stored)
+
+    def clear(self, lease_id: str) -> Future[None]:
+        """See `ual.interface.Mission`."""
+        offer = self._offer()
+        self._require_change(_CLEAR, lease_id)
+
+        def end(kept: KeptMission) -> None:
+            _noted("mission_cleared", kept)
+
+        return then(offer.clear(lambda: self._refusal(_CLEAR, lease_id)), end)
+
+    def start(self, first_item: SupportsInt, on_link_loss: LinkLossAction | None, lease_id: str) -> Future[TaskInfo]:
+        """See `ual.interface.Mission`. Reads the mission first: another station may have changed it."""
+        offer, first = self._offer(), _item(first_item, "first_item")
+        require_change(self._vehicle, _START, lease_id)
+
+        def on_read(kept: KeptMission) -> Future[TaskInfo]:
+            if not kept.items:
+                raise WrongStateError(f"{_START}: the autopilot has no mission; upload one", {"needed": _UPLOAD})
+            return then(offer.on_its_own(), lambda own: begin(kept, own))
+
+        def begin(kept: KeptMission, own: OnItsOwn) -> TaskInfo:
+            _require_link_loss(on_link_loss, own)
+            return self._vehicle.missions.start(offer, kept, first, own, lease_id).info()
+
+        return then_wait(offer.download(), on_read)
+
+    def pause(self, lease_id: str) -> None:
+        """See `ual.interface.Mission`."""
+        self._offer()
+        self._vehicle.commands.pause(self._vehicle.missions.require_task("pause_mission"), lease_id)
+
+    def resume(self, lease_id: str) -> None:
+        """See `ual.interface.Mission`."""
+        self._offer()
+        self._vehicle.commands.resume(self._vehicle.missions.require_task("resume_mission"), lease_id)
+
+    def jump_to(self, item: SupportsInt, lease_id: str) -> Future[None]:
+        """See `ual.interface.Mission`."""
+        self._offer()
+        return self._vehicle.missions.jump(_item(item, "item"), lease_id)
+
+    def progress(self) -> MissionProgress:
+        """See `ual.interface.Mission`."""
+        return self._vehicle.missions.progress(self._offer())
+
+    def _require_items(self, offer: AutopilotMissions, items: Sequence[Item]) -> None:
+        checks.require(items)
+        offer.require(items)
+
+    def _require_inside(self, items: Sequence[Item]) -> None:
+        """Checks a mission against the geofence, as far as that is known; its start checks it again."""
+        try:
+            self._vehicle.missions.plan(items)
+        except (WrongStateError, FrameLostError) as error:
+            logs.event(_log, logging.INFO, "mission_not_planned", why=error.message)
+
+    def _require_change(self, command: str, lease_id: str) -> None:
+        require_change(self._vehicle, command, lease_id)
+        self._vehicle.missions.require_none_flown(command)
+
+    def _refusal(self, command: str, lease_id: str) -> UalError | None:
+        try:
+            self._require_change(command, lease_id)
+        except UalError as error:
+            return error
+        return None
+
+    def _offer(self) -> AutopilotMissions:
+        return offered(self._vehicle, AutopilotMissions, "missions")  # type: ignore[type-abstract]  # it is only looked for
+
+
+class Mission(interface.Mission):
+    """The mission in this process, with the lease that the object has at the moment."""
+
+    def __init__(self, vehicle: CommandedVehicle, lease_id: Callable[[], str]) -> None:
+        self._of_vehicle = VehicleMissions(vehicle)
+        self._lease_id = lease_id
+
+    @override
+    def plan(self, items: Sequence[Item]) -> MissionPlan:
+        return self._of_vehicle.plan(items)
+
+    @override
+    def upload(self, items: Sequence[Item]) -> StoredMission:
+        return wait(self._of_vehicle.upload(items, self._lease_id()), TRANSFER_S, "uploading the mission")
+
+    @override
+    def download(self) -> StoredMission:
+        return wait(self._of_vehicle.download(), TRANSFER_S, "downloading the mission")
+
+    @override
+    def clear(self) -> None:
+        wait(self._of_vehicle.clear(self._lease_id()), TRANSFER_S, "clearing the mission")
+
+    @override
+    def start(self, first_item: int = 1, on_link_loss: LinkLossAction | None = None) -> TaskInfo:
+        starting = self._of_vehicle.start(first_item, on_link_loss, self._lease_id())
+        return wait(starting, START_S, "starting the mission")
+
+    @override
+    def pause(self) -> None:
+        self._of_vehicle.pause(self._lease_id())
+
+    @override
+    def resume(self) -> None:
+        self._of_vehicle.resume(self._lease_id())
+
+    @override
+    def jump_to(self, item: int) -> None:
+        wait(self._of_vehicle.jump_to(item, self._lease_id()), JUMP_S, f"the jump to item {item}")
+
+    @override
+    def progress(self) -> MissionProgress:
+        return self._of_vehicle.progress()
+
+
+def _item(value: SupportsInt, field: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise validation.refuse(field, f"{value!r:.40} is no item; they are counted from 1")
+    return value
+
+
+def _require_link_loss(wanted: LinkLossAction | None, own: OnItsOwn) -> None:
+    if wanted is not None and wanted is not own.link_loss:
+        raise WrongStateError(
+            f"{_START}: on_link_loss is {wanted.name}, but {own.link_loss_text}; set these parameters on the ground, "
+            "or start it without on_link_loss",
+            {"field": "on_link_loss"},
+        )
+
+
+def _numbered(kept: KeptMission, items: Sequence[Item]) -> KeptMission:
+    """Returns what was read back, with the numbers of the file from which it was uploaded."""
+    pairs = zip(kept.items, items, strict=True)
+    return kept._replace(items=tuple(replace(found, number=sent.number) for found, sent in pairs))
+
+
+def _stored(kept: KeptMission) -> StoredMission:
+    return StoredMission(kept.items, kept.digest if kept.items else "")
+
+
+def _noted(event: str, kept: KeptMission) -> StoredMission:
+    logs.event(_log, logging.INFO, event, items=len(kept.items), digest=kept.digest)
+    return _stored(kept)

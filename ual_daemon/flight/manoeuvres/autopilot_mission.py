@@ -1,0 +1,396 @@
+"""A mission that the autopilot flies by itself, as a task of UAL. No setpoint is sent while it does.
+
+The autopilot flies on where the link or the daemon is lost. So the task does not end with the link: once the autopilot
+is heard again, its mode and its mission say whether it is still this one.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from enum import Enum, auto
+from functools import partial
+from typing import Any
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError, TaskAbortedError, UalError, WrongStateError
+from ual.missions.items import MOVING, Item, Land, ReturnToLaunch, name_of, words_of
+from ual.missions.plan import MissionStage
+from ual.types import State
+from ual_daemon import logs
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport
+from ual_daemon.backends.values import Control, Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.manoeuvres.manoeuvre import (
+    Handover,
+    Manoeuvre,
+    Step,
+    failed,
+    taken,
+    with_advice,
+)
+from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.policy.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.tasks import Progress, VehicleTask
+from ual_daemon.tracker.references import Reference
+
+_log = logging.getLogger(__name__)
+
+NAME = "mission"
+_TOLD_S = 2.5
+"""So long after the mode that follows a mission the autopilot may tell that it is complete: PX4 does once a second."""
+_HOLDS = "it holds its position by UAL's references"
+_LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
+
+
+class _Phase(Enum):
+    VERIFYING = auto()
+    """Whether the autopilot still has this mission is being read from it."""
+    CHOOSING = auto()
+    """The first item is being made the current one."""
+    ENTERING = auto()
+    FLYING = auto()
+    PAUSING = auto()
+    PAUSED = auto()
+
+
+class TakeBack(Recover):
+    """Takes the control back at the end of a mission in the air: the task ends once UAL holds it there."""
+
+    is_replaceable = True
+    why_not_pausable = "the mission has ended"
+
+
+class AutopilotMission(Manoeuvre):
+    """A mission that is on the autopilot. It can be replaced, cancelled and paused.
+
+    Args:
+        task: The task.
+        backend: Commands the hold of a pause.
+        offer: The missions of the autopilot.
+        kept: The mission, as it was read from the autopilot.
+        first: The item with which it begins, counted from 1; None where the autopilot flies it already.
+        reference: What is sent until the autopilot flies the mission; None on the ground.
+        take_back: Makes what takes the control back at the end in the air.
+        is_ours: Called once it is known that the mission of a flight after a silence is still this one.
+        begins_anew: Why the autopilot would not go on after a pause; empty if it does.
+
+    """
+
+    def __init__(
+        self,
+        task: VehicleTask,
+        backend: Backend,
+        offer: AutopilotMissions,
+        kept: KeptMission,
+        first: int | None,
+        reference: Reference | None,
+        take_back: Callable[[VehicleTask], TakeBack],
+        is_ours: Callable[[], None],
+        begins_anew: str = "",
+    ) -> None:
+        super().__init__(NAME, task)
+        self.why_not_pausable = f"the autopilot would begin it anew ({begins_anew})" if begins_anew else ""
+        self._backend = backend
+        self._offer = offer
+        self._kept = kept
+        self._first = first
+        self._reference = reference
+        self._take_back = take_back
+        self._is_ours = is_ours
+        self._item = first or 1
+        self._phase = _Phase.VERIFYING if first is None else _Phase.CHOOSING
+        self._waited: Future[Any] | None = None
+        """What the phase waits for."""
+        self._began_in = ""
+        self._was_paused = False
+        self._entered_s = 0.0
+        self._done_s: float | None = None
+        """Since when it is in the mode in which it holds after a mission."""
+        self._was_in_air = first is None
+        self._heard_s: float | None = None
+        self._task: VehicleTask = task
+        self._update_words()
+
+    @property
+    def items(self) -> Sequence[Item]:
+        """The items of the mission."""
+        return self._kept.items
+
+    @property
+    def item(self) -> int:
+        """The item that is flown, counted from 1."""
+        return self._item
+
+    @override
+    def current_reference(self) -> Reference | None:
+        return self._reference
+
+    @override
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+        if self._reference is not None:
+            self._reference = stop
+        return None  # the autopilot flies to places on Earth
+
+    def jump(self, item: int, refusal: Callable[[], UalError | None]) -> Future[None]:
+        """Makes an item, counted from 1, the one that is flown now. From any thread.
+
+        Raises:
+            WrongStateError: The autopilot does not fly the mission at the moment.
+
+        """
+        if self._phase is not _Phase.FLYING:
+            raise WrongStateError(
+                f"{NAME}: the autopilot does not fly it at the moment ({self._phase.name.lower()}); wait, or resume",
+                {"needed": "FLYING"},
+            )
+
+        def why_not() -> UalError | None:
+            if self.future.done():
+                return TaskAbortedError(f"{NAME}: it has ended", {"by": NAME})
+            return refusal()
+
+        return self._offer.set_current(self._kept.items, item, why_not, anew=False)
+
+    # --- Steps --------------------------------------------------------------------------------------------------------
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        if not estimate.is_link_up or estimate.state is State.UNINITIALIZED:
+            return self._step_blind(snapshot, estimate)
+        self._look_after_silence(snapshot)
+        self._look_at_items()
+        self._was_in_air = self._was_in_air or estimate.state not in _LANDED
+        if estimate.state in _LANDED and self._was_in_air:
+            return self._landed(estimate)
+        if estimate.state is State.LANDED_DISARMED:
+            return failed(TaskAbortedError(f"{NAME}: the motors were disarmed", {"by": "autopilot"}))
+        return _STEPS[self._phase](self, snapshot)
+
+    def _step_blind(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        """The autopilot flies on; before it does, nothing is known of what was commanded."""
+        if self._phase in (_Phase.CHOOSING, _Phase.ENTERING):
+            text = f"{NAME}: {estimate.why}; it is not known whether the autopilot flies it now"
+            metadata = {"state": State.UNINITIALIZED.name, "by": "autopilot"}
+            return failed(TaskAbortedError(text, metadata) if estimate.is_link_up else LinkLostError(text, metadata))
+        self._task.note = f"{estimate.why}; the autopilot flies on by itself"
+        return Step()
+
+    def _look_after_silence(self, snapshot: Snapshot) -> None:
+        """After a long silence the flight may be another's: whether the mission is still this one is read anew."""
+        heard_s, before_s = snapshot.heard_s, self._heard_s
+        self._heard_s = heard_s
+        self._task.note = ""
+        if heard_s is None or before_s is None or heard_s - before_s <= LONGEST_GAP_S:
+            return
+        if self._phase is _Phase.FLYING:
+            self._phase, self._waited = _Phase.VERIFYING, None
+
+    def _look_at_items(self) -> None:
+        report = self._offer.report()
+        if report is None or report.item is None or self._phase is not _Phase.FLYING:
+            return
+        item = min(report.item, len(self._kept.items))
+        if item != self._item and report.time_s > self._entered_s:
+            self._item = item
+            self._update_words()
+
+    def _update_words(self) -> None:
+        count = len(self._kept.items)
+        item = self._kept.items[self._item - 1]
+        number = f" ({item.number} in its file)" if item.number not in ("", str(self._item)) else ""
+        self.mission = f"the autopilot flies our mission: item {self._item} of {count}, {words_of(item)}{number}"
+        if self._phase is _Phase.CHOOSING and not self._was_paused:
+            self.mission = ""  # the autopilot takes our references yet
+        self._task.report(partial(Progress, (self._item - 1) / count, None, self._item - 1))
+
+    def _landed(self, estimate: Estimate) -> Step:
+        if self._ends_on_ground():
+            return Step(has_ended=True)
+        what = name_of(self._kept.items, self._item - 1)
+        text = f"{NAME}: the UAV has landed at {what}, before its end ({estimate.why})"
+        return Step(has_ended=True, error=TaskAbortedError(text, {"by": "autopilot"}), is_taken=True)
+
+    def _ends_on_ground(self) -> bool:
+        last = len(self._kept.items)
+        return self._item >= last and isinstance(self._kept.items[-1], Land | ReturnToLaunch)
+
+    def _verifying(self, snapshot: Snapshot) -> Step:
+        if (step := self._unless_flown(snapshot)) is not None:
+            return step
+        if self._waited is None:
+            self._waited = self._offer.download()
+        if not self._waited.done():
+            return Step()
+        found = self._result()
+        if isinstance(found, UalError):
+            return failed(with_advice(found, "the autopilot flies on: it is not known what"))
+        if found.digest != self._kept.digest:
+            why = f"{NAME}: the autopilot has another mission now, which UAL has not started"
+            return Step(has_ended=True, error=TaskAbortedError(why, {"by": "ground station"}), is_taken=True)
+        logs.event(_log, logging.INFO, "mission_found", task_id=self._task.id, item=self._item)
+        self._is_ours()
+        self._phase, self._waited = _Phase.FLYING, None
+        return Step()
+
+    def _choosing(self, snapshot: Snapshot) -> Step:
+        if (step := self._unless_ours(snapshot)) is not None:
+            return step
+        if self._waited is None:
+            anew = self._first == 1 and not self._was_paused
+            self._waited = self._offer.set_current(self._kept.items, self._item, self._why_not, anew=anew)
+        if self._waited.done():
+            found = self._result()
+            if isinstance(found, UalError):
+                return failed(with_advice(found, self._stays()))
+            self._enter(snapshot)
+        return self._referring(snapshot)
+
+    def _enter(self, snapshot: Snapshot) -> None:
+        self.command = AutopilotCommand("fly the mission")
+        self._phase, self._waited = _Phase.ENTERING, None
+        self._entered_s = snapshot.time_s
+        self._update_words()
+        self.command.send(self._offer.fly)
+
+    def _entering(self, snapshot: Snapshot) -> Step:
+        assert self.command is not None
+        if _mode(snapshot) == self._offer.mode and not self._is_starting():
+            self._phase, self._reference = _Phase.FLYING, None
+            self._update_words()
+            return Step()
+        if _mode(snapshot) != self._offer.mode and (step := self._unless_ours(snapshot)) is not None:
+            return step
+        failure = self.command.failure(snapshot)
+        return self._referring(snapshot) if failure is None else failed(with_advice(failure, self._stays()))
+
+    def _is_starting(self) -> bool:
+        """Whether its command has not been answered yet: on the ground ArduPilot needs more than the mode."""
+        return self.command is not None and not self.command.is_answered and not self._was_in_air
+
+    def _flying(self, snapshot: Snapshot) -> Step:
+        if self._is_complete(snapshot, self._offer.report()):
+            return Step(handover=self._hand_back())
+        if self._may_be_complete(snapshot):
+            return Step()
+        if (step := self._unless_flown(snapshot)) is not None:
+            return step
+        if self._task.is_paused:
+            self.command = AutopilotCommand("hold its position")
+            self._phase, self._began_in = _Phase.PAUSING, _mode(snapshot)
+            self.command.send(self._backend.hold)
+        return Step()
+
+    def _is_complete(self, snapshot: Snapshot, report: MissionReport | None) -> bool:
+        """Whether the autopilot has ended the mission in the air."""
+        if report is None or report.time_s <= self._entered_s or self._ends_by(Land, ReturnToLaunch):
+            return False
+        is_over = report.stage is MissionStage.COMPLETE or (
+            report.reached == self._last_moving and _mode(snapshot) != self._offer.mode
+        )
+        return is_over and _mode(snapshot) in (self._offer.mode, self._offer.done_mode)
+
+    def _may_be_complete(self, snapshot: Snapshot) -> bool:
+        """Whether it has entered the mode in which it holds after a mission, and may still tell its end."""
+        is_done = _mode(snapshot) == self._offer.done_mode != self._offer.mode
+        if not is_done or self._item < self._last_moving or self._ends_by(Land, ReturnToLaunch):
+            self._done_s = None
+            return False
+        self._done_s = snapshot.time_s if self._done_s is None else self._done_s
+        return snapshot.time_s - self._done_s < _TOLD_S
+
+    @property
+    def _last_moving(self) -> int:
+        """The last item that moves it, counted from 1."""
+        return max(number for number, each in enumerate(self._kept.items, 1) if isinstance(each, MOVING))
+
+    def _ends_by(self, *kinds: type[Item]) -> bool:
+        return isinstance(self._kept.items[-1], kinds)
+
+    def _hand_back(self) -> Handover:
+        take_back = self._take_back(self._task)
+        return Handover(take_back, take_back.send)
+
+    def _unless_flown(self, snapshot: Snapshot) -> Step | None:
+        """Returns the end of a mission that the autopilot does not fly any more; None while it does."""
+        mode = snapshot.control.mode
+        assert mode is not None
+        if mode.value.name == self._offer.mode:
+            return None
+        is_return = mode.value.name == self._offer.return_mode or mode.value.control is Control.LAND
+        return None if is_return and self._is_returning(snapshot) else taken(snapshot, NAME)
+
+    def _is_returning(self, snapshot: Snapshot) -> bool:
+        """Whether the return at the end of the mission is what changed the mode; its item may be told later."""
+        cause = snapshot.control.held_by
+        if not self._ends_by(ReturnToLaunch) or (cause is not None and cause.is_failsafe):
+            return False
+        before = [number for number, each in enumerate(self._kept.items, 1) if isinstance(each, MOVING)][:-1]
+        if self._item < len(self._kept.items) and before and self._item < before[-1]:
+            return False
+        if self._item < len(self._kept.items):
+            self._item = len(self._kept.items)
+            self._update_words()
+        return True
+
+    def _pausing(self, snapshot: Snapshot) -> Step:
+        assert self.command is not None
+        mode = _mode(snapshot)
+        if mode == self._offer.pause_mode:
+            self._phase = _Phase.PAUSED
+            self.mission = self.mission.replace("flies our mission", "holds on our mission")
+            return Step()
+        if mode != self._began_in:
+            return taken(snapshot, NAME)
+        failure = self.command.failure(snapshot)
+        return Step() if failure is None else failed(with_advice(failure, "the autopilot flies on"))
+
+    def _paused(self, snapshot: Snapshot) -> Step:
+        if _mode(snapshot) != self._offer.pause_mode:
+            return taken(snapshot, NAME)
+        if not self._task.is_paused:
+            self._phase, self._began_in, self._was_paused = _Phase.CHOOSING, _mode(snapshot), True
+        return Step()
+
+    def _unless_ours(self, snapshot: Snapshot) -> Step | None:
+        """Returns the end of a mission before which others took the UAV; None while it is in the mode it began in."""
+        self._began_in = self._began_in or _mode(snapshot)
+        return None if _mode(snapshot) == self._began_in else taken(snapshot, NAME)
+
+    def _why_not(self) -> UalError | None:
+        return TaskAbortedError(f"{NAME}: it has ended", {"by": NAME}) if self.future.done() else None
+
+    def _referring(self, snapshot: Snapshot) -> Step:
+        return Step() if self._reference is None else Step(self._reference.setpoint(snapshot))
+
+    def _stays(self) -> str:
+        return "the UAV stays on the ground" if not self._was_in_air else _HOLDS
+
+    def _result(self) -> Any:  # noqa: ANN401  of what the phase waits for
+        waited = self._waited
+        assert waited is not None
+        if waited.cancelled():
+            return UalError(f"{NAME}: it was withdrawn by the backend")
+        error = waited.exception()
+        if error is None:
+            return waited.result()
+        return error if isinstance(error, UalError) else UalError(f"{NAME}: {error}")
+
+
+def _mode(snapshot: Snapshot) -> str:
+    return snapshot.control.mode_name
+
+
+_STEPS: dict[_Phase, Callable[[AutopilotMission, Snapshot], Step]] = {
+    _Phase.VERIFYING: AutopilotMission._verifying,  # noqa: SLF001  its own table
+    _Phase.CHOOSING: AutopilotMission._choosing,  # noqa: SLF001
+    _Phase.ENTERING: AutopilotMission._entering,  # noqa: SLF001
+    _Phase.FLYING: AutopilotMission._flying,  # noqa: SLF001
+    _Phase.PAUSING: AutopilotMission._pausing,  # noqa: SLF001
+    _Phase.PAUSED: AutopilotMission._paused,  # noqa: SLF001
+}

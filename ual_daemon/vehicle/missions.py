@@ -1,0 +1,251 @@
+"""The missions of one UAV: their start as a task, their jumps, and how a restarted daemon finds its own again."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from concurrent.futures import Future
+from functools import partial
+
+from ual.errors import TaskAbortedError, UalError, WrongStateError
+from ual.missions import checks
+from ual.missions.items import MOVING, Item, TakeOff
+from ual.missions.plan import MissionPlan, MissionProgress, MissionStage
+from ual.types import State, TaskKind
+from ual_daemon import logs
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, OnItsOwn
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.flight import Flight, Order
+from ual_daemon.flight.manoeuvres.autopilot_mission import NAME, AutopilotMission, TakeBack
+from ual_daemon.flight.policy.lease import NOBODY
+from ual_daemon.flight.tasks import Tasks, VehicleTask
+from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.settings import VehicleSettings
+from ual_daemon.tracker.references import Reference
+from ual_daemon.vehicle.mission_file import FlownMission, MissionFile
+from ual_daemon.vehicle.mission_plan import MissionPlanner
+from ual_daemon.vehicle.preconditions import Preconditions
+from ual_daemon.vehicle.reach_limit import ReachLimit
+from ual_daemon.vehicle.refusal_log import accepted
+
+_log = logging.getLogger(__name__)
+
+_ENDS_OF_DAEMON = ("shutdown", "close")
+
+
+class Missions:
+    """The missions of one UAV. Any thread may call any member, except `update`: only the update thread."""
+
+    def __init__(
+        self,
+        backend: Backend,
+        flight: Flight,
+        resolver: FrameResolver,
+        tasks: Tasks,
+        settings: VehicleSettings,
+        file: MissionFile | None,
+    ) -> None:
+        self._backend = backend
+        self._flight = flight
+        self._tasks = tasks
+        self._preconditions = Preconditions(backend, flight)
+        self._planner = MissionPlanner(flight, resolver, ReachLimit(settings))
+        self._file = file
+        self._lost = None if file is None or flight.is_watch_only else file.read()
+        """What the daemon flew before it was restarted, until that is found again or gone."""
+        self._finding: Future[KeptMission] | None = None
+
+    # --- What is asked for --------------------------------------------------------------------------------------------
+
+    def plan(self, items: Sequence[Item], first: int = 1) -> MissionPlan:
+        """Makes a dry run; see `MissionPlanner.plan`."""
+        checks.require(items)
+        return self._planner.plan(items, self._backend.snapshot(), first)
+
+    def require_none_flown(self, command: str) -> None:
+        """Checks that no mission is flown, of which the items must not change.
+
+        Raises:
+            WrongStateError: One is, by UAL or by others.
+
+        """
+        offer = self._backend.offer(AutopilotMissions)  # type: ignore[type-abstract]  # it is only looked for
+        snapshot = self._backend.snapshot()
+        mode, armed = snapshot.control.mode_name, snapshot.control.armed
+        is_flown = offer is not None and mode and mode == offer.mode and armed is not None and armed.value
+        if is_flown or self._flight.is_on_mission:
+            text = f"{command}: the autopilot flies a mission now; stop it first (abort), or wait for its end"
+            raise WrongStateError(text, {"command": command, "needed": "abort"})
+
+    def start(
+        self, offer: AutopilotMissions, kept: KeptMission, first: int, own: OnItsOwn, lease_id: str = NOBODY
+    ) -> VehicleTask:
+        """Begins the mission that was read from the autopilot, with an item counted from 1.
+
+        Raises:
+            WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, or it cannot begin there.
+            GeofenceError: It leads outside.
+            InvalidArgumentError: It has something that UAL does not know; the item is named.
+
+        """
+        with self._preconditions.logging_refusal(NAME):
+            snapshot = self._require_start(kept.items, first, lease_id)
+            self.plan(kept.items, first)
+            if own.begins_anew and first > 1:
+                raise WrongStateError(
+                    f"{NAME}: the autopilot would begin with item 1 ({own.begins_anew})", {"needed": "item 1"}
+                )
+            is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
+            reference = self._flight.brake(snapshot) if is_ours else None
+            task = self._tasks.new(TaskKind.MISSION, f"mission of {len(kept.items)} items; {own.link_loss_text}")
+            self._flight.begin(self._manoeuvre(task, offer, kept, first, own, reference), Order(lease_id))
+            self._remember(task, kept)
+            accepted(NAME, task_id=task.id, items=len(kept.items), first=first)
+            return task
+
+    def jump(self, item: int, lease_id: str = NOBODY) -> Future[None]:
+        """Makes an item, counted from 1, the one that is flown now; see `AutopilotMission.jump`."""
+        with self._preconditions.logging_refusal("jump_to_item"):
+            self._preconditions.require_state("jump_to_item", lease_id, State.FLYING_AUTO)
+            manoeuvre = self._flight.manoeuvre
+            if not isinstance(manoeuvre, AutopilotMission):
+                raise WrongStateError("jump_to_item: no mission of UAL is flown", {"command": "jump_to_item"})
+            self._require_item(manoeuvre.items, item)
+            future = manoeuvre.jump(item, partial(self._why_not_jump, lease_id))
+            accepted("jump_to_item", item=item)
+            return future
+
+    def progress(self, offer: AutopilotMissions) -> MissionProgress:
+        """Returns how far the autopilot is with its mission, whoever has started it."""
+        report, info = offer.report(), self._flight.task_info()
+        task_id = info.id if info is not None and self._flight.is_on_mission else ""
+        if report is None:
+            return MissionProgress(MissionStage.UNKNOWN, task_id=task_id)
+        return MissionProgress(report.stage, report.item, report.reached, task_id)
+
+    def require_task(self, command: str) -> str:
+        """Returns the identifier of the mission's task.
+
+        Raises:
+            WrongStateError: No mission of UAL is flown.
+
+        """
+        info = self._flight.task_info()
+        if info is None or info.kind is not TaskKind.MISSION:
+            raise WrongStateError(f"{command}: no mission of UAL is flown", {"command": command})
+        return info.id
+
+    def _why_not_jump(self, lease_id: str) -> UalError | None:
+        return self._flight.lease.refusal("jump_to_item", lease_id)
+
+    def _require_start(self, items: Sequence[Item], first: int, lease_id: str) -> Snapshot:
+        snapshot = self._preconditions.require_state(NAME, lease_id, State.FLYING_AUTO, State.LANDED_ARMED)
+        checks.require(items)
+        self._require_item(items, first)
+        self._preconditions.require_no_failsafe(NAME, snapshot, force=False)
+        if self._flight.raw_estimate(snapshot).state is State.LANDED_ARMED:
+            self._preconditions.require_own_ground(NAME)
+            begins = next((each for each in items[first - 1 :] if isinstance(each, MOVING)), None)
+            if not isinstance(begins, TakeOff):
+                raise WrongStateError(
+                    f"{NAME}: the UAV is on the ground, where a mission has to begin with a take-off: take off first",
+                    {"state": State.LANDED_ARMED.name, "needed": State.FLYING_AUTO.name},
+                )
+        return snapshot
+
+    def _require_item(self, items: Sequence[Item], item: int) -> None:
+        if not 1 <= item <= len(items):
+            raise WrongStateError(f"{NAME}: it has {len(items)} items, and no item {item}", {"count": str(len(items))})
+        if not isinstance(items[item - 1], MOVING):
+            raise checks.refused(items, item - 1, "a mission goes on with an item that flies, not with this one")
+
+    def _manoeuvre(
+        self,
+        task: VehicleTask,
+        offer: AutopilotMissions,
+        kept: KeptMission,
+        first: int | None,
+        own: OnItsOwn | None,
+        reference: Reference | None = None,
+    ) -> AutopilotMission:
+        return AutopilotMission(
+            task,
+            self._backend,
+            offer,
+            kept,
+            first,
+            reference,
+            self._take_back,
+            self._flight.authority.begin,
+            "" if own is None else own.begins_anew,
+        )
+
+    def _take_back(self, task: VehicleTask) -> TakeBack:
+        command = AutopilotCommand("take our references")
+        refusal = partial(self._preconditions.failsafe_refusal, NAME, force=False)
+        return TakeBack(command, self._flight.limits.get(), self._backend.take_control, refusal, name=NAME, task=task)
+
+    # --- What outlives the daemon -------------------------------------------------------------------------------------
+
+    def _remember(self, task: VehicleTask, kept: KeptMission) -> None:
+        if self._file is None:
+            return
+        self._lost = None
+        self._file.write(FlownMission(self._backend.info().identity, kept.digest, task.id))
+        task.future.add_done_callback(self._on_end)
+
+    def _on_end(self, future: Future[None]) -> None:
+        """Forgets a mission that has ended; one goes on whose daemon ends."""
+        error = future.exception()
+        is_daemon = isinstance(error, TaskAbortedError) and error.metadata.get("by") in _ENDS_OF_DAEMON
+        if self._file is not None and not is_daemon:
+            self._file.remove()
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Looks whether the mission of the daemon before is still flown: then it is a task again, by its old name."""
+        lost = self._lost
+        if lost is None or self._file is None:
+            return
+        offer = self._backend.offer(AutopilotMissions)  # type: ignore[type-abstract]  # it is only looked for
+        control, identity = snapshot.control, self._backend.info().identity
+        if offer is None or control.mode is None or control.armed is None or not identity:
+            return
+        gone = self._why_gone(lost, offer, snapshot, identity)
+        if gone:
+            self._forget(gone)
+        elif self._finding is None:
+            self._finding = offer.download()
+        elif self._finding.done():
+            self._on_found(lost, offer, self._finding)
+
+    def _why_gone(self, lost: FlownMission, offer: AutopilotMissions, snapshot: Snapshot, identity: str) -> str:
+        assert snapshot.control.armed is not None
+        if identity != lost.vehicle:
+            return "it is another vehicle"
+        if not snapshot.control.armed.value:
+            return "the UAV is disarmed"
+        if snapshot.control.mode_name != offer.mode:
+            return f"the autopilot is in mode {snapshot.control.mode_name}"
+        return "UAL was commanded anew" if self._flight.last_command.number else ""
+
+    def _on_found(self, lost: FlownMission, offer: AutopilotMissions, finding: Future[KeptMission]) -> None:
+        self._finding = None
+        if finding.cancelled() or finding.exception() is not None:
+            return  # it is read again
+        kept = finding.result()
+        if kept.digest != lost.digest:
+            self._forget("the autopilot has another mission")
+            return
+        self._lost = None
+        task = self._tasks.new(TaskKind.MISSION, f"mission of {len(kept.items)} items, found again", lost.task_id)
+        if self._flight.adopt(self._manoeuvre(task, offer, kept, None, None)):
+            self._remember(task, kept)
+            logs.event(_log, logging.INFO, "mission_found", task_id=task.id)
+
+    def _forget(self, why: str) -> None:
+        self._lost = self._finding = None
+        logs.event(_log, logging.INFO, "mission_over", why=why)
+        if self._file is not None:
+            self._file.remove()
