@@ -46,6 +46,7 @@ NOT_OF_A_TEAM = {
     "corrections",
     "fence",
     "logs",
+    "mission",
 }
 """What makes sense for one UAV only: `team["uav_1"]` is one."""
 
