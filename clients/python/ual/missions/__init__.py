@@ -19,6 +19,7 @@ from ual.missions.items import (
     TakeOff,
     Waypoint,
 )
+from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, MissionStage, StoredMission
 
 __all__ = [
     "CameraAction",
@@ -28,12 +29,17 @@ __all__ = [
     "Item",
     "Jump",
     "Land",
+    "LinkLossAction",
     "Mission",
+    "MissionPlan",
+    "MissionProgress",
+    "MissionStage",
     "OtherItem",
     "RegionOfInterest",
     "RegionOfInterestEnd",
     "ReturnToLaunch",
     "Speed",
+    "StoredMission",
     "TakeOff",
     "Waypoint",
     "parse",
