@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from concurrent.futures import Future
 from functools import partial
@@ -22,6 +23,7 @@ from ual_daemon.flight.manoeuvres.autopilot_mission import NAME, AutopilotMissio
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.geodesy import FlatProjection
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.references import Reference
 from ual_daemon.vehicle.mission_file import FlownMission, MissionFile
@@ -33,6 +35,8 @@ from ual_daemon.vehicle.refusal_log import accepted
 _log = logging.getLogger(__name__)
 
 _ENDS_OF_DAEMON = ("shutdown", "close")
+_ASIDE_M = 10.0
+"""So far from where the UAV stands its take-off may lead: satellites err by a few metres."""
 
 
 class Missions:
@@ -153,6 +157,7 @@ class Missions:
                     f"{NAME}: the UAV is on the ground, where a mission has to begin with a take-off: take off first",
                     {"state": State.LANDED_ARMED.name, "needed": State.FLYING_AUTO.name},
                 )
+            _require_here(begins, snapshot)
         return snapshot
 
     def _require_item(self, items: Sequence[Item], item: int) -> None:
@@ -249,3 +254,24 @@ class Missions:
         logs.event(_log, logging.INFO, "mission_over", why=why)
         if self._file is not None:
             self._file.remove()
+
+
+def _require_here(begins: TakeOff, snapshot: Snapshot) -> None:
+    """Checks that the mission takes off where the UAV stands.
+
+    PX4 needs a place for each take-off. One without is uploaded with that where the UAV stood then, and it may have
+    been carried elsewhere since.
+    """
+    here = snapshot.position_geo()
+    if begins.latitude_deg is None or begins.longitude_deg is None or here is None:
+        return
+    aside = FlatProjection(here.latitude_deg, here.longitude_deg, 0.0).to_local(
+        begins.latitude_deg, begins.longitude_deg, 0.0
+    )
+    aside_m = math.hypot(aside.x, aside.y)
+    if aside_m > _ASIDE_M:
+        raise WrongStateError(
+            f"{NAME}: its take-off leads {aside_m:.0f} m aside, to where the UAV stood at the upload, or to a place of "
+            "its own: upload it again here, and fly there by a waypoint",
+            {"state": State.LANDED_ARMED.name, "needed": "an upload here"},
+        )
