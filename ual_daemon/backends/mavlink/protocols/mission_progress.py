@@ -116,10 +116,10 @@ class MissionProgress(Protocol):
 
     @override
     def tick(self, now_s: float) -> None:
-        if self._setting is not None:
+        if self._setting is not None and not self._setting.is_over:
             self._setting.tick(now_s)
-            if self._setting.is_over:
-                self._setting = None
+        if self._setting is not None and self._setting.is_over:
+            self._setting = None
 
     def set_current(self, seq: int, shown_by: frozenset[int], refusal: Refusal, future: Future[None]) -> None:
         """Makes an item the current one. Replaces one that was asked for before."""
