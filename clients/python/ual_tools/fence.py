@@ -30,7 +30,7 @@ _FORCE = "Also while the UAV is armed."
     ),
 )
 def fence() -> None:
-    """Read, upload, enable and remove the fence that the autopilot keeps.
+    """Read, upload and enable the fence of the autopilot.
 
     It applies it by itself, also while UAL is not there. It is written while the UAV is disarmed, and read back.
     """
@@ -39,7 +39,10 @@ def fence() -> None:
 @fence.command("show", cls=UalCommand, examples=("ual fence show", "ual --json fence show"))
 @pass_session
 def show(session: Session) -> None:
-    """Print the zones and the rally points that the autopilot keeps, and whether it applies the zones."""
+    """Print the zones and rally points of the autopilot.
+
+    It says whether the autopilot applies the zones, too.
+    """
     with session.connect() as uav:
         _print(session, uav.fence.get())
 
@@ -51,7 +54,9 @@ def show(session: Session) -> None:
 @click.option("--force", is_flag=True, help=_FORCE)
 @pass_session
 def upload(session: Session, file: Path | None, replace: bool, keep_disabled: bool, force: bool) -> None:
-    """Upload the fence and the rally points in FILE, read them back, and enable the fence.
+    """Upload the fence and rally points in FILE, and enable them.
+
+    They are read back first.
 
     Without FILE it is the polygon of the geofence in UAL's own configuration. FILE is a .plan of QGroundControl, or a
     file of a fence or of rally points of Mission Planner or MAVProxy.

@@ -59,7 +59,10 @@ def _reading(command: C) -> C:
 @_reading
 @pass_session
 def plan(session: Session, file: Path, altitude_m: float | None, reference: str | None) -> None:
-    """Make a dry run of the mission in FILE: its length and time, and whether the UAV may fly it."""
+    """Make a dry run of the mission in FILE.
+
+    It tells the length and the time, and whether the UAV may fly it.
+    """
     items = _read(file, altitude_m, reference)
     with session.connect() as uav:
         found = uav.mission.plan(items)

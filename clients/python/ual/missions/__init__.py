@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from ual.missions.files import Mission, parse, read
+import importlib
+from typing import TYPE_CHECKING
+
 from ual.missions.items import (
     CameraAction,
     CameraTrigger,
@@ -20,6 +22,9 @@ from ual.missions.items import (
     Waypoint,
 )
 from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, MissionStage, StoredMission
+
+if TYPE_CHECKING:
+    from ual.missions.files import Mission, parse, read
 
 __all__ = [
     "CameraAction",
@@ -45,3 +50,12 @@ __all__ = [
     "parse",
     "read",
 ]
+
+
+if not TYPE_CHECKING:  # a type checker would take any name for one of ours
+
+    def __getattr__(name: str) -> object:
+        # Imported when used: a daemon reads no files of missions.
+        if name in ("Mission", "parse", "read"):
+            return getattr(importlib.import_module("ual.missions.files"), name)
+        raise AttributeError(f"module 'ual.missions' has no attribute {name!r}")

@@ -7,7 +7,6 @@ gx:Track and KMZ.
 from __future__ import annotations
 
 import io
-import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 
@@ -94,6 +93,8 @@ def _tuples(text: str) -> list[list[str]]:
 
 def unpacked(data: bytes, most_bytes: int) -> bytes:
     """Returns the KML of a KMZ (a zip file): ``doc.kml``, or the only one. Raises `FaultError`."""
+    import zipfile
+
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             name = _main(archive.namelist())

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import click
 from typing_extensions import Self
 
-from ual import Uav
 from ual.corrections import CorrectionsStatus
 from ual.errors import DaemonUnreachableError, LinkLostError, UalError
 from ual.types import GeoPoint, GpsInfo
@@ -19,6 +19,9 @@ from ual_tools.rtcm.ntrip import NtripSource, Position, parse_caster
 from ual_tools.rtcm.reader import Reader
 from ual_tools.rtcm.source import Source, serial_source, tcp_source
 from ual_tools.session import Session, pass_session
+
+if TYPE_CHECKING:
+    from ual import Uav
 
 RETRY_S = 2.0
 STATUS_S = 10.0
@@ -55,7 +58,7 @@ STATUS_S = 10.0
 def rtcm(
     session: Session, serial: str | None, tcp: str | None, ntrip: str | None, gga_s: int | None, status_s: float
 ) -> None:
-    """Send the corrections of a base station (RTCM 3) to the UAV until Ctrl-C.
+    """Send corrections (RTCM 3) to the UAV until Ctrl-C.
 
     A source that breaks is opened again, and so is the way to the daemon. The password of a caster is better given by
     $UAL_NTRIP_PASSWORD than in the address.

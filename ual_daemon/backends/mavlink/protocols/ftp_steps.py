@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import secrets
+import random
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -49,7 +49,7 @@ class FtpLink:
         self._send = send
         self.is_gentle = is_gentle
         """Whether it may be flying: then nothing may delay what flies it."""
-        self._sequence = secrets.randbelow(SEQUENCES)  # the autopilot may repeat an answer to a daemon of before
+        self._sequence = random.randrange(SEQUENCES)  # noqa: S311  no secret: the autopilot may repeat an answer to a daemon of before
 
     def next_sequence(self, room: int = 1) -> int:
         """Returns a number that no answer has yet; `room` are those that its answers may have."""
