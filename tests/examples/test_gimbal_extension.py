@@ -27,7 +27,7 @@ from ual_daemon import UAL
 with UAL("light", extensions={"gimbal": {"speed_rad_s": 1000.0}}, backend_settings={"speed_factor": 10}) as uav:
     gimbal = uav.extension("gimbal")
     gimbal.point(-0.5, 0.3)
-    print(next(seen for seen in gimbal.watch(50.0) if seen.yaw_rad == 0.3))
+    print(next(seen for seen in gimbal.watch(50.0) if (seen.pitch_rad, seen.yaw_rad) == (-0.5, 0.3)))
     for angles in ((-2.0, 0.0), (0.0, 4.0), (math.nan, 0.0)):
         try:
             gimbal.point(*angles)
@@ -71,7 +71,7 @@ import ual
 with ual.Uav(address=sys.argv[1]) as uav:
     gimbal = uav.extension("gimbal")
     gimbal.point(-0.5, 0.3)
-    print(next(seen for seen in gimbal.watch(50.0) if seen.yaw_rad == 0.3))
+    print(next(seen for seen in gimbal.watch(50.0) if (seen.pitch_rad, seen.yaw_rad) == (-0.5, 0.3)))
     try:
         gimbal.point_at(ual.PointStamped(ual.Vector3(0.0, 0.0, 0.0), "nowhere"))
     except ual.UnknownFrameError as error:
