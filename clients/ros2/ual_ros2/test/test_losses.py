@@ -198,7 +198,7 @@ def test_parameters_that_are_wrong_leave_the_node_unconfigured(client: Client, p
     processes.node("ns:=[uav_1, uav_1]")
     waited(lambda: "ns: uav_1, uav_1 names a UAV twice" in processes.said())
     wanted = Transition(id=Transition.TRANSITION_CONFIGURE)
-    assert not client.call(ChangeState, "/ual/change_state", transition=wanted).success
+    assert not client.call_again(ChangeState, "/ual/change_state", transition=wanted).success
 
 
 class JumpingClock:
