@@ -85,19 +85,18 @@ class MavlinkBackend(Backend):
         self._discovery: Discovery | None = None
         self._loop: ReceiveLoop | None = None
         self._desk: CommandDesk[CommandLong] | None = None
+        reach = Reach(self._last_session, self._reach, self._post)
         self._offers = (
-            MavlinkParameters(self._last_session, self._reach, self._post),
+            MavlinkParameters(reach),
             MavlinkMissions(
-                self._last_session,
-                self._reach,
-                self._post,
+                reach,
                 lambda: self._command("fly the mission", lambda dialect: dialect.fly_mission()),
                 lambda: self.snapshot().motion.position_geo,
             ),
-            MavlinkFenceStore(Reach(self._last_session, self._reach, self._post)),
+            MavlinkFenceStore(reach),
             MavlinkLogs(self._reach, self._post),
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
-            MavlinkCameras(self._cameras_found, self._now_s, self._reach, self._post, self._camera_trigger()),
+            MavlinkCameras(self._cameras_found, self._now_s, reach, self._camera_trigger()),
         )
 
     @classmethod

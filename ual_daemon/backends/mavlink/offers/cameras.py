@@ -9,12 +9,11 @@ from typing import TypeVar
 from typing_extensions import override
 
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, VideoStream
-from ual.errors import LinkLostError, NotSupportedError, UalError
+from ual.errors import LinkLostError, NotSupportedError
 from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
 from ual_daemon.backends.mavlink.protocols.camera_values import MODE_NUMBERS
-from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto
 
@@ -27,8 +26,7 @@ class MavlinkCamera(OfferedCamera):
     Args:
         link: The camera on the thread that receives.
         now_s: The backend's clock.
-        reach: Returns the session that is in reach, or why none is.
-        post: Has something done on the thread that receives.
+        reach: The way to the thread that receives.
 
     """
 
@@ -36,13 +34,11 @@ class MavlinkCamera(OfferedCamera):
         self,
         link: CameraLink,
         now_s: Callable[[], float],
-        reach: Callable[[str], Session | UalError],
-        post: Callable[[Callable[[Discovery], None]], None],
+        reach: Reach,
     ) -> None:
         self._link = link
         self._now_s = now_s
         self._reach = reach
-        self._post = post
 
     @property
     @override
@@ -125,13 +121,7 @@ class MavlinkCamera(OfferedCamera):
         return self._give(what, lambda future: self._link.order(command_id, params, future))
 
     def _give(self, what: str, begin: Callable[[Future[T]], None]) -> Future[T]:
-        future: Future[T] = Future()
-        session = self._reach(what)
-        if isinstance(session, UalError):
-            future.set_exception(session)
-        else:
-            self._post(lambda _: begin(future))
-        return future
+        return self._reach.give(what, lambda _, future: begin(future))
 
 
 class MavlinkCameras(OfferedCameras):
@@ -141,17 +131,15 @@ class MavlinkCameras(OfferedCameras):
         self,
         found: Callable[[], Sequence[CameraLink]],
         now_s: Callable[[], float],
-        reach: Callable[[str], Session | UalError],
-        post: Callable[[Callable[[Discovery], None]], None],
+        reach: Reach,
         trigger: OfferedCamera | None = None,
     ) -> None:
         self._first = [] if trigger is None else [trigger]
         self._found = found
         self._now_s = now_s
         self._reach = reach
-        self._post = post
 
     @override
     def all(self) -> Sequence[OfferedCamera]:
-        found = [MavlinkCamera(link, self._now_s, self._reach, self._post) for link in self._found()]
+        found = [MavlinkCamera(link, self._now_s, self._reach) for link in self._found()]
         return [*self._first, *found]

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import TypeVar
 
 from typing_extensions import override
 
-from ual.errors import LinkLostError, NotSupportedError, UalError
+from ual.errors import LinkLostError, NotSupportedError
 from ual.missions.items import MOVING, Item
 from ual.missions.plan import MissionStage
 from ual.parameters.values import Parameter
@@ -16,9 +15,8 @@ from ual.types import GeoPoint
 from ual_daemon.backends import chain
 from ual_daemon.backends.firmwares.mission_codec import MissionCodec, Place
 from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem, MissionList, MissionType
+from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
-from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.offers.missions import (
     AutopilotMissions,
     KeptMission,
@@ -27,8 +25,6 @@ from ual_daemon.backends.offers.missions import (
 )
 from ual_daemon.backends.offers.parameters import Refusal
 
-T = TypeVar("T")
-
 _STAGES = {each.value: each for each in MissionStage}
 
 
@@ -36,9 +32,7 @@ class MavlinkMissions(AutopilotMissions):
     """The missions of one backend.
 
     Args:
-        session: Returns the session, in reach or not; None before there was one.
-        reach: Returns the session that is in reach, or why none is.
-        post: Has something done on the thread that receives.
+        reach: The way to the thread that receives.
         fly: Commands the mode in which the mission is flown.
         here: Returns where the UAV is; None while that is not known.
 
@@ -46,15 +40,11 @@ class MavlinkMissions(AutopilotMissions):
 
     def __init__(
         self,
-        session: Callable[[], Session | None],
-        reach: Callable[[str], Session | UalError],
-        post: Callable[[Callable[[Discovery], None]], None],
+        reach: Reach,
         fly: Callable[[], Future[None]],
         here: Callable[[], GeoPoint | None],
     ) -> None:
-        self._session = session
         self._reach = reach
-        self._post = post
         self._fly = fly
         self._here = here
 
@@ -99,7 +89,7 @@ class MavlinkMissions(AutopilotMissions):
         def begin(protocols: Protocols, future: Future[MissionList]) -> None:
             protocols.missions.replace(MissionType.MISSION, items, refusal, future, differs)
 
-        return chain.then(self._give("change its mission", begin), lambda found: _kept(codec, found))
+        return chain.then(self._reach.give("change its mission", begin), lambda found: _kept(codec, found))
 
     @override
     def download(self) -> Future[KeptMission]:
@@ -108,11 +98,11 @@ class MavlinkMissions(AutopilotMissions):
         def begin(protocols: Protocols, future: Future[MissionList]) -> None:
             protocols.missions.download(MissionType.MISSION, future)
 
-        return chain.then(self._give("read its mission", begin), lambda found: _kept(codec, found))
+        return chain.then(self._reach.give("read its mission", begin), lambda found: _kept(codec, found))
 
     @override
     def report(self) -> MissionReport | None:
-        session = self._session()
+        session = self._reach.session()
         heard = None if session is None else session.mission_heard
         if session is None or heard is None:
             return None
@@ -133,7 +123,7 @@ class MavlinkMissions(AutopilotMissions):
         seq = codec.restart_seq if anew and item == 1 else codec.seq_of(item - 1)
         moving = next((index for index in range(item - 1, len(items)) if isinstance(items[index], MOVING)), item - 1)
         shown_by = frozenset({codec.seq_of(item - 1), codec.seq_of(moving)})
-        return self._give(
+        return self._reach.give(
             "choose an item of its mission",
             lambda protocols, future: protocols.progress.set_current(seq, shown_by, refusal, future),
         )
@@ -154,25 +144,18 @@ class MavlinkMissions(AutopilotMissions):
         return read(())
 
     def _read(self, name: str) -> Future[Parameter]:
-        return self._give("read its parameters", lambda protocols, future: protocols.parameters.read(name, future))
+        return self._reach.give(
+            "read its parameters", lambda protocols, future: protocols.parameters.read(name, future)
+        )
 
     def _codec(self) -> MissionCodec:
-        session = self._session()
+        session = self._reach.session()
         if session is None:
             raise LinkLostError("no autopilot is heard, so it is not known what its missions can have")
         codec = session.dialect.missions
         if codec is None:
             raise NotSupportedError(f"UAL brings no missions to {session.dialect.name}")
         return codec
-
-    def _give(self, what: str, begin: Callable[[Protocols, Future[T]], None]) -> Future[T]:
-        future: Future[T] = Future()
-        session = self._reach(what)
-        if isinstance(session, UalError):
-            future.set_exception(session)
-        else:
-            self._post(lambda discovery: begin(discovery.protocols, future))
-        return future
 
 
 def _kept(codec: MissionCodec, found: MissionList) -> KeptMission:

@@ -16,9 +16,9 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.parameter_files import packed_list
 from ual_daemon.backends.mavlink.offers.files import has_files
 from ual_daemon.backends.mavlink.offers.parameter_descriptions import ParameterDescriptions
+from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
-from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 
 T = TypeVar("T")
@@ -30,31 +30,17 @@ _log = logging.getLogger(__name__)
 
 
 class MavlinkParameters(AutopilotParameters):
-    """The parameters of one backend.
+    """The parameters of one backend. `reach` is the way to the thread that receives."""
 
-    Args:
-        session: Returns the session, in reach or not; None before there was one.
-        reach: Returns the session that is in reach, or why none is.
-        post: Has something done on the thread that receives.
-
-    """
-
-    def __init__(
-        self,
-        session: Callable[[], Session | None],
-        reach: Callable[[str], Session | UalError],
-        post: Callable[[Callable[[Discovery], None]], None],
-    ) -> None:
-        self._session = session
+    def __init__(self, reach: Reach) -> None:
         self._reach = reach
-        self._post = post
         self._lock = threading.Lock()
         self._descriptions: ParameterDescriptions | None = None
 
     @property
     @override
     def relied_on(self) -> frozenset[str]:
-        session = self._session()
+        session = self._reach.session()
         if session is None:
             return frozenset()
         return session.dialect.failsafe_parameters.union(session.dialect.parameters)
@@ -65,7 +51,7 @@ class MavlinkParameters(AutopilotParameters):
 
     @override
     def read_all(self) -> Future[list[Parameter]]:
-        session = self._session()
+        session = self._reach.session()
         if session is None or not session.dialect.packed_parameters or not has_files(session):
             return self._give("read its parameters", ParameterTransfers.read_all)
         return self._read_packed(session.dialect.packed_parameters)
@@ -76,34 +62,27 @@ class MavlinkParameters(AutopilotParameters):
 
     @override
     def descriptions(self) -> Future[Mapping[str, Description]]:
-        session = self._session()
+        session = self._reach.session()
         if session is None:
             return super().descriptions()
         with self._lock:
             known = self._descriptions
             if known is None or known.session is not session or known.is_cut_off:
-                self._descriptions = known = ParameterDescriptions(session, self._post)
+                self._descriptions = known = ParameterDescriptions(session, self._reach.post)
         return known.get()
 
     def _read_packed(self, path: str) -> Future[list[Parameter]]:
         """Reads the packed list, which takes a fifth of the time; where that fails, the list as it is streamed."""
-        future: Future[list[Parameter]] = Future()
-        session = self._reach("read its parameters")
-        if isinstance(session, UalError):
-            future.set_exception(session)
-            return future
 
-        def begin(discovery: Discovery) -> None:
+        def begin(protocols: Protocols, future: Future[list[Parameter]]) -> None:
             data: Future[bytes] = Future()
-            data.add_done_callback(lambda ended: self._on_packed(discovery, ended, future))
-            discovery.protocols.files.run(data, discovery.protocols.files.read_all(path, MOST_PACKED))
+            data.add_done_callback(lambda ended: self._on_packed(protocols.parameters, ended, future))
+            protocols.files.run(data, protocols.files.read_all(path, MOST_PACKED))
 
-        self._post(begin)
-        return future
+        return self._reach.give("read its parameters", begin)
 
-    def _on_packed(self, discovery: Discovery, data: Future[bytes], future: Future[list[Parameter]]) -> None:
+    def _on_packed(self, transfers: ParameterTransfers, data: Future[bytes], future: Future[list[Parameter]]) -> None:
         """Takes the packed list, on the thread that receives."""
-        transfers = discovery.protocols.parameters
         try:
             found = packed_list(data.result())
         except LinkLostError as error:
@@ -117,10 +96,4 @@ class MavlinkParameters(AutopilotParameters):
                 future.set_result(found)
 
     def _give(self, what: str, begin: Callable[[ParameterTransfers, Future[T]], None]) -> Future[T]:
-        future: Future[T] = Future()
-        session = self._reach(what)
-        if isinstance(session, UalError):
-            future.set_exception(session)
-        else:
-            self._post(lambda discovery: begin(discovery.protocols.parameters, future))
-        return future
+        return self._reach.give(what, lambda protocols, future: begin(protocols.parameters, future))
