@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import importlib
 import os
+import pkgutil
 import re
 import shlex
 from collections.abc import Callable, Iterator
@@ -14,14 +15,15 @@ from pathlib import Path
 import click
 from google.protobuf import descriptor_pool
 
-from ual.v1 import simulation_pb2, ual_pb2
+from ual import v1
 from ual_daemon.program.main import main as daemon
 from ual_tools.main import cli
 
 ROOT = Path(__file__).parents[1]
 PROGRAMS: dict[str, click.Command] = {"ual": cli, "ual-daemon": daemon}
-_CONTRACT = (ual_pb2.DESCRIPTOR, simulation_pb2.DESCRIPTOR)
-"""Imported, so that its messages are in the pool."""
+for _module in pkgutil.iter_modules(v1.__path__, f"{v1.__name__}."):
+    if _module.name.endswith("_pb2"):  # so that its messages are in the pool, whatever other tests have imported
+        importlib.import_module(_module.name)
 _POOL = descriptor_pool.Default()  # type: ignore[no-untyped-call]
 _FINDERS = (_POOL.FindMessageTypeByName, _POOL.FindServiceByName, _POOL.FindMethodByName, _POOL.FindEnumTypeByName)
 _NOT_OURS = {".git", ".venv", "node_modules", "build", "dist", "target", "gen", "bin"}

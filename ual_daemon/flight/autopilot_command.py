@@ -55,6 +55,11 @@ class AutopilotCommand:
             self._ack.cancel()
 
     @property
+    def is_sent(self) -> bool:
+        """Whether it was given to the backend."""
+        return self._ack is not None
+
+    @property
     def is_answered(self) -> bool:
         """Whether the autopilot has accepted or refused it."""
         return self._ack is not None and self._ack.done() and not self._ack.cancelled()
@@ -92,6 +97,8 @@ class AutopilotCommand:
         refusal = self.refusal()
         if refusal is not None:
             return refusal
+        if self._is_withdrawn and not self.is_sent:  # nothing will come of it
+            return UalTimeoutError(f"the command to {self.what} was withdrawn before it was sent")
         if self.waited_s(snapshot) <= COMMAND_PATIENCE_S:
             return None
         status = f"; it says: {snapshot.condition.status_text}" if snapshot.condition.status_text else ""

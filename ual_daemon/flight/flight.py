@@ -315,6 +315,8 @@ class Flight:
         if since is not None and since is not self._last_command:
             other = self._last_command.name
             raise TaskAbortedError(f"{by}: replaced by {other}, while it was planned", {"by": other})
+        if old is not None and new.is_awaited:
+            new.replaces(old)
         if new.is_awaited or not self.authority.is_ours:  # a call that each setpoint of a stream would cost
             self.authority.begin()
         self._last_command = LastCommand(self._last_command.number + 1, by)
@@ -335,28 +337,30 @@ class Flight:
         elif self.raw_estimate(snapshot).state is State.FLYING_AUTO:
             stop = self.brake(snapshot)
             new = FlyReference("lease", stop, self._rules)
-            self._exchange(new, partial(self._ends_with_lease, why), stop.setpoint(snapshot), snapshot)
+            self._exchange(new, partial(self._ends_with_lease, why, new), stop.setpoint(snapshot), snapshot)
         else:
-            self._exchange(None, partial(self._ends_with_lease, why))
+            self._exchange(None, partial(self._ends_with_lease, why, None))
 
     def _take_back_for_lease(self, why: str, snapshot: Snapshot) -> None:
         """Takes the control back from a mission, so that the UAV holds."""
         state = self.raw_estimate(snapshot).state
         if state not in (State.FLYING_MANUAL, State.FLYING_AUTO):  # it takes off or lands by itself, or stands
-            self._exchange(None, partial(self._ends_with_lease, why))
+            self._exchange(None, partial(self._ends_with_lease, why, None))
             return
         is_early = state is State.FLYING_AUTO
         command = AutopilotCommand("take our references")
         take_control = self._backend.take_control
         limits = self.limits.get()
         recover = Recover(command, limits, take_control, lambda _: None, name="lease", is_early=is_early)
-        if self._exchange(recover, partial(self._ends_with_lease, why)) and not is_early:
+        if self._exchange(recover, partial(self._ends_with_lease, why, recover)) and not is_early:
             recover.send()
 
-    def _ends_with_lease(self, why: str, old: Manoeuvre | None) -> Ending | None:
+    def _ends_with_lease(self, why: str, new: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
         self._note_command("lease")
         if not self.authority.is_ours or (old is not None and not old.is_replaceable):
             return None
+        if old is not None and new is not None:
+            new.replaces(old)
         return SILENT if old is None else Ending(TaskAbortedError(f"{old.name}: {why}", {"by": "lease"}))
 
     def drop_task(self, task_id: str, by: str, lease_id: str) -> None:

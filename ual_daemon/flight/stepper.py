@@ -151,9 +151,9 @@ class Stepper:
 
 
 def _withdraw_older(manoeuvre: Manoeuvre, snapshot: Snapshot) -> None:
-    """Withdraws the command of a manoeuvre from before the mode changed: repeated, it would change that again."""
+    """Withdraws the command that was sent before the mode changed: repeated, it would change that again."""
     is_older = manoeuvre.mode_seen not in ("", mode_name(snapshot))
-    if is_older and manoeuvre.command is not None:
+    if is_older and manoeuvre.command is not None and manoeuvre.command.is_sent:
         manoeuvre.command.withdraw()
 
 

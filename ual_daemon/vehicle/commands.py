@@ -299,7 +299,8 @@ class Commands:
     def _is_mission(self, task_id: str) -> bool:
         """Whether the autopilot flies a mission that is this task, or any where no task is named."""
         info = self._flight.task_info()
-        return self._flight.is_on_mission and info is not None and task_id in ("", info.id)
+        is_named = not task_id or (info is not None and task_id == info.id)
+        return self._flight.is_on_mission and is_named
 
     def _take_back(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
         """Takes the control back from the autopilot's own landing or take-off."""

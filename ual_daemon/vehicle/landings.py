@@ -61,7 +61,8 @@ class Landings:
     ) -> Handover:
         command = AutopilotCommand("land")
         has_pilot = self._flight.has_safety_pilot
-        landing = Land(task, command, reference, snapshot, name, on_height, has_safety_pilot=has_pilot)
+        send = self._send
+        landing = Land(task, command, reference, snapshot, name, on_height, has_safety_pilot=has_pilot, send=send)
         return Handover(landing, partial(command.send, self._send))
 
     def _send(self) -> Future[None]:

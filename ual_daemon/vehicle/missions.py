@@ -124,7 +124,7 @@ class Missions:
     def progress(self, offer: AutopilotMissions) -> MissionProgress:
         """Returns how far the autopilot is with its mission, whoever has started it."""
         report, info = offer.report(), self._flight.task_info()
-        task_id = info.id if info is not None and self._flight.is_on_mission else ""
+        task_id = info.id if info is not None and info.kind is TaskKind.MISSION else ""
         if report is None:
             return MissionProgress(MissionStage.UNKNOWN, task_id=task_id)
         return MissionProgress(report.stage, report.item, report.reached, task_id)

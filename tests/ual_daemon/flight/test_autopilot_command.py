@@ -98,6 +98,9 @@ def test_a_command_that_is_withdrawn_before_it_is_sent_is_not_sent() -> None:
     command.withdraw()
     command.send(lambda: pytest.fail("it was sent"))
     assert not command.is_answered
+    failure = command.failure(Snapshot(0.0))
+    assert failure is not None, "a manoeuvre would wait for its effect without an end"
+    assert "withdrawn before it was sent" in str(failure)
 
 
 def test_a_command_that_is_withdrawn_while_it_is_sent_is_cancelled(ack: Future[None]) -> None:

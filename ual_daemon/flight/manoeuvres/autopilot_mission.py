@@ -32,7 +32,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     taken,
     with_advice,
 )
-from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.manoeuvres.recover import TAKES_BACK, Recover
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.state import Estimate
@@ -64,6 +64,7 @@ class TakeBack(Recover):
 
     is_replaceable = True
     why_not_pausable = "the mission has ended"
+    mission = TAKES_BACK
 
 
 class AutopilotMission(Manoeuvre):
@@ -157,6 +158,18 @@ class AutopilotMission(Manoeuvre):
 
         return self._offer.set_current(self._kept.items, item, why_not, anew=False)
 
+    @override
+    def led_to(self, snapshot: Snapshot) -> bool | None:
+        mode = _mode(snapshot)
+        if self._phase is _Phase.ENTERING:
+            return mode == self._offer.mode
+        if self._phase is _Phase.PAUSING:
+            return mode == self._offer.pause_mode
+        if self._phase is not _Phase.FLYING:
+            return False
+        self._item = self._told_item()
+        return True if self._is_complete(snapshot, self._offer.report()) else self._may_be_complete(snapshot) and None
+
     # --- Steps --------------------------------------------------------------------------------------------------------
 
     @override
@@ -192,13 +205,17 @@ class AutopilotMission(Manoeuvre):
             self._phase, self._waited = _Phase.VERIFYING, None
 
     def _look_at_items(self) -> None:
-        report = self._offer.report()
-        if report is None or report.item is None or self._phase is not _Phase.FLYING:
-            return
-        item = min(report.item, len(self._kept.items))
-        if item != self._item and report.time_s > self._entered_s:
+        item = self._told_item()
+        if item != self._item and self._phase is _Phase.FLYING:
             self._item = item
             self._update_words()
+
+    def _told_item(self) -> int:
+        """Returns the item that the autopilot told last, since it has entered the mission."""
+        report = self._offer.report()
+        if report is None or report.item is None or report.time_s <= self._entered_s:
+            return self._item
+        return min(report.item, len(self._kept.items))
 
     def _update_words(self) -> None:
         count = len(self._kept.items)
@@ -314,6 +331,7 @@ class AutopilotMission(Manoeuvre):
 
     def _hand_back(self) -> Handover:
         take_back = self._take_back(self._task)
+        take_back.replaces(self)
         return Handover(take_back, take_back.send)
 
     def _unless_flown(self, snapshot: Snapshot) -> Step | None:

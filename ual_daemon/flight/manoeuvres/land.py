@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import TypeAlias
 
 from typing_extensions import override
@@ -13,6 +14,7 @@ from ual_daemon.backends.values import Control, LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import (
     TIMEOUT_MARGIN_S,
+    LedTo,
     Manoeuvre,
     Step,
     failed,
@@ -110,11 +112,27 @@ class Land(Landing):
         on_height: OnHeight = ignore_height,
         *,
         has_safety_pilot: bool = True,
+        send: Callable[[], Future[None]] | None = None,
     ) -> None:
+        """`send` sends the command anew, in a mode to which UAL itself has led; None where there is no such mode."""
         super().__init__(task, reference, start, name, on_height, has_safety_pilot=has_safety_pilot)
+        self._send = send
+        self._led_to: LedTo = super().led_to
         self._command = self.command = command
         self._is_landing = False
         self._began_in = None if reference is not None or start.control.mode is None else start.control.mode.value.name
+
+    @override
+    def replaces(self, old: Manoeuvre) -> None:
+        self._led_to = old.led_to
+
+    def _begin_anew(self, snapshot: Snapshot) -> None:
+        """Begins in the mode to which UAL itself has led: the command from before it does not hold any more."""
+        self._began_in = snapshot.control.mode_name
+        if self._send is not None:
+            self._command.withdraw()
+            self._command = self.command = AutopilotCommand(self._command.what)
+            self._command.send(self._send)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -130,7 +148,11 @@ class Land(Landing):
             if control is Control.LAND or landed is LandedState.LANDING:
                 self._is_landing, self._reference = True, None
             elif control is not Control.REFERENCES and snapshot.control.mode.value.name != self._began_in:
-                return taken(snapshot, self.name)  # first: the command may have failed because of that
+                is_own = self._led_to(snapshot)
+                if is_own is False:
+                    return taken(snapshot, self.name)  # first: the command may have failed because of that
+                if is_own:
+                    self._begin_anew(snapshot)
             elif (failure := self._command.failure(snapshot)) is not None:
                 return failed(with_advice(failure, self._refused))
             elif self._reference is not None:  # it must not lose its references before it lands by itself

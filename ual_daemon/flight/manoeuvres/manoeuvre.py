@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, ParamSpec, TypeVar
+from typing import NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3
@@ -27,6 +27,10 @@ from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Reference
 
 _log = logging.getLogger(__name__)
+
+LedTo: TypeAlias = Callable[[Snapshot], bool | None]
+"""Returns whether the present mode came by what UAL had made the autopilot do, and not by others. None: that may still
+be told."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -125,6 +129,15 @@ class Manoeuvre(ABC):
     def current_reference(self) -> Reference | None:
         """Returns the reference that it follows now; None if the autopilot flies by itself."""
         return None
+
+    def led_to(self, snapshot: Snapshot) -> bool | None:
+        """Returns whether it led to the present mode, after it was replaced; see `LedTo`."""
+        del snapshot
+        return False
+
+    def replaces(self, old: Manoeuvre) -> None:
+        """Takes note of what it replaces, as it begins. Called with the flight's lock held."""
+        del old
 
     def way(self, now_s: float) -> Sequence[Vector3]:
         """Returns its way from where it began to where it ends, as points; none where that is not known."""

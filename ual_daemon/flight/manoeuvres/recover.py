@@ -11,7 +11,7 @@ from ual.errors import TaskAbortedError, UalError
 from ual.types import Limits, State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, LedTo, Manoeuvre, Step, failed, taken, why_blind
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.state import Estimate
@@ -19,6 +19,7 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold, Reference, brake, measured_motion
 
+TAKES_BACK = "UAL takes the control back from its mission"
 ENTERED_S = 1.5
 """So long after a command of UAL the autopilot may still enter the mode to which that led."""
 
@@ -55,6 +56,7 @@ class Recover(Manoeuvre):
         self._begun_s: float | None = None
         self._out_of = out_of
         self._command = self.command = command
+        self._led_to: LedTo = super().led_to
         self._limits = limits
         self._take_control = take_control
         self._refusal = refusal
@@ -65,6 +67,18 @@ class Recover(Manoeuvre):
         """Sends the command, once."""
         self._is_sent = True
         self._command.send(self._take_control)
+
+    @override
+    def replaces(self, old: Manoeuvre) -> None:
+        if not old.mission:
+            return
+        # The state is FLYING_AUTO meanwhile: nobody took the UAV. A next command may replace it, as it may the mission.
+        self.mission, self.is_replaceable = TAKES_BACK, True
+        self._led_to = old.led_to
+
+    @override
+    def led_to(self, snapshot: Snapshot) -> bool | None:
+        return self._led_to(snapshot)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -83,10 +97,14 @@ class Recover(Manoeuvre):
                     {"by": "autopilot", "state": estimate.state.name},
                 )
             )
-        assert snapshot.control.mode is not None
-        self._began_in = self._began_in or snapshot.control.mode.value.name
-        if snapshot.control.mode.value.name != self._began_in:  # a repeated command would take control from the pilot
-            return taken(snapshot, self.name)
+        self._began_in = self._began_in or snapshot.control.mode_name
+        if snapshot.control.mode_name != self._began_in:  # a repeated command would take control from the pilot
+            is_own = self._led_to(snapshot)
+            if is_own is None:
+                return self._hold(snapshot)
+            if not is_own:
+                return taken(snapshot, self.name)
+            self._begin_anew(snapshot)
         if not self._is_sent:  # `Flight` steps it once it is known who took the UAV
             refusal = self._refusal(snapshot)
             if refusal is not None:
@@ -96,6 +114,12 @@ class Recover(Manoeuvre):
         if failure is not None:
             return failed(failure)
         return self._hold(snapshot)
+
+    def _begin_anew(self, snapshot: Snapshot) -> None:
+        """Begins in the mode to which UAL itself has led: the command from before it does not hold any more."""
+        self._command.withdraw()
+        self._command = self.command = AutopilotCommand(self._command.what)
+        self._began_in, self._is_sent = snapshot.control.mode_name, False
 
     def _may_still_enter(self, snapshot: Snapshot) -> bool:
         self._begun_s = snapshot.time_s if self._begun_s is None else self._begun_s
