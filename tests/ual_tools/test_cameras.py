@@ -60,6 +60,10 @@ def test_the_command_does_all(daemon: DaemonProcess, tmp_path: Path) -> None:
     file = tmp_path / "seen.png"
     assert "320x240, PNG, " in done(daemon, "camera", "image", file, "--photo", "1")
     assert file.read_bytes()[:4] == b"\x89PNG"
+    far = tmp_path / "far.pfm"
+    assert "320x240, FLOAT32, " in done(daemon, "camera", "image", far, "--kind", "range")
+    header, size, scale, numbers = far.read_bytes().split(b"\n", 3)
+    assert (header, size, scale, len(numbers)) == (b"Pf", b"320 240", b"-1.0", 4 * 320 * 240)
     for words in (("streams",), ("focus",), ("image", file, "--photo", "99"), ("status", "--camera", "2")):
         refused = run(daemon, "camera", *words)
         assert refused.exit_code == 1, refused.output

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ual._calls import Call, Service, built
-from ual.cameras import CameraMode, CameraStatus, Image, Photo, VideoStream
+from ual.cameras import CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.v1 import camera_pb2 as pb
 from ual.wire import cameras as convert
 
@@ -83,9 +83,13 @@ def streams(camera: int) -> Call[list[VideoStream]]:
     return Call(Service.CAMERAS, "ListVideoStreams", _of(pb.ListVideoStreamsRequest, camera), read, ORDER_S)
 
 
-def image(camera: int, photo: int | None) -> Call[Image]:
-    request = built(lambda: pb.GetImageRequest(camera=camera, photo=photo), "photo", photo)
-    return Call(Service.CAMERAS, "GetImage", request, convert.image_from_protos, IMAGE_S, is_stream=True)
+def image(camera: int, photo: int | None, kind: ImageKind) -> Call[Image]:
+    def read(messages: Sequence[pb.GetImageResponse]) -> Image:
+        return convert.image_from_protos(messages, kind)
+
+    wanted = convert.kind_to_proto(kind)
+    request = built(lambda: pb.GetImageRequest(camera=camera, photo=photo, kind=wanted), "photo", photo)
+    return Call(Service.CAMERAS, "GetImage", request, read, IMAGE_S, is_stream=True)
 
 
 def _of(make: Callable[..., Any], camera: int) -> Any:  # noqa: ANN401 (the request of a method)

@@ -8,7 +8,7 @@ from typing_extensions import override
 
 from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _mission_calls, _parameter_calls, interface
 from ual._connection import Connection
-from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, Photo, VideoStream
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
 from ual.logs.values import Log, LogChunk
 from ual.missions.items import Item
@@ -74,8 +74,8 @@ class Camera(interface.Camera):
         return self._connection.run(_camera_calls.streams(self._number))
 
     @override
-    def image(self, photo: int | None = None) -> Image:
-        return self._connection.run(_camera_calls.image(self._number, photo))
+    def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR) -> Image:
+        return self._connection.run(_camera_calls.image(self._number, photo=photo, kind=kind))
 
 
 class Cameras(interface.Cameras):

@@ -50,6 +50,20 @@ class ImageFormat(Enum):
 
     PNG = 1
     JPEG = 2
+    FLOAT32 = 3
+    """Little-endian, row by row from the top: metres. Infinity: nothing is there. NaN: not known."""
+
+
+class ImageKind(Enum):
+    """What the pixels of a picture mean."""
+
+    COLOUR = 1
+    DEPTH = 2
+    """How far each point is along the camera's view, m: the z of `CameraIntrinsics`."""
+    RANGE = 3
+    """How far each point is from the camera's centre, m."""
+    SEGMENTATION = 4
+    """All points of one object, or of one class of objects, have one colour. The backend's manual says which."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +101,7 @@ class CameraInfo:
         width_px: Of its pictures; 0 where it does not say. So is `height_px`.
         intrinsics: Without zoom; None where the backend does not know them.
         note: What is odd about it, for people. Empty if nothing is.
+        image_kinds: What it gives as bytes: `ual.interface.Camera.image`.
 
     """
 
@@ -99,6 +114,7 @@ class CameraInfo:
     height_px: int = 0
     intrinsics: CameraIntrinsics | None = None
     note: str = ""
+    image_kinds: frozenset[ImageKind] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +211,7 @@ class Image:
     body: PoseStamped | None = None
     camera: PoseStamped | None = None
     position_geo: GeoPoint | None = None
+    kind: ImageKind = ImageKind.COLOUR
 
     def __repr__(self) -> str:
         return f"<Image {self.width_px}x{self.height_px} {self.format.name} of {len(self.data)} bytes>"

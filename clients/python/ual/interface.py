@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, Photo, VideoStream
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.corrections import CorrectionsStatus
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError
 from ual.fences.values import FencePlan, KeptFence
@@ -491,11 +491,12 @@ class Camera(Protocol):
         """Returns where its videos can be watched, by a player of video streams."""
         ...
 
-    def image(self, photo: int | None = None) -> Image:
+    def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR) -> Image:
         """Returns a picture as bytes, with its stamp and its poses.
 
         Args:
             photo: The number of a picture that was taken. None: what the camera sees now.
+            kind: What its pixels mean: one of `CameraInfo.image_kinds`.
 
         """
         ...

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from ual.cameras import CameraInfo, CameraMode, CameraStatus, Photo
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageFormat, ImageKind, Photo
 from ual.errors import InvalidArgumentError
 from ual.geometry import PoseStamped
 from ual_tools.app import UalCommand, UalGroup
@@ -183,19 +183,33 @@ def streams(session: Session, number: int) -> None:
         session.emit(each, f"{each.url} ({', '.join(filter(None, details))})")
 
 
-@camera.command("image", cls=UalCommand, examples=("ual camera image seen.png", "ual camera image 3.png --photo 3"))
+@camera.command(
+    "image",
+    cls=UalCommand,
+    examples=("ual camera image seen.png", "ual camera image 3.png --photo 3", "ual camera image far.pfm --kind depth"),
+)
 @click.argument("file", type=_FILE)
 @click.option(
     "--photo", "photo_number", type=click.IntRange(0), help="A picture that was taken, in place of a new one."
 )
+@click.option(
+    "--kind",
+    type=click.Choice([each.name.lower() for each in ImageKind]),
+    default="colour",
+    show_default=True,
+    help="What the pixels mean.",
+)
 @_camera
 @pass_session
-def image(session: Session, file: Path, photo_number: int | None, number: int) -> None:
-    """Write what the camera sees to FILE."""
+def image(session: Session, file: Path, photo_number: int | None, kind: str, number: int) -> None:
+    """Write what the camera sees to FILE.
+
+    Depths and ranges are metres, written as a portable float map (PFM).
+    """
     with session.connect() as uav:
-        found = uav.cameras[number].image(photo_number)
+        found = uav.cameras[number].image(photo_number, ImageKind[kind.upper()])
     try:
-        file.write_bytes(found.data)
+        file.write_bytes(_portable(found) if found.format is ImageFormat.FLOAT32 else found.data)
     except OSError as error:
         raise InvalidArgumentError(f"{file}: {error.strerror}", {"field": "file"}) from None
     size = f"{found.width_px}x{found.height_px}"
@@ -238,6 +252,13 @@ def _photo_text(photo: Photo) -> str:
     failed = "" if photo.is_stored else ", failed"
     url = f", {photo.file_url}" if photo.file_url else ""
     return f"photo {photo.number} at {stamp} UTC, {_place_text(photo.body)}{failed}{url}"
+
+
+def _portable(image: Image) -> bytes:
+    """Returns a portable float map: its rows begin at the bottom, and a scale below 0 says little-endian."""
+    size = 4 * image.width_px
+    rows = [image.data[begin : begin + size] for begin in range(0, len(image.data), size)]
+    return f"Pf\n{image.width_px} {image.height_px}\n-1.0\n".encode() + b"".join(reversed(rows))
 
 
 def _place_text(pose: PoseStamped | None) -> str:

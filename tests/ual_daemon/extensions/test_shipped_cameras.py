@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import pytest
 
-from ual.cameras import OPTICAL, CameraAbility, CameraInfo, CameraMode, CameraStatus, VideoStream
+from ual.cameras import OPTICAL, CameraAbility, CameraInfo, CameraMode, CameraStatus, ImageKind, VideoStream
 from ual.errors import (
     InvalidArgumentError,
     NotSupportedError,
@@ -87,7 +87,7 @@ class MadeUp(OfferedCamera):
     def streams(self) -> Future[list[VideoStream]]:
         return ended([])
 
-    def image(self, photo: int | None) -> Future[EncodedImage]:
+    def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
         raise UalError("not of these tests")
 
 
@@ -192,6 +192,7 @@ def test_bad_percents_modes_and_numbers_are_refused(vehicle: Vehicle, camera: Ma
     found, anything = Cameras(vehicle)[0], Cameras(vehicle)
     bad: Any = "survey"
     for order, field in (
+        (lambda: found.image(kind=bad), "kind"),
         (lambda: found.set_zoom(101.0), "percent"),
         (lambda: found.set_focus(-1.0), "percent"),
         (lambda: found.set_mode(bad), "mode"),
@@ -223,6 +224,12 @@ def test_what_a_camera_cannot_do_is_not_supported() -> None:
             order()
         assert refused.value.metadata["ability"]
     assert camera.orders == []
+
+
+def test_a_kind_of_picture_that_a_camera_does_not_give_is_not_supported(vehicle: Vehicle) -> None:
+    with pytest.raises(NotSupportedError, match=r"camera 0 \(made up\) gives no depth \(it gives: none\)") as refused:
+        Cameras(vehicle)[0].image(kind=ImageKind.DEPTH)
+    assert refused.value.metadata["kind"] == "depth"
 
 
 def test_a_daemon_that_only_watches_orders_nothing_and_lists_all(vehicle: Vehicle, camera: MadeUp) -> None:

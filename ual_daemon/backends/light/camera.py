@@ -19,6 +19,7 @@ from ual.cameras import (
     CameraStatus,
     CameraStorage,
     ImageFormat,
+    ImageKind,
     StorageState,
     VideoStream,
 )
@@ -107,6 +108,7 @@ class LightCamera(OfferedCamera):
             settings.width_px,
             settings.height_px,
             self._intrinsics(0.0),
+            image_kinds=frozenset(ImageKind),
         )
 
     @property
@@ -232,7 +234,7 @@ class LightCamera(OfferedCamera):
         raise NotImplementedError  # it has no such ability
 
     @override
-    def image(self, photo: int | None) -> Future[EncodedImage]:
+    def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
         def shot(seen: Seen) -> _Shot:
             return self._shot(seen, 0) if photo is None else self._shots.get(photo)
 
@@ -241,7 +243,7 @@ class LightCamera(OfferedCamera):
         if error is not None:
             return _failed(error)
         chosen = found.result(0)
-        return self._paint(lambda: self._painted(chosen))
+        return self._paint(lambda: self._painted(chosen, kind))
 
     # --- How it is done -----------------------------------------------------------------------------------------------
 
@@ -296,7 +298,7 @@ class LightCamera(OfferedCamera):
         view_rad = 2.0 * math.atan(math.tan(settings.horizontal_view_rad / 2.0) / zoom)
         return CameraIntrinsics.of_view(settings.width_px, settings.height_px, view_rad)
 
-    def _painted(self, shot: _Shot) -> EncodedImage:
+    def _painted(self, shot: _Shot, kind: ImageKind) -> EncodedImage:
         """Paints a picture. Takes tens of milliseconds."""
         from ual_daemon.backends.light import painting, png  # numpy takes 10 MiB and 50 ms
 
@@ -307,19 +309,25 @@ class LightCamera(OfferedCamera):
             painting.Marker(*each.position, each.size_m, each.yaw_rad, each.cells) for each in self._settings.markers
         ]
         scene = painting.Scene(seen.ground_z_m, markers)
-        seed = (self._seed * _SEED_DISTANCE + seen.step) * _MOST_CAMERAS + self._number
-        rgb = painting.paint(
-            Pose(place, body.orientation * mounting.orientation), intrinsics, scene, self._settings.noise, abs(seed)
-        )
-        data = png.encode(intrinsics.width_px, intrinsics.height_px, rgb)
+        camera = Pose(place, body.orientation * mounting.orientation)
+        is_picture = kind in (ImageKind.COLOUR, ImageKind.SEGMENTATION)
+        if kind is ImageKind.COLOUR:
+            seed = (self._seed * _SEED_DISTANCE + seen.step) * _MOST_CAMERAS + self._number
+            data = painting.paint(camera, intrinsics, scene, self._settings.noise, abs(seed))
+        elif kind is ImageKind.SEGMENTATION:
+            data = painting.segments(camera, intrinsics, scene)
+        else:
+            measure = painting.depths if kind is ImageKind.DEPTH else painting.ranges
+            data = measure(camera, intrinsics, scene)
         return EncodedImage(
-            data,
-            ImageFormat.PNG,
+            png.encode(intrinsics.width_px, intrinsics.height_px, data) if is_picture else data,
+            ImageFormat.PNG if is_picture else ImageFormat.FLOAT32,
             intrinsics.width_px,
             intrinsics.height_px,
             taken.stamp_s,
             intrinsics,
             taken.viewpoint,
+            kind,
         )
 
 

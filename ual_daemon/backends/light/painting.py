@@ -1,5 +1,7 @@
 """Paints what a simulated camera sees: level ground with a grid, markers on it, and the sky. A pinhole, no distortion.
 
+It tells how far that is, too, and what.
+
 Lines are a metre apart, and of the width that they have on the ground: each pixel gets its share of them. The line
 through the origin along x is red, that along y is green.
 """
@@ -28,6 +30,10 @@ HAZE_M = 400.0
 GROUND, LINE, RED, GREEN = (108.0, 122.0, 92.0), (214.0, 214.0, 206.0), (208.0, 40.0, 36.0), (40.0, 168.0, 60.0)
 HORIZON, ZENITH = (214.0, 222.0, 230.0), (84.0, 138.0, 214.0)
 BLACK, WHITE = (16.0, 16.0, 16.0), (244.0, 244.0, 244.0)
+SKY_LABEL, GROUND_LABEL, FIRST_MARKER_LABEL = 0, 1, 2
+"""What a pixel shows, in `segments`: the markers count on. A line belongs to the ground."""
+MOST_LABEL = 255
+"""All markers from this number on have it."""
 
 
 class Marker(NamedTuple):
@@ -56,15 +62,8 @@ def paint(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene, noise: float
     `camera` looks along its x; its picture's left is its y. `noise` is the standard deviation of each colour, of 255.
     The same seed makes the same noise.
     """
-    rays = _rays(intrinsics) @ _matrix(camera).T
-    height_m = max(camera.position.z - scene.ground_z_m, NEAREST_M)
-    down = -rays[:, 2]
-    sees_ground = down > 1e-6
+    rays, sees_ground, slope, reach, length, x, y = _cast(camera, intrinsics, scene)
     colours = _sky(rays)
-    ray, slope = rays[sees_ground], down[sees_ground]
-    reach = height_m / slope
-    x, y = camera.position.x + ray[:, 0] * reach, camera.position.y + ray[:, 1] * reach
-    length = np.sqrt(ray[:, 0] ** 2 + ray[:, 1] ** 2 + slope**2)
     footprint = reach * length / (intrinsics.focal_length_x_px * slope)  # what a pixel covers, along the ray's way
     ground = _ground(x, y, footprint)
     for marker in scene.markers:
@@ -76,6 +75,60 @@ def paint(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene, noise: float
         generator = np.random.default_rng(seed)
         colours += generator.standard_normal(colours.shape, dtype=np.float32) * np.float32(noise)
     return np.clip(np.rint(colours), 0.0, 255.0).astype(np.uint8).tobytes()
+
+
+def depths(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> bytes:
+    """Returns how far each pixel's point is along the view, m: as `ual.cameras.ImageFormat.FLOAT32`."""
+    cast = _cast(camera, intrinsics, scene)
+    return _numbers(cast, cast.reach)
+
+
+def ranges(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> bytes:
+    """Returns how far each pixel's point is from the camera's centre, m: as `ual.cameras.ImageFormat.FLOAT32`."""
+    cast = _cast(camera, intrinsics, scene)
+    return _numbers(cast, cast.reach * cast.length)
+
+
+def segments(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> bytes:
+    """Returns the rows of a picture, whose red, green and blue are the label of what a pixel's centre shows."""
+    cast = _cast(camera, intrinsics, scene)
+    labels = np.full(len(cast.rays), SKY_LABEL, np.uint8)
+    ground = np.full(cast.x.size, GROUND_LABEL, np.uint8)
+    for number, marker in enumerate(scene.markers):
+        _, _, _, inside = _within(marker, cast.x, cast.y)
+        ground[inside] = min(FIRST_MARKER_LABEL + number, MOST_LABEL)
+    labels[cast.sees_ground] = ground
+    return np.repeat(labels, 3).tobytes()
+
+
+class _Cast(NamedTuple):
+    """The rays of all pixels, and of those that meet the ground where they do: one of x = 1 as often as `reach`."""
+
+    rays: Array
+    sees_ground: NDArray[np.bool_]
+    slope: Array
+    reach: Array
+    length: Array
+    x: Array
+    y: Array
+
+
+def _cast(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> _Cast:
+    rays = _rays(intrinsics) @ _matrix(camera).T
+    height_m = max(camera.position.z - scene.ground_z_m, NEAREST_M)
+    down = -rays[:, 2]
+    sees_ground = down > 1e-6
+    ray, slope = rays[sees_ground], down[sees_ground]
+    reach = height_m / slope
+    x, y = camera.position.x + ray[:, 0] * reach, camera.position.y + ray[:, 1] * reach
+    length = np.sqrt(ray[:, 0] ** 2 + ray[:, 1] ** 2 + slope**2)
+    return _Cast(rays, sees_ground, slope, reach, length, x, y)
+
+
+def _numbers(cast: _Cast, of_ground: Array) -> bytes:
+    numbers = np.full(len(cast.rays), np.inf, "<f4")
+    numbers[cast.sees_ground] = of_ground
+    return numbers.tobytes()
 
 
 @lru_cache(maxsize=4)
@@ -124,16 +177,21 @@ def _draw(colours: Array, distance: Array, width_m: float, footprint: Array, col
 
 def _lay(marker: Marker, x: Array, y: Array, colours: Array) -> None:
     """Lays a marker over the ground: its cells, a black border, and a white one, each of a cell's width."""
-    count = len(marker.cells) + 2
-    cell_m = marker.size_m / count
-    reach_m = marker.size_m / 2 + cell_m
-    dx, dy = x - marker.x_m, y - marker.y_m
-    cos, sin = np.cos(marker.yaw_rad), np.sin(marker.yaw_rad)
-    right, up = cos * dx + sin * dy, cos * dy - sin * dx
-    inside = np.flatnonzero((np.abs(right) < reach_m) & (np.abs(up) < reach_m))
+    right, up, reach_m, inside = _within(marker, x, y)
     if not inside.size:
         return
+    count = len(marker.cells) + 2
+    cell_m = marker.size_m / count
     table = np.pad(np.pad(np.array(marker.cells, bool), 1, constant_values=False), 1, constant_values=True)
     column = ((right[inside] + reach_m) / cell_m).astype(int).clip(0, count + 1)
     row = ((reach_m - up[inside]) / cell_m).astype(int).clip(0, count + 1)
     colours[inside] = np.where(table[row, column][:, None], np.array(WHITE), np.array(BLACK))
+
+
+def _within(marker: Marker, x: Array, y: Array) -> tuple[Array, Array, float, NDArray[np.intp]]:
+    """Returns places in the axes of a marker, how far it reaches from its centre, and the numbers of those on it."""
+    reach_m = marker.size_m / 2 + marker.size_m / (len(marker.cells) + 2)
+    dx, dy = x - marker.x_m, y - marker.y_m
+    cos, sin = np.cos(marker.yaw_rad), np.sin(marker.yaw_rad)
+    right, up = cos * dx + sin * dy, cos * dy - sin * dx
+    return right, up, reach_m, np.flatnonzero((np.abs(right) < reach_m) & (np.abs(up) < reach_m))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from typing import NamedTuple
 
-from ual.cameras import CameraInfo, CameraIntrinsics, CameraMode, CameraStatus, ImageFormat, VideoStream
+from ual.cameras import CameraInfo, CameraIntrinsics, CameraMode, CameraStatus, ImageFormat, ImageKind, VideoStream
 from ual.geometry import Pose
 from ual.types import GeoPoint
 
@@ -49,6 +49,7 @@ class EncodedImage(NamedTuple):
     stamp_s: float
     intrinsics: CameraIntrinsics | None
     viewpoint: Viewpoint
+    kind: ImageKind = ImageKind.COLOUR
 
 
 class OfferedCamera(ABC):
@@ -112,8 +113,8 @@ class OfferedCamera(ABC):
         """Returns where its videos can be watched."""
 
     @abstractmethod
-    def image(self, photo: int | None) -> Future[EncodedImage]:
-        """Returns a picture that was taken, or what it sees now.
+    def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
+        """Returns a picture that was taken, or what it sees now, of a kind that is in `CameraInfo.image_kinds`.
 
         The future ends with an `InvalidArgumentError` where it has no picture of this number, and with a
         `ResourceExhaustedError` where too many wait.

@@ -18,6 +18,7 @@ from ual.cameras import (
     CameraMode,
     CameraStatus,
     Image,
+    ImageKind,
     Photo,
     VideoStream,
 )
@@ -108,10 +109,13 @@ class VehicleCameras:
         """See `ual.interface.Camera`."""
         return self._able(number, CameraAbility.STREAMS).streams()
 
-    def image(self, number: int, photo: int | None) -> Future[Image]:
+    def image(self, number: int, photo: int | None, kind: ImageKind) -> Future[Image]:
         """See `ual.interface.Camera`."""
         photo = None if photo is None else _whole(photo, "photo", at_most=2**32 - 1)
-        return then(self._able(number, CameraAbility.IMAGE).image(photo), self._image)
+        validation.require_type(kind, ImageKind, "kind")
+        camera = self._able(number, CameraAbility.IMAGE)
+        _require_kind(camera.info, kind)
+        return then(camera.image(photo, kind), self._image)
 
     def _offer(self) -> OfferedCameras:
         return offered(self._vehicle, OfferedCameras, "cameras")  # type: ignore[type-abstract]  # it is only looked for
@@ -155,6 +159,7 @@ class VehicleCameras:
             body,
             camera,
             found.viewpoint.position_geo,
+            found.kind,
         )
 
     def _poses(self, viewpoint: Viewpoint) -> tuple[PoseStamped | None, PoseStamped | None]:
@@ -222,8 +227,8 @@ class Camera(interface.Camera):
         return _done(self._cameras.streams(self._number), "listing the video streams")
 
     @override
-    def image(self, photo: int | None = None) -> Image:
-        return _done(self._cameras.image(self._number, photo), "making the picture")
+    def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR) -> Image:
+        return _done(self._cameras.image(self._number, photo, kind), "making the picture")
 
 
 class Cameras(interface.Cameras):
@@ -247,6 +252,13 @@ class Cameras(interface.Cameras):
 
 def _done(future: Future[T], what: str) -> T:
     return wait(future, ORDER_S, what)
+
+
+def _require_kind(info: CameraInfo, kind: ImageKind) -> None:
+    if kind not in info.image_kinds:
+        gives = ", ".join(sorted(each.name.lower() for each in info.image_kinds)) or "none"
+        text = f"camera {info.number} ({info.name}) gives no {kind.name.lower()} (it gives: {gives})"
+        raise NotSupportedError(text, {"kind": kind.name.lower()})
 
 
 def _mounted(body: Pose, mounting: Pose) -> Pose:

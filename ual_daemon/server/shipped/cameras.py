@@ -94,7 +94,8 @@ class CameraServicer(camera_pb2_grpc.CameraServiceServicer):
     @override
     async def GetImage(self, request: pb.GetImageRequest, context: object) -> AsyncIterator[pb.GetImageResponse]:
         photo = request.photo if request.HasField("photo") else None
-        image = await ended(self._cameras.image(request.camera, photo), ORDER_S, "GetImage")
+        kind = convert.kind_from_proto(request.kind)
+        image = await ended(self._cameras.image(request.camera, photo, kind), ORDER_S, "GetImage")
         for message in convert.image_to_protos(image):
             yield message
 

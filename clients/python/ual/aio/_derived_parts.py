@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Sequence
 
 from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _mission_calls, _parameter_calls
 from ual.aio._connection import Connection
-from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, Photo, VideoStream
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
 from ual.logs.values import Log, LogChunk
 from ual.missions.items import Item
@@ -80,14 +80,15 @@ class Camera:
         """Returns where its videos can be watched, by a player of video streams."""
         return await self._connection.run(_camera_calls.streams(self._number))
 
-    async def image(self, photo: int | None = None) -> Image:
+    async def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR) -> Image:
         """Returns a picture as bytes, with its stamp and its poses.
 
         Args:
             photo: The number of a picture that was taken. None: what the camera sees now.
+            kind: What its pixels mean: one of `CameraInfo.image_kinds`.
 
         """
-        return await self._connection.run(_camera_calls.image(self._number, photo))
+        return await self._connection.run(_camera_calls.image(self._number, photo=photo, kind=kind))
 
 
 class Cameras:

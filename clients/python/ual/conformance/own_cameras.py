@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual.cameras import CameraAbility, CameraInfo, ImageFormat
+from ual.cameras import CameraAbility, CameraInfo, Image, ImageFormat, ImageKind
 from ual.conformance.check import check
 from ual.conformance.flight import CannotRunError, Flight, require
 from ual.errors import InvalidArgumentError, NotSupportedError
@@ -45,17 +45,28 @@ def takes_a_picture(flight: Flight) -> None:
 
 @check()
 def shows_what_the_camera_sees(flight: Flight) -> None:
-    """A picture comes as bytes of its format, with its size."""
+    """A picture of each kind comes as bytes of its format, with its size. A kind that is not listed is refused."""
     for info, camera in _able(flight, CameraAbility.IMAGE):
-        image = camera.image()
+        for kind in ImageKind:
+            if kind in info.image_kinds:
+                _require_picture(info, camera.image(kind=kind), kind)
+            else:
+                flight.refuses(NotSupportedError, lambda camera=camera, kind=kind: camera.image(kind=kind), kind.name)  # type: ignore[misc]
+        flight.refuses(InvalidArgumentError, lambda camera=camera: camera.image(2**31), "a picture that was not taken")  # type: ignore[misc]
+
+
+def _require_picture(info: CameraInfo, image: Image, kind: ImageKind) -> None:
+    require(image.kind is kind, f"camera {info.number} gives {image.kind.name} where {kind.name} was wanted")
+    require(image.width_px > 0 and image.height_px > 0, f"the picture has no size: {image!r}")
+    if image.format is ImageFormat.FLOAT32:
+        require(len(image.data) == 4 * image.width_px * image.height_px, f"not one number a pixel: {image!r}")
+    else:
         begin = image.data[: len(_MAGIC[image.format])]
         require(begin == _MAGIC[image.format], f"camera {info.number} sends {begin!r} as {image.format.name}")
-        require(image.width_px > 0 and image.height_px > 0, f"the picture has no size: {image!r}")
+    if image.intrinsics is not None:
+        expected = (image.intrinsics.width_px, image.intrinsics.height_px)
         sizes = (image.width_px, image.height_px)
-        if image.intrinsics is not None:
-            expected = (image.intrinsics.width_px, image.intrinsics.height_px)
-            require(sizes == expected, f"the intrinsics are of {expected}, and the picture has {sizes}")
-        flight.refuses(InvalidArgumentError, lambda camera=camera: camera.image(2**31), "a picture that was not taken")  # type: ignore[misc]
+        require(sizes == expected, f"the intrinsics are of {expected}, and the picture has {sizes}")
 
 
 def _all(flight: Flight) -> list[CameraInfo]:

@@ -122,6 +122,8 @@ class _ImageFormatEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._En
     IMAGE_FORMAT_UNSPECIFIED: _ImageFormat.ValueType  # 0
     IMAGE_FORMAT_PNG: _ImageFormat.ValueType  # 1
     IMAGE_FORMAT_JPEG: _ImageFormat.ValueType  # 2
+    IMAGE_FORMAT_FLOAT32: _ImageFormat.ValueType  # 3
+    """Numbers of 32 bits, little-endian, row by row from the top: metres. Infinity: nothing is there. NaN: not known."""
 
 class ImageFormat(_ImageFormat, metaclass=_ImageFormatEnumTypeWrapper):
     """How a picture is encoded."""
@@ -129,7 +131,39 @@ class ImageFormat(_ImageFormat, metaclass=_ImageFormatEnumTypeWrapper):
 IMAGE_FORMAT_UNSPECIFIED: ImageFormat.ValueType  # 0
 IMAGE_FORMAT_PNG: ImageFormat.ValueType  # 1
 IMAGE_FORMAT_JPEG: ImageFormat.ValueType  # 2
+IMAGE_FORMAT_FLOAT32: ImageFormat.ValueType  # 3
+"""Numbers of 32 bits, little-endian, row by row from the top: metres. Infinity: nothing is there. NaN: not known."""
 Global___ImageFormat: typing_extensions.TypeAlias = ImageFormat
+
+class _ImageKind:
+    ValueType = typing.NewType("ValueType", builtins.int)
+    V: typing_extensions.TypeAlias = ValueType
+
+class _ImageKindEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumTypeWrapper[_ImageKind.ValueType], builtins.type):
+    DESCRIPTOR: google.protobuf.descriptor.EnumDescriptor
+    IMAGE_KIND_UNSPECIFIED: _ImageKind.ValueType  # 0
+    IMAGE_KIND_COLOUR: _ImageKind.ValueType  # 1
+    """What the camera sees. A request that sets no kind means this one."""
+    IMAGE_KIND_DEPTH: _ImageKind.ValueType  # 2
+    """How far each point is along the camera's view, m: the z of CameraIntrinsics."""
+    IMAGE_KIND_RANGE: _ImageKind.ValueType  # 3
+    """How far each point is from the camera's centre, m."""
+    IMAGE_KIND_SEGMENTATION: _ImageKind.ValueType  # 4
+    """All points of one object, or of one class of objects, have one colour. The backend's manual says which."""
+
+class ImageKind(_ImageKind, metaclass=_ImageKindEnumTypeWrapper):
+    """What the pixels of a picture mean."""
+
+IMAGE_KIND_UNSPECIFIED: ImageKind.ValueType  # 0
+IMAGE_KIND_COLOUR: ImageKind.ValueType  # 1
+"""What the camera sees. A request that sets no kind means this one."""
+IMAGE_KIND_DEPTH: ImageKind.ValueType  # 2
+"""How far each point is along the camera's view, m: the z of CameraIntrinsics."""
+IMAGE_KIND_RANGE: ImageKind.ValueType  # 3
+"""How far each point is from the camera's centre, m."""
+IMAGE_KIND_SEGMENTATION: ImageKind.ValueType  # 4
+"""All points of one object, or of one class of objects, have one colour. The backend's manual says which."""
+Global___ImageKind: typing_extensions.TypeAlias = ImageKind
 
 @typing.final
 class CameraIntrinsics(google.protobuf.message.Message):
@@ -181,6 +215,7 @@ class Camera(google.protobuf.message.Message):
     HEIGHT_PX_FIELD_NUMBER: builtins.int
     INTRINSICS_FIELD_NUMBER: builtins.int
     NOTE_FIELD_NUMBER: builtins.int
+    IMAGE_KINDS_FIELD_NUMBER: builtins.int
     number: builtins.int
     name: builtins.str
     """For people: vendor and model."""
@@ -198,6 +233,10 @@ class Camera(google.protobuf.message.Message):
     def intrinsics(self) -> Global___CameraIntrinsics:
         """Where the backend knows them, without zoom."""
 
+    @property
+    def image_kinds(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___ImageKind.ValueType]:
+        """What GetImage gives. Without any, it gives colours."""
+
     def __init__(
         self,
         *,
@@ -210,9 +249,10 @@ class Camera(google.protobuf.message.Message):
         height_px: builtins.int = ...,
         intrinsics: Global___CameraIntrinsics | None = ...,
         note: builtins.str = ...,
+        image_kinds: collections.abc.Iterable[Global___ImageKind.ValueType] | None = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["intrinsics", b"intrinsics"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["abilities", b"abilities", "firmware_version", b"firmware_version", "height_px", b"height_px", "intrinsics", b"intrinsics", "is_connected", b"is_connected", "name", b"name", "note", b"note", "number", b"number", "width_px", b"width_px"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["abilities", b"abilities", "firmware_version", b"firmware_version", "height_px", b"height_px", "image_kinds", b"image_kinds", "intrinsics", b"intrinsics", "is_connected", b"is_connected", "name", b"name", "note", b"note", "number", b"number", "width_px", b"width_px"]) -> None: ...
 
 Global___Camera: typing_extensions.TypeAlias = Camera
 
@@ -416,11 +456,13 @@ class ImageInfo(google.protobuf.message.Message):
     CAMERA_FIELD_NUMBER: builtins.int
     POSITION_GEO_FIELD_NUMBER: builtins.int
     SIZE_BYTES_FIELD_NUMBER: builtins.int
+    KIND_FIELD_NUMBER: builtins.int
     format: Global___ImageFormat.ValueType
     width_px: builtins.int
     height_px: builtins.int
     size_bytes: builtins.int
     """How many bytes follow."""
+    kind: Global___ImageKind.ValueType
     @property
     def stamp(self) -> google.protobuf.timestamp_pb2.Timestamp: ...
     @property
@@ -447,9 +489,10 @@ class ImageInfo(google.protobuf.message.Message):
         camera: ual.v1.ual_pb2.PoseStamped | None = ...,
         position_geo: ual.v1.ual_pb2.GeoPoint | None = ...,
         size_bytes: builtins.int = ...,
+        kind: Global___ImageKind.ValueType = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["body", b"body", "camera", b"camera", "intrinsics", b"intrinsics", "position_geo", b"position_geo", "stamp", b"stamp"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["body", b"body", "camera", b"camera", "format", b"format", "height_px", b"height_px", "intrinsics", b"intrinsics", "position_geo", b"position_geo", "size_bytes", b"size_bytes", "stamp", b"stamp", "width_px", b"width_px"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["body", b"body", "camera", b"camera", "format", b"format", "height_px", b"height_px", "intrinsics", b"intrinsics", "kind", b"kind", "position_geo", b"position_geo", "size_bytes", b"size_bytes", "stamp", b"stamp", "width_px", b"width_px"]) -> None: ...
 
 Global___ImageInfo: typing_extensions.TypeAlias = ImageInfo
 
@@ -820,17 +863,21 @@ class GetImageRequest(google.protobuf.message.Message):
 
     CAMERA_FIELD_NUMBER: builtins.int
     PHOTO_FIELD_NUMBER: builtins.int
+    KIND_FIELD_NUMBER: builtins.int
     camera: builtins.int
     photo: builtins.int
     """A picture that was taken; not set: what the camera sees now."""
+    kind: Global___ImageKind.ValueType
+    """One of Camera.image_kinds. Not set: colours."""
     def __init__(
         self,
         *,
         camera: builtins.int = ...,
         photo: builtins.int | None = ...,
+        kind: Global___ImageKind.ValueType = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["_photo", b"_photo", "photo", b"photo"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_photo", b"_photo", "camera", b"camera", "photo", b"photo"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["_photo", b"_photo", "camera", b"camera", "kind", b"kind", "photo", b"photo"]) -> None: ...
     def WhichOneof(self, oneof_group: typing.Literal["_photo", b"_photo"]) -> typing.Literal["photo"] | None: ...
 
 Global___GetImageRequest: typing_extensions.TypeAlias = GetImageRequest

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 from typing import TypeVar
 
@@ -15,11 +15,12 @@ from ual.cameras import (
     CameraStorage,
     Image,
     ImageFormat,
+    ImageKind,
     Photo,
     StorageState,
     VideoStream,
 )
-from ual.errors import InvalidArgumentError, UalError
+from ual.errors import InvalidArgumentError, NotSupportedError, UalError
 from ual.geometry import PoseStamped
 from ual.types import GeoPoint
 from ual.v1 import camera_pb2 as pb
@@ -44,22 +45,23 @@ def info_to_proto(info: CameraInfo) -> pb.Camera:
         height_px=info.height_px,
         intrinsics=_intrinsics_to_proto(info.intrinsics),
         note=info.note,
+        image_kinds=[kind_to_proto(each) for each in sorted(info.image_kinds, key=lambda it: it.value)],
     )
 
 
 def info_from_proto(message: pb.Camera) -> CameraInfo:
-    """Reads a message. Abilities that this version does not know are left out."""
-    abilities = (_known(CameraAbility, each) for each in message.abilities)
+    """Reads a message. Abilities and kinds of pictures that this version does not know are left out."""
     return CameraInfo(
         message.number,
         message.name,
-        frozenset(each for each in abilities if each is not None),
+        _all_known(CameraAbility, message.abilities),
         message.is_connected,
         message.firmware_version,
         message.width_px,
         message.height_px,
         _intrinsics_from_proto(message),
         message.note,
+        _all_known(ImageKind, message.image_kinds),
     )
 
 
@@ -123,6 +125,27 @@ def mode_from_proto(value: pb.CameraMode.ValueType) -> CameraMode:
         known = ", ".join(each.name for each in CameraMode)
         raise InvalidArgumentError(f"mode: {value} is none of {known}", {"field": "mode"})
     return mode
+
+
+def kind_to_proto(kind: ImageKind) -> pb.ImageKind.ValueType:
+    """Makes a value of the enum."""
+    if not isinstance(kind, ImageKind):
+        raise InvalidArgumentError(f"kind: {kind!r:.80} is no ImageKind", {"field": "kind"})
+    return pb.ImageKind.ValueType(kind.value)
+
+
+def kind_from_proto(value: pb.ImageKind.ValueType) -> ImageKind:
+    """Reads a value of the enum: colours where it is not set.
+
+    Raises:
+        InvalidArgumentError: It is not known.
+
+    """
+    kind = ImageKind.COLOUR if value == pb.IMAGE_KIND_UNSPECIFIED else _known(ImageKind, value)
+    if kind is None:
+        known = ", ".join(each.name for each in ImageKind)
+        raise InvalidArgumentError(f"kind: {value} is none of {known}", {"field": "kind"})
+    return kind
 
 
 def photo_to_proto(photo: Photo) -> pb.Photo:
@@ -191,6 +214,7 @@ def image_to_protos(image: Image) -> Iterator[pb.GetImageResponse]:
         camera=_pose_to_proto(image.camera),
         position_geo=_geo_to_proto(image.position_geo),
         size_bytes=len(image.data),
+        kind=kind_to_proto(image.kind),
     )
     convert.stamp_to_proto(image.stamp_s, info.stamp)
     yield pb.GetImageResponse(info=info)
@@ -198,10 +222,11 @@ def image_to_protos(image: Image) -> Iterator[pb.GetImageResponse]:
         yield pb.GetImageResponse(data=image.data[begin : begin + CHUNK_BYTES])
 
 
-def image_from_protos(messages: Sequence[pb.GetImageResponse]) -> Image:
+def image_from_protos(messages: Sequence[pb.GetImageResponse], wanted: ImageKind = ImageKind.COLOUR) -> Image:
     """Joins the messages of a picture.
 
     Raises:
+        NotSupportedError: It is of another kind than was wanted: an older daemon knows only colours.
         UalError: They are not those of one picture.
 
     """
@@ -209,12 +234,14 @@ def image_from_protos(messages: Sequence[pb.GetImageResponse]) -> Image:
     if not messages or not messages[0].HasField("info") or len(data) != messages[0].info.size_bytes:
         raise UalError("the daemon sent another number of bytes than the picture has")
     info = messages[0].info
-    kind = _known(ImageFormat, info.format)
-    if kind is None:
+    if kind_from_proto(info.kind) is not wanted:
+        raise NotSupportedError(f"the daemon knows no pictures of the kind {wanted.name.lower()}: update it")
+    encoding = _known(ImageFormat, info.format)
+    if encoding is None:
         raise UalError(f"the daemon sent a picture in the format {info.format}, which this client does not know")
     return Image(
         data,
-        kind,
+        encoding,
         info.width_px,
         info.height_px,
         convert.stamp_from_proto(info.stamp),
@@ -222,6 +249,7 @@ def image_from_protos(messages: Sequence[pb.GetImageResponse]) -> Image:
         _pose(info, "body"),
         _pose(info, "camera"),
         _geo(info),
+        wanted,
     )
 
 
@@ -272,3 +300,8 @@ def _geo(owner: pb.Photo | pb.ImageInfo) -> GeoPoint | None:
 def _known(kind: type[E], number: int) -> E | None:
     """Returns the member of a number; None for one that is not set, or that this version does not know."""
     return next((each for each in kind if each.value == number), None)
+
+
+def _all_known(kind: type[E], numbers: Iterable[int]) -> frozenset[E]:
+    found = (_known(kind, each) for each in numbers)
+    return frozenset(each for each in found if each is not None)

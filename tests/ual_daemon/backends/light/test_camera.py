@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.ual_daemon.backends.light.drone import Drone
-from ual.cameras import CameraIntrinsics, CameraMode, StorageState
+from ual.cameras import CameraIntrinsics, CameraMode, ImageFormat, ImageKind, StorageState
 from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, ResourceExhaustedError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.simulation import LinkLost
@@ -97,6 +97,51 @@ def test_noise_is_the_same_for_a_seed_and_as_large_as_said() -> None:
 def test_a_camera_that_lies_on_the_ground_sees_something() -> None:
     assert picture(Pose(Vector3(), DOWN)).shape == (121, 161, 3)
     assert picture(Pose(Vector3(0.0, 0.0, -1.0), Quaternion())).shape == (121, 161, 3)
+
+
+def numbers(data: bytes) -> np.ndarray[Any, Any]:
+    return np.frombuffer(data, "<f4").reshape(VIEW.height_px, VIEW.width_px)
+
+
+@pytest.mark.parametrize("pitch_rad", [math.pi / 2.0, 0.8, 0.0, -0.3])
+def test_how_far_the_ground_is_is_told_for_each_pixel_and_infinity_for_the_sky(pitch_rad: float) -> None:
+    pose = Pose(Vector3(-0.4, 0.3, 3.0), Quaternion.from_euler(0.1, pitch_rad, 0.5))
+    scene = painting.Scene(1.0)
+    depth, far = numbers(painting.depths(pose, VIEW, scene)), numbers(painting.ranges(pose, VIEW, scene))
+    for row in range(0, VIEW.height_px, 10):
+        for column in range(0, VIEW.width_px, 10):
+            left = (VIEW.centre_x_px - column) / VIEW.focal_length_x_px
+            up = (VIEW.centre_y_px - row) / VIEW.focal_length_y_px
+            ray = pose.orientation.rotate(Vector3(1.0, left, up))
+            wanted_m = 2.0 / -ray.z if ray.z < -1e-6 else math.inf
+            assert depth[row, column] == pytest.approx(wanted_m, rel=1e-3)
+            assert far[row, column] == pytest.approx(wanted_m * ray.norm(), rel=1e-3)
+
+
+def test_each_marker_the_ground_and_the_sky_have_a_label() -> None:
+    pose = Pose(Vector3(0.0, 0.0, 3.0), Quaternion.from_euler(0.0, 0.4, 0.0))
+    markers = [painting.Marker(4.0, each, 0.6, 0.3, ((True, False), (False, True))) for each in (0.9, -0.9)]
+    found = np.frombuffer(painting.segments(pose, VIEW, painting.Scene(0.0, markers)), np.uint8)
+    labels = found.reshape(VIEW.height_px, VIEW.width_px, 3)
+    assert (labels == labels[..., :1]).all()
+    assert set(labels.ravel()) == {painting.SKY_LABEL, painting.GROUND_LABEL, 2, 3}
+    assert labels[0, 0, 0] == painting.SKY_LABEL
+    for number, marker in enumerate(markers):
+        assert labels[pixel_of(pose, Vector3(marker.x_m, marker.y_m, 0.0))][0] == 2 + number
+    assert labels[pixel_of(pose, Vector3(4.0, 0.0, 0.0))][0] == painting.GROUND_LABEL
+
+
+def test_depth_and_segmentation_are_of_the_same_moment_as_the_picture() -> None:
+    drone = Drone(cameras=[small()])
+    drone.fly(3.0)
+    found = camera_of(drone)
+    taken = found.take_photo().result(0)
+    drone.run(2.0, VelocitySetpoint(Vector3(0.0, 0.0, 0.5)))
+    depth = found.image(taken.number, ImageKind.DEPTH).result(LIMIT_S)
+    assert (depth.kind, depth.format, depth.stamp_s) == (ImageKind.DEPTH, ImageFormat.FLOAT32, taken.stamp_s)
+    assert np.frombuffer(depth.data, "<f4")[64 * 24 + 32] == pytest.approx(3.0, abs=0.15)
+    segments = found.image(None, ImageKind.SEGMENTATION).result(LIMIT_S)
+    assert pixels_of_png(segments.data) == (64, 48, bytes([painting.GROUND_LABEL]) * 3 * 64 * 48)
 
 
 def pixels_of_png(data: bytes) -> tuple[int, int, bytes]:

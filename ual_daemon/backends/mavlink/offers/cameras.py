@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from typing_extensions import override
 
-from ual.cameras import CameraInfo, CameraMode, CameraStatus, VideoStream
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, ImageKind, VideoStream
 from ual.errors import LinkLostError, NotSupportedError
 from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.offers.reach import Reach
@@ -112,7 +112,7 @@ class MavlinkCamera(OfferedCamera):
         return self._give("list its video streams", self._link.list_streams)
 
     @override
-    def image(self, photo: int | None) -> Future[EncodedImage]:
+    def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
         future: Future[EncodedImage] = Future()
         future.set_exception(NotSupportedError("a picture is not fetched over MAVLink: see the file_url of its photo"))
         return future

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from typing_extensions import override
 
-from ual.cameras import CameraAbility, CameraInfo, CameraMode, CameraStatus, VideoStream
+from ual.cameras import CameraAbility, CameraInfo, CameraMode, CameraStatus, ImageKind, VideoStream
 from ual.errors import NotSupportedError
 from ual_daemon.backends import futures
 from ual_daemon.backends.engine.command import ONCE
@@ -132,7 +132,7 @@ class TriggerCamera(OfferedCamera):
         raise NotImplementedError  # it has no such ability
 
     @override
-    def image(self, photo: int | None) -> Future[EncodedImage]:
+    def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
         raise NotImplementedError  # it has no such ability
 
     def _set_distance(self, what: str, distance_m: float | None) -> Future[None]:
