@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.ual.missions.plans import HOME, TEN, Example, at, plan, take_off
+from tests.ual.missions.public_plans import FLOWN, REFUSED, Public
 from tests.ual.routes.missions import ARDUPILOT, do, item, waypoint, wpl
 from ual.missions import (
     CameraAction,
@@ -177,3 +178,53 @@ def test_poses_are_no_mission(tmp_path: Path) -> None:
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(RouteError, match=r"cannot read .*no\.plan"):
         read(tmp_path / "no.plan")
+
+
+@pytest.mark.parametrize("public", FLOWN, ids=lambda each: each.name)
+def test_a_plan_that_others_have_published_is_read(public: Public) -> None:
+    found = items(public.text, public.file_name)
+    checks.require(found)
+    places = [each for each in found if isinstance(each, Waypoint)]
+    assert tuple((each.latitude_deg, each.longitude_deg, each.altitude_m) for each in places) == public.way
+    assert len(found) == len(public.items)
+
+
+@pytest.mark.parametrize("public", REFUSED, ids=lambda each: each.name)
+def test_a_published_plan_that_a_mission_cannot_have_is_refused_by_its_item(public: Public) -> None:
+    assert refusal(public.text, public.file_name).startswith(public.refusal)
+
+
+def test_the_place_of_a_take_off_is_left_out_as_ardupilot_ignores_it() -> None:
+    delay = next(each for each in FLOWN if each.name == "ardupilot_delay")
+    mission = parse(delay.text.encode(), delay.file_name)
+    assert mission.items[0] == TakeOff(20.0)
+    assert mission.left_out == ["item 0: home", "item 1: the place of the take-off, which ArduPilot ignores"]
+
+
+def test_what_ardupilot_does_not_give_is_that_of_the_item_flown_before() -> None:
+    nowhere = item(16, [0, 0, 0, 0, 0, 0, 30])
+    landing = item(21, [0, 0, 0, 0, 0, 0, 0])
+    first = waypoint(47.1, 8.1, 25.0, yaw=0.0)
+    same_height = waypoint(47.2, 8.2, 0.0, yaw=0.0)
+    assert items(plan(take_off(), first, same_height, nowhere, landing, firmware=ARDUPILOT)) == [
+        TakeOff(20.0),
+        Waypoint(47.1, 8.1, 25.0),
+        Waypoint(47.2, 8.2, 25.0),
+        Waypoint(47.2, 8.2, 30.0),
+        Land(47.2, 8.2),
+    ]
+    assert items(plan(take_off(), same_height)) == [TakeOff(20.0), Waypoint(47.2, 8.2, 0.0, yaw_rad=math.pi / 2)]
+
+
+@pytest.mark.parametrize(
+    ("faulty", "words"),
+    [
+        ([waypoint(alt=0.0)], "item 1: altitude 0 is for ArduPilot that of the item flown before"),
+        ([take_off(), waypoint(lat=0, lon=0)], "item 2: no position is for ArduPilot that of the item flown before"),
+        ([take_off(), item(21, [0] * 7)], "item 2: no position is for ArduPilot"),
+        ([take_off(), waypoint(alt=0.0, frame=0)], "item 2: altitude 0 is for ArduPilot"),
+        ([take_off(), waypoint(), waypoint(alt=0.0), do(177, 3, 2)], "item 3: altitude 0 is for ArduPilot"),
+    ],
+)
+def test_what_ardupilot_does_not_give_and_is_not_known_is_refused(faulty: list[dict[str, object]], words: str) -> None:
+    assert refusal(plan(*faulty, firmware=ARDUPILOT)).startswith(words)

@@ -50,6 +50,8 @@ _NO_THROTTLE, _GROUND_SPEED, _NOT_USED = -1.0, 1.0, -1.0
 _DEGREES = 1e7
 _GLOBAL = ("frame", "x", "y", "z")
 _YAW_TOLERANCE_DEG = 0.01
+_LEAST_ALTITUDE_M = 0.01
+"""ArduCopter keeps whole centimetres, so that less is 0."""
 
 Fault = Callable[[Sequence[Item], int], str]
 """Why an autopilot would not execute an item as it stands; empty where it does."""
@@ -256,7 +258,8 @@ def _copter_waypoint(item: Any) -> str:  # noqa: ANN401  a Waypoint, by the tabl
         return "ignores the radius of a waypoint: its parameter WPNAV_RADIUS is for all of them"
     if not float(item.hold_s).is_integer():
         return "holds for whole seconds"
-    return "reads altitude 0 as that of the item before: give another one" if item.altitude_m == 0.0 else ""
+    is_zero = abs(item.altitude_m) < _LEAST_ALTITUDE_M
+    return "reads altitude 0 as that of the item before: give another one" if is_zero else ""
 
 
 def _copter_heading(items: Sequence[Item], index: int) -> str:

@@ -30,8 +30,10 @@ _ABOVE = {
     6: AltitudeReference.HOME,
 }
 """What altitudes count from, by MAV_FRAME."""
-_SAME_PLACE_DEG = 1e-5
-"""One metre: a take-off there is one at the planned home."""
+_STAYING = (commands.WAYPOINT, commands.LOITER_TIME, commands.LAND)
+"""For ArduPilot these stay where the item before has led, in what they do not give (loc_from_cmd, do_land)."""
+_SAME_PLACE_DEG = 3e-5
+"""Three metres: a take-off there is one at the planned home, as satellites do not tell them apart."""
 
 Place = tuple[float, float]
 
@@ -54,11 +56,17 @@ def items_on_autopilot(found: Sequence[Command], first_seq: int, *, is_ardupilot
     return _Reader(read, firmware, None).items_or_others()
 
 
-def items_of_file(found: Sequence[FileItem], firmware: Firmware, home: Place | None) -> list[neutral.Item]:
-    """Returns the items of a file. `home` is where it plans to take off. Raises `FaultError` with the item's number."""
+def items_of_file(
+    found: Sequence[FileItem], firmware: Firmware, home: Place | None
+) -> tuple[list[neutral.Item], list[str]]:
+    """Returns the items of a file, and what of them is left out, human-readable.
+
+    `home` is where it plans to take off. Raises `FaultError` with the item's number.
+    """
     if not found:
         raise FaultError("has no items")
-    return _Reader(found, firmware, home).items()
+    reader = _Reader(found, firmware, home)
+    return reader.items(), reader.left_out
 
 
 class _Reader:
@@ -67,6 +75,10 @@ class _Reader:
         self._indices = {item.jump_id: index for index, item in enumerate(found)}
         if len(self._indices) != len(found):
             self._indices = {index + 1: index for index in range(len(found))}
+        self._jumped_to = {found[index].number for index in self._targets()}
+        self._before: neutral.TakeOff | neutral.Waypoint | None = None
+        """What leads to where the next item begins; None where that is not known."""
+        self.left_out: list[str] = []
         self._makers: Mapping[int, Callable[[FileItem], neutral.Item]] = {
             commands.WAYPOINT: self._waypoint,
             commands.LOITER_TIME: self._loiter,
@@ -91,7 +103,12 @@ class _Reader:
     def items_or_others(self) -> list[neutral.Item]:
         return [self._item_or_other(each) for each in self._found]
 
+    def _targets(self) -> list[int]:
+        targets = (each.params[0] for each in self._found if each.command == commands.JUMP)
+        return [self._indices[int(each)] for each in targets if isinstance(each, float | int) and each in self._indices]
+
     def _item_or_other(self, item: FileItem) -> neutral.Item:
+        self._before = None  # an autopilot may begin with any item, and then another one is flown before
         try:
             return self._item(item)
         except FaultError as fault:
@@ -103,7 +120,10 @@ class _Reader:
             raise FaultError(_not_in_missions(item.command), item.where)
         if item.waits:
             raise FaultError("it waits for an operator (autoContinue is false), which ArduPilot ignores", item.where)
-        return make(item)
+        made = make(item)
+        if isinstance(made, neutral.TakeOff | neutral.Waypoint):
+            self._before = made
+        return made
 
     def _waypoint(self, item: FileItem) -> neutral.Waypoint:
         latitude_deg, longitude_deg, altitude_m, above = self._position(item)
@@ -130,7 +150,7 @@ class _Reader:
         self._require_none(item, 2, "is a precision landing (parameter 2)")
         if item.param(7) not in _NOT_GIVEN and item.frame not in _ABOVE:
             raise FaultError(_frame(item), item.where)
-        if item.params[4] in _NOT_GIVEN and item.params[5] in _NOT_GIVEN:
+        if not self._is_placed(item) and self._firmware is not Firmware.ARDUPILOT:
             raise FaultError("it has no position: give it one, or return to launch", item.where)
         latitude_deg, longitude_deg = self._place(item)
         return neutral.Land(latitude_deg, longitude_deg, number=item.number)
@@ -140,10 +160,13 @@ class _Reader:
         above = _ABOVE.get(item.frame)
         if above is None:
             raise FaultError(_frame(item), item.where)
-        if item.params[4] in _NOT_GIVEN and item.params[5] in _NOT_GIVEN:
+        if not self._is_placed(item):
             return neutral.TakeOff(altitude_m, above, number=item.number)
         place = self._place(item)
         if self._home is not None and _is_near(place, self._home):
+            return neutral.TakeOff(altitude_m, above, number=item.number)
+        if self._firmware is Firmware.ARDUPILOT:
+            self.left_out.append(f"item {item.number}: the place of the take-off, which ArduPilot ignores")
             return neutral.TakeOff(altitude_m, above, number=item.number)
         return neutral.TakeOff(altitude_m, above, *place, number=item.number)
 
@@ -214,9 +237,36 @@ class _Reader:
         if above is None:
             raise FaultError(_frame(item), item.where)
         altitude_m = _json.number(item.params[6], "its altitude", item.where)
+        if altitude_m == 0.0 and self._firmware is Firmware.ARDUPILOT and item.command in _STAYING:
+            altitude_m = self._altitude_before(item, above)
         return *self._place(item), altitude_m, above
 
+    def _altitude_before(self, item: FileItem, above: AltitudeReference) -> float:
+        """Returns the altitude of the item before, which is what ArduPilot reads in an altitude of 0."""
+        before = self._item_before(item)
+        if before is None or before.altitude_reference is not above:
+            text = "altitude 0 is for ArduPilot that of the item flown before, which is not known: give the altitude"
+            raise FaultError(text, item.where)
+        return before.altitude_m
+
+    def _place_before(self, item: FileItem) -> Place:
+        """Returns where the item before leads, which is what ArduPilot reads in latitude 0, longitude 0."""
+        before = self._item_before(item)
+        if before is None or before.latitude_deg is None or before.longitude_deg is None:
+            text = "no position is for ArduPilot that of the item flown before, which is not known: give the position"
+            raise FaultError(text, item.where)
+        return before.latitude_deg, before.longitude_deg
+
+    def _item_before(self, item: FileItem) -> neutral.TakeOff | neutral.Waypoint | None:
+        """Returns what leads to where an item begins; None where that depends on a jump."""
+        return None if item.number in self._jumped_to else self._before
+
+    def _is_placed(self, item: FileItem) -> bool:
+        return item.params[4] not in _NOT_GIVEN or item.params[5] not in _NOT_GIVEN
+
     def _place(self, item: FileItem) -> Place:
+        if self._firmware is Firmware.ARDUPILOT and item.command in _STAYING and not self._is_placed(item):
+            return self._place_before(item)
         if item.params[4] is None or item.params[5] is None:
             raise FaultError("it has no position (null): give it one, or delete it", item.where)
         latitude_deg, longitude_deg = (_json.number(item.params[i], f"parameter {i + 1}", item.where) for i in (4, 5))

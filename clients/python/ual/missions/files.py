@@ -78,12 +78,14 @@ def _of_commands(data: bytes, ending: str) -> Mission | None:
     text = _text(data)
     if text.lstrip().startswith(_wpl.HEADER) or ending == ".waypoints":
         items, firmware, has_home = _wpl.items_of(text.lstrip())
-        return Mission(commands.items_of_file(items, firmware, None), [_wpl.HOME] if has_home else [])
+        found, left_out = commands.items_of_file(items, firmware, None)
+        return Mission(found, [_wpl.HOME, *left_out] if has_home else left_out)
     document = _document(text)
     if not (_plan.is_plan(document) or ending in _PLANS):
         return None
     items, firmware = _plan.items_of(document)
-    return Mission(commands.items_of_file(items, firmware, _plan.planned_home(document)), _plan.other_parts(document))
+    found, left_out = commands.items_of_file(items, firmware, _plan.planned_home(document))
+    return Mission(found, [*left_out, *_plan.other_parts(document)])
 
 
 def _along(route: Route) -> Mission:

@@ -175,6 +175,7 @@ def test_jumps_count_from_the_number_that_the_autopilot_gives_to_the_first_item(
         (COPTER, [Waypoint(47.1, 8.1, 20.0, accept_radius_m=2.0)], "item 1 (waypoint): ArduCopter ignores the radius"),
         (COPTER, [Waypoint(47.1, 8.1, 20.0, hold_s=1.5)], "item 1 (waypoint): ArduCopter holds for whole seconds"),
         (COPTER, [Waypoint(47.1, 8.1, 0.0, number="7")], "item 7 (waypoint): ArduCopter reads altitude 0"),
+        (COPTER, [Waypoint(47.1, 8.1, 0.004)], "item 1 (waypoint): ArduCopter reads altitude 0"),
         (COPTER, [TakeOff(10.0, AMSL, 47.0, 8.0), A], "item 1 (take-off): ArduCopter ignores the place"),
         (COPTER, [TakeOff(0.5), A], "item 1 (take-off): ArduCopter climbs 1 m at least"),
     ],
@@ -205,3 +206,11 @@ def test_what_a_mission_of_ual_has_not_is_told_and_not_left_out() -> None:
 def test_an_autopilot_without_a_mission_has_no_items() -> None:
     assert COPTER.decode([]) == COPTER.decode([MissionItem(0, 16)]) == []
     assert PX4.decode([]) == []
+
+
+def test_what_arducopter_keeps_without_an_altitude_or_a_place_is_no_item_of_ours() -> None:
+    home, first = MissionItem(0, 16), MissionItem(3, 16, x=471000000, y=81000000, z=20.0)
+    without = [first._replace(z=0.0), first._replace(x=0, y=0), MissionItem(3, 21)]
+    found = COPTER.decode([home, first, *without])
+    assert found[0] == Waypoint(47.1, 8.1, 20.0)
+    assert [type(each) for each in found[1:]] == [OtherItem] * 3
