@@ -6,6 +6,7 @@ import asyncio
 import json
 from pathlib import Path
 
+import grpc
 import pytest
 from click.testing import CliRunner, Result
 
@@ -13,7 +14,8 @@ import ual
 from tests.conftest import DaemonProcess, StartDaemon
 from ual.cameras import CameraMode, CameraStatus, Image, Photo
 from ual.errors import InvalidArgumentError, NotSupportedError
-from ual.wire.cameras import CHUNK_BYTES
+from ual.v1 import camera_pb2, camera_pb2_grpc
+from ual.wire.cameras import CHUNK_BYTES, image_from_protos
 from ual_tools.main import cli
 
 
@@ -106,3 +108,14 @@ def test_both_clients_have_the_same_values_and_errors(daemon: DaemonProcess) -> 
 def test_a_lease_keeps_nobody_from_taking_pictures(daemon: DaemonProcess) -> None:
     with ual.Uav(address=daemon.address) as holder, ual.Uav(address=daemon.address) as other, holder.lease("holder"):
         assert other.cameras[0].take_photo().number == 0
+
+
+def test_a_program_that_does_not_read_its_picture_keeps_no_other_one_from_theirs(daemon: DaemonProcess) -> None:
+    with grpc.insecure_channel(daemon.address) as channel, ual.Uav(address=daemon.address) as uav:
+        stub = camera_pb2_grpc.CameraServiceStub(channel)
+        unread = [stub.GetImage(camera_pb2.GetImageRequest(camera=0, max_age_s=60.0)) for _ in range(3)]
+        seen = uav.cameras[0].image(max_age_s=60.0)
+        assert len(seen.data) > CHUNK_BYTES
+        for each in unread:
+            assert image_from_protos(list(each)) == seen
+        assert uav.cameras[0].image().data != seen.data

@@ -55,6 +55,20 @@ def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
     return result
 
 
+def shared(first: Future[T]) -> Future[T]:
+    """Returns a future that ends as another one, for one of several who wait for it: cancelling it leaves that one."""
+    result: Future[T] = Future()
+
+    def on_first(done: Future[T]) -> None:
+        if done.cancelled():
+            result.cancel()
+        elif result.set_running_or_notify_cancel():
+            _copy(done, result)
+
+    first.add_done_callback(on_first)
+    return result
+
+
 def in_turn(first: Callable[[], Future[Any]], *steps: Callable[[], Future[Any]]) -> Future[Any]:
     """Returns the future of the last of some steps, each begun where the one before has ended well."""
     future = first()

@@ -83,12 +83,14 @@ def streams(camera: int) -> Call[list[VideoStream]]:
     return Call(Service.CAMERAS, "ListVideoStreams", _of(pb.ListVideoStreamsRequest, camera), read, ORDER_S)
 
 
-def image(camera: int, photo: int | None, kind: ImageKind) -> Call[Image]:
+def image(camera: int, photo: int | None, kind: ImageKind, max_age_s: float) -> Call[Image]:
     def read(messages: Sequence[pb.GetImageResponse]) -> Image:
         return convert.image_from_protos(messages, kind)
 
     wanted = convert.kind_to_proto(kind)
-    request = built(lambda: pb.GetImageRequest(camera=camera, photo=photo, kind=wanted), "photo", photo)
+    request = built(
+        lambda: pb.GetImageRequest(camera=camera, photo=photo, kind=wanted, max_age_s=max_age_s), "photo", photo
+    )
     return Call(Service.CAMERAS, "GetImage", request, read, IMAGE_S, is_stream=True)
 
 

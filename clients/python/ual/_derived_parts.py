@@ -74,8 +74,8 @@ class Camera(interface.Camera):
         return self._connection.run(_camera_calls.streams(self._number))
 
     @override
-    def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR) -> Image:
-        return self._connection.run(_camera_calls.image(self._number, photo=photo, kind=kind))
+    def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR, *, max_age_s: float = 0.0) -> Image:
+        return self._connection.run(_camera_calls.image(self._number, photo=photo, kind=kind, max_age_s=max_age_s))
 
 
 class Cameras(interface.Cameras):

@@ -491,12 +491,14 @@ class Camera(Protocol):
         """Returns where its videos can be watched, by a player of video streams."""
         ...
 
-    def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR) -> Image:
+    def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR, *, max_age_s: float = 0.0) -> Image:
         """Returns a picture as bytes, with its stamp and its poses.
 
         Args:
             photo: The number of a picture that was taken. None: what the camera sees now.
             kind: What its pixels mean: one of `CameraInfo.image_kinds`.
+            max_age_s: Of what it sees now: a picture that was ordered no longer ago will do, so that several programs
+                share one. 0: a new one.
 
         """
         ...

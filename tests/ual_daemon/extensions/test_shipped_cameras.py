@@ -8,7 +8,16 @@ from typing import Any, TypeVar
 
 import pytest
 
-from ual.cameras import OPTICAL, CameraAbility, CameraInfo, CameraMode, CameraStatus, ImageKind, VideoStream
+from ual.cameras import (
+    OPTICAL,
+    CameraAbility,
+    CameraInfo,
+    CameraMode,
+    CameraStatus,
+    ImageFormat,
+    ImageKind,
+    VideoStream,
+)
 from ual.errors import (
     InvalidArgumentError,
     NotSupportedError,
@@ -40,7 +49,8 @@ class MadeUp(OfferedCamera):
         self.orders: list[tuple[Any, ...]] = []
         self.taken = TakenPhoto(0, 5.0, Viewpoint(Pose.at(1.0, 2.0, 3.0, math.pi / 2.0), 1, Pose(Vector3(0.5), DOWN)))
         self.shooting: Future[TakenPhoto] = Future()
-        self._info = CameraInfo(number, "made up", abilities)
+        self.making: list[Future[EncodedImage]] = []
+        self._info = CameraInfo(number, "made up", abilities, image_kinds=frozenset({ImageKind.COLOUR}))
 
     @property
     def info(self) -> CameraInfo:
@@ -88,7 +98,13 @@ class MadeUp(OfferedCamera):
         return ended([])
 
     def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
-        raise UalError("not of these tests")
+        self._order("image", photo)
+        self.making.append(Future())
+        return self.making[-1]
+
+    def make(self, index: int = -1) -> None:
+        """Ends one of the pictures that were asked for."""
+        self.making[index].set_result(EncodedImage(b"x", ImageFormat.PNG, 1, 1, 5.0, None, Viewpoint()))
 
 
 class Offer(OfferedCameras):
@@ -198,6 +214,8 @@ def test_bad_percents_modes_and_numbers_are_refused(vehicle: Vehicle, camera: Ma
         (lambda: found.set_mode(bad), "mode"),
         (lambda: found.photos(-1), "first"),
         (lambda: found.image(-1), "photo"),
+        (lambda: found.image(max_age_s=-1.0), "max_age_s"),
+        (lambda: found.image(max_age_s=math.nan), "max_age_s"),
         (anything[-1].status, "camera"),
         (anything[1].status, "camera"),
     ):
@@ -227,7 +245,7 @@ def test_what_a_camera_cannot_do_is_not_supported() -> None:
 
 
 def test_a_kind_of_picture_that_a_camera_does_not_give_is_not_supported(vehicle: Vehicle) -> None:
-    with pytest.raises(NotSupportedError, match=r"camera 0 \(made up\) gives no depth \(it gives: none\)") as refused:
+    with pytest.raises(NotSupportedError, match=r"camera 0 \(made up\) gives no depth \(it gives: colour\)") as refused:
         Cameras(vehicle)[0].image(kind=ImageKind.DEPTH)
     assert refused.value.metadata["kind"] == "depth"
 
@@ -288,3 +306,48 @@ def test_a_picture_that_is_taken_is_returned(vehicle: Vehicle, camera: MadeUp) -
     future = VehicleCameras(vehicle).take_photo(0)
     camera.shooting.set_result(camera.taken)
     assert (future.result(0).number, future.result(0).stamp_s) == (0, 5.0)
+
+
+def test_programs_share_a_picture_that_is_new_enough(
+    vehicle: Vehicle, camera: MadeUp, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = 100.0
+    monkeypatch.setattr("ual_daemon.extensions.shipped.cameras.time.monotonic", lambda: now_s)
+    found = VehicleCameras(vehicle)
+    first, second = (found.image(0, None, max_age_s=0.1) for _ in range(2))
+    now_s += 0.05
+    third = found.image(0, None, max_age_s=0.1)
+    assert camera.orders == [("image", None)]
+    assert second.cancel()  # its program has given up: the others wait on
+    camera.make()
+    assert first.result(0) is third.result(0)
+    now_s += 0.1
+    fourth = found.image(0, None, max_age_s=0.1)
+    assert len(camera.orders) == 2
+    camera.make()
+    assert fourth.result(0) is not first.result(0)
+
+
+def test_a_picture_of_which_no_age_is_said_and_one_by_its_number_is_never_shared(
+    vehicle: Vehicle, camera: MadeUp
+) -> None:
+    found = VehicleCameras(vehicle)
+    for photo, max_age_s in ((None, 10.0), (None, 0.0), (None, 0.0), (3, 10.0)):
+        found.image(0, photo, max_age_s=max_age_s)
+    assert camera.orders == [("image", None)] * 3 + [("image", 3)]
+
+
+@pytest.mark.parametrize("is_cancelled", [False, True])
+def test_a_picture_that_was_not_made_is_ordered_again(vehicle: Vehicle, camera: MadeUp, is_cancelled: bool) -> None:
+    found = VehicleCameras(vehicle)
+    first = found.image(0, None, max_age_s=10.0)
+    if is_cancelled:
+        camera.making[0].cancel()
+        assert first.cancelled()
+    else:
+        camera.making[0].set_exception(UalError("it has ended"))
+        with pytest.raises(UalError, match="it has ended"):
+            first.result(0)
+    second = found.image(0, None, max_age_s=10.0)
+    camera.make()
+    assert second.result(0).data == b"x"

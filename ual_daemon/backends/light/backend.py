@@ -115,7 +115,7 @@ class LightBackend(Backend):
         """The failsafe by which it holds its position."""
         self._corrections = LightCorrections(self.world.now_s)
         self._snapshot = Snapshot(0.0)
-        self._cameras = LightCameras(settings.cameras, settings.seed, self._seen)
+        self._cameras = LightCameras(settings.cameras, settings.seed, self._seen, self.world.painter)
         with self.world.lock:
             self._update_snapshot()
 
@@ -144,8 +144,8 @@ class LightBackend(Backend):
 
     @override
     def close(self) -> None:
-        self.world.unlisten(self._index)
         self._cameras.close()
+        self.world.unlisten(self._index)
 
     @override
     def info(self) -> VehicleInfo:

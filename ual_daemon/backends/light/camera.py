@@ -6,8 +6,8 @@ import logging
 import math
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import NamedTuple, TypeVar
+from concurrent.futures import Future
+from typing import Any, NamedTuple, TypeVar
 
 from typing_extensions import override
 
@@ -26,8 +26,11 @@ from ual.cameras import (
 from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual_daemon._version import __version__
+from ual_daemon.backends.chain import then
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.photo_log import PhotoLog
+from ual_daemon.backends.light.painter import Painter
+from ual_daemon.backends.light.scene import Marker, Order, Scene
 from ual_daemon.backends.light.settings import LightCameraSettings
 from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
 from ual_daemon.backends.values import Snapshot
@@ -67,7 +70,7 @@ class _Shot(NamedTuple):
 
 
 class LightCamera(OfferedCamera):
-    """One camera. `look` returns what is so now; `paint` has a picture painted by another thread."""
+    """One camera. `look` returns what is so now; `paint` has a picture painted, as PNG."""
 
     def __init__(
         self,
@@ -75,7 +78,7 @@ class LightCamera(OfferedCamera):
         settings: LightCameraSettings,
         seed: int,
         look: Callable[[], Seen],
-        paint: Callable[[Callable[[], EncodedImage]], Future[EncodedImage]],
+        paint: Callable[[Order], Future[bytes]],
     ) -> None:
         self._number = number
         self._settings = settings
@@ -243,7 +246,7 @@ class LightCamera(OfferedCamera):
         if error is not None:
             return _failed(error)
         chosen = found.result(0)
-        return self._paint(lambda: self._painted(chosen, kind))
+        return then(self._paint(self._order(chosen, kind)), lambda data: _encoded(chosen, kind, data))
 
     # --- How it is done -----------------------------------------------------------------------------------------------
 
@@ -298,47 +301,32 @@ class LightCamera(OfferedCamera):
         view_rad = 2.0 * math.atan(math.tan(settings.horizontal_view_rad / 2.0) / zoom)
         return CameraIntrinsics.of_view(settings.width_px, settings.height_px, view_rad)
 
-    def _painted(self, shot: _Shot, kind: ImageKind) -> EncodedImage:
-        """Paints a picture. Takes tens of milliseconds."""
-        from ual_daemon.backends.light import painting, png  # numpy takes 10 MiB and 50 ms
-
-        seen, intrinsics, taken = shot
-        body, mounting = seen.body, self._mounting
+    def _order(self, shot: _Shot, kind: ImageKind) -> Order:
+        """Returns what is to be painted."""
+        body, mounting = shot.seen.body, self._mounting
         place = body.position + body.orientation.rotate(mounting.position)
-        markers = [
-            painting.Marker(*each.position, each.size_m, each.yaw_rad, each.cells) for each in self._settings.markers
-        ]
-        scene = painting.Scene(seen.ground_z_m, markers)
-        camera = Pose(place, body.orientation * mounting.orientation)
-        is_picture = kind in (ImageKind.COLOUR, ImageKind.SEGMENTATION)
-        if kind is ImageKind.COLOUR:
-            seed = (self._seed * _SEED_DISTANCE + seen.step) * _MOST_CAMERAS + self._number
-            data = painting.paint(camera, intrinsics, scene, self._settings.noise, abs(seed))
-        elif kind is ImageKind.SEGMENTATION:
-            data = painting.segments(camera, intrinsics, scene)
-        else:
-            measure = painting.depths if kind is ImageKind.DEPTH else painting.ranges
-            data = measure(camera, intrinsics, scene)
-        return EncodedImage(
-            png.encode(intrinsics.width_px, intrinsics.height_px, data) if is_picture else data,
-            ImageFormat.PNG if is_picture else ImageFormat.FLOAT32,
-            intrinsics.width_px,
-            intrinsics.height_px,
-            taken.stamp_s,
-            intrinsics,
-            taken.viewpoint,
+        markers = [Marker(*each.position, each.size_m, each.yaw_rad, each.cells) for each in self._settings.markers]
+        seed = (self._seed * _SEED_DISTANCE + shot.seen.step) * _MOST_CAMERAS + self._number
+        return Order(
+            Pose(place, body.orientation * mounting.orientation),
+            shot.intrinsics,
+            Scene(shot.seen.ground_z_m, markers),
             kind,
+            self._settings.noise,
+            abs(seed),
         )
 
 
 class LightCameras(OfferedCameras):
     """The cameras of one UAV."""
 
-    def __init__(self, settings: Sequence[LightCameraSettings], seed: int, look: Callable[[], Seen]) -> None:
+    def __init__(
+        self, settings: Sequence[LightCameraSettings], seed: int, look: Callable[[], Seen], painter: Painter
+    ) -> None:
         self._cameras = [LightCamera(number, each, seed, look, self._paint) for number, each in enumerate(settings)]
         self._lock = threading.Lock()
-        self._painter: ThreadPoolExecutor | None = None
-        self._waiting_count = 0
+        self._painter = painter
+        self._waiting: set[Future[bytes]] = set()
         self._is_closed = False
 
     @override
@@ -356,34 +344,40 @@ class LightCameras(OfferedCameras):
             each.step(seen)
 
     def close(self) -> None:
-        """Ends the thread that paints. Pictures that wait are cancelled."""
+        """Cancels the pictures that wait to be painted."""
         with self._lock:
-            painter, self._painter, self._is_closed = self._painter, None, True
-        if painter is not None:
-            painter.shutdown(cancel_futures=True)
+            self._is_closed, waiting = True, list(self._waiting)
+        for each in waiting:
+            each.cancel()
 
-    def _paint(self, make: Callable[[], EncodedImage]) -> Future[EncodedImage]:
-        """Has a picture painted by the only thread that paints, so that the flight has the other processors."""
+    def _paint(self, order: Order) -> Future[bytes]:
+        """Has a picture painted, one after the other for all UAVs, so that the flights have the other processors."""
         with self._lock:
-            if self._waiting_count >= MOST_WAITING:
+            if len(self._waiting) >= MOST_WAITING:
                 text = f"{MOST_WAITING} pictures are being painted already, which is the limit: wait for one"
                 return _failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
             if self._is_closed:
                 return _failed(UalError("this UAV is closed"))
-            if self._painter is None:
-                self._painter = ThreadPoolExecutor(1, "light-camera")
-            self._waiting_count += 1
-            painted = self._painter.submit(make)
-        painted.add_done_callback(lambda _: self._on_painted())
+            painted = self._painter.paint(order)
+            self._waiting.add(painted)
+        painted.add_done_callback(self._on_painted)
         return painted
 
-    def _on_painted(self) -> None:
+    def _on_painted(self, painted: Future[bytes]) -> None:
         with self._lock:
-            self._waiting_count -= 1
+            self._waiting.discard(painted)
 
 
-def _failed(error: BaseException) -> Future[EncodedImage]:
-    future: Future[EncodedImage] = Future()
+def _encoded(shot: _Shot, kind: ImageKind, data: bytes) -> EncodedImage:
+    is_picture = kind in (ImageKind.COLOUR, ImageKind.SEGMENTATION)
+    encoding = ImageFormat.PNG if is_picture else ImageFormat.FLOAT32
+    width_px, height_px = shot.intrinsics.width_px, shot.intrinsics.height_px
+    stamp_s, viewpoint = shot.taken.stamp_s, shot.taken.viewpoint
+    return EncodedImage(data, encoding, width_px, height_px, stamp_s, shot.intrinsics, viewpoint, kind)
+
+
+def _failed(error: BaseException) -> Future[Any]:
+    future: Future[Any] = Future()
     future.set_exception(error)
     return future
 

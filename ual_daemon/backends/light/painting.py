@@ -8,8 +8,7 @@ through the origin along x is red, that along y is green.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +16,11 @@ from numpy.typing import NDArray
 
 from ual.cameras import CameraIntrinsics
 from ual.geometry import Pose
+from ual_daemon.backends.light.scene import Marker, Scene
 
 Array = NDArray[np.float32]
+Picture = NDArray[np.uint8]
+"""Rows of columns of red, green, blue."""
 
 GRID_M = 1.0
 LINE_M, AXIS_M = 0.05, 0.12
@@ -34,78 +36,66 @@ SKY_LABEL, GROUND_LABEL, FIRST_MARKER_LABEL = 0, 1, 2
 """What a pixel shows, in `segments`: the markers count on. A line belongs to the ground."""
 MOST_LABEL = 255
 """All markers from this number on have it."""
+_BLOCK_PX = 32768
+"""A block of rows of about so many pixels is painted at a time: its numbers stay in the processor's cache."""
+_LEAST_SLOPE = np.float32(1e-6)
+"""A ray that goes down less than this sees the sky."""
 
 
-class Marker(NamedTuple):
-    """A square on the ground, with cells from its upper left corner on: True is white. Black and white borders follow.
-
-    `size_m` is the side of its black border. With a yaw of 0 its top is towards y, and its right side towards x.
-    """
-
-    x_m: float
-    y_m: float
-    size_m: float
-    yaw_rad: float
-    cells: tuple[tuple[bool, ...], ...]
-
-
-class Scene(NamedTuple):
-    """What is to be seen. Places are in the local frame, in metres."""
-
-    ground_z_m: float
-    markers: Sequence[Marker] = ()
-
-
-def paint(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene, noise: float = 0.0, seed: int = 0) -> bytes:
-    """Returns the rows of a picture, three bytes (red, green, blue) a pixel.
+def paint(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene, noise: float = 0.0, seed: int = 0) -> Picture:
+    """Returns a picture.
 
     `camera` looks along its x; its picture's left is its y. `noise` is the standard deviation of each colour, of 255.
-    The same seed makes the same noise.
+    The same seed makes the same noise, whatever is seen.
     """
-    rays, sees_ground, slope, reach, length, x, y = _cast(camera, intrinsics, scene)
-    colours = _sky(rays)
-    footprint = reach * length / (intrinsics.focal_length_x_px * slope)  # what a pixel covers, along the ray's way
-    ground = _ground(x, y, footprint)
-    for marker in scene.markers:
-        _lay(marker, x, y, ground)
-    clear = np.exp(-reach * length / HAZE_M)[:, None]
-    colours[sees_ground] = ground * clear + np.array(HORIZON, np.float32) * (1.0 - clear)
-    if noise:
-        # The shape is given, and not the values: so the noise of one seed is the same for each scene.
-        generator = np.random.default_rng(seed)
-        colours += generator.standard_normal(colours.shape, dtype=np.float32) * np.float32(noise)
-    return np.clip(np.rint(colours), 0.0, 255.0).astype(np.uint8).tobytes()
+    picture = np.empty((intrinsics.height_px, intrinsics.width_px, 3), np.uint8)
+    generator = np.random.default_rng(seed)
+    for rows, cast in _blocks(camera, intrinsics, scene):
+        planes = _seen(cast, intrinsics.focal_length_x_px, scene)
+        if noise:
+            planes += generator.standard_normal(planes.shape, np.float32) * np.float32(noise)
+        planes += np.float32(0.5)  # what follows cuts off
+        np.clip(planes, 0.0, 255.0, out=planes)
+        picture[rows] = np.moveaxis(planes, 0, 2)
+    return picture
 
 
-def depths(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> bytes:
-    """Returns how far each pixel's point is along the view, m: as `ual.cameras.ImageFormat.FLOAT32`."""
-    cast = _cast(camera, intrinsics, scene)
-    return _numbers(cast, cast.reach)
+def depths(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Array:
+    """Returns rows of how far each pixel's point is along the view, m; infinity for the sky."""
+    found = np.empty((intrinsics.height_px, intrinsics.width_px), np.float32)
+    for rows, cast in _blocks(camera, intrinsics, scene):
+        found[rows] = np.where(cast.is_ground, cast.reach, np.inf)
+    return found
 
 
-def ranges(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> bytes:
-    """Returns how far each pixel's point is from the camera's centre, m: as `ual.cameras.ImageFormat.FLOAT32`."""
-    cast = _cast(camera, intrinsics, scene)
-    return _numbers(cast, cast.reach * cast.length)
+def ranges(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Array:
+    """Returns rows of how far each pixel's point is from the camera's centre, m; infinity for the sky."""
+    found = np.empty((intrinsics.height_px, intrinsics.width_px), np.float32)
+    for rows, cast in _blocks(camera, intrinsics, scene):
+        found[rows] = np.where(cast.is_ground, cast.reach * cast.length, np.inf)
+    return found
 
 
-def segments(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> bytes:
-    """Returns the rows of a picture, whose red, green and blue are the label of what a pixel's centre shows."""
-    cast = _cast(camera, intrinsics, scene)
-    labels = np.full(len(cast.rays), SKY_LABEL, np.uint8)
-    ground = np.full(cast.x.size, GROUND_LABEL, np.uint8)
-    for number, marker in enumerate(scene.markers):
-        _, _, _, inside = _within(marker, cast.x, cast.y)
-        ground[inside] = min(FIRST_MARKER_LABEL + number, MOST_LABEL)
-    labels[cast.sees_ground] = ground
-    return np.repeat(labels, 3).tobytes()
+def segments(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Picture:
+    """Returns a picture, whose red, green and blue are the label of what a pixel's centre shows."""
+    labels = np.empty((intrinsics.height_px, intrinsics.width_px), np.uint8)
+    for rows, cast in _blocks(camera, intrinsics, scene):
+        found = np.full(cast.x.shape, GROUND_LABEL, np.uint8)
+        for number, marker in enumerate(scene.markers):
+            on_it = _within(marker, cast.x, cast.y)
+            found[on_it.rows, on_it.columns] = min(FIRST_MARKER_LABEL + number, MOST_LABEL)
+        labels[rows] = np.where(cast.is_ground, found, np.uint8(SKY_LABEL))
+    return np.repeat(labels[:, :, None], 3, axis=2)
 
 
 class _Cast(NamedTuple):
-    """The rays of all pixels, and of those that meet the ground where they do: one of x = 1 as often as `reach`."""
+    """The rays of a block's pixels, and where they meet the ground: one of x = 1 in the camera as often as `reach`.
+
+    Where it meets none, `slope` is the least one, and what follows from it has no meaning.
+    """
 
     rays: Array
-    sees_ground: NDArray[np.bool_]
+    is_ground: NDArray[np.bool_]
     slope: Array
     reach: Array
     length: Array
@@ -113,85 +103,126 @@ class _Cast(NamedTuple):
     y: Array
 
 
-def _cast(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> _Cast:
-    rays = _rays(intrinsics) @ _matrix(camera).T
-    height_m = max(camera.position.z - scene.ground_z_m, NEAREST_M)
-    down = -rays[:, 2]
-    sees_ground = down > 1e-6
-    ray, slope = rays[sees_ground], down[sees_ground]
-    reach = height_m / slope
-    x, y = camera.position.x + ray[:, 0] * reach, camera.position.y + ray[:, 1] * reach
-    length = np.sqrt(ray[:, 0] ** 2 + ray[:, 1] ** 2 + slope**2)
-    return _Cast(rays, sees_ground, slope, reach, length, x, y)
-
-
-def _numbers(cast: _Cast, of_ground: Array) -> bytes:
-    numbers = np.full(len(cast.rays), np.inf, "<f4")
-    numbers[cast.sees_ground] = of_ground
-    return numbers.tobytes()
-
-
-@lru_cache(maxsize=4)
-def _rays(intrinsics: CameraIntrinsics) -> Array:
-    """Returns the direction of each pixel in the axes of the camera's pose, row by row; x is 1."""
+def _blocks(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Iterator[tuple[slice, _Cast]]:
+    """Yields blocks of rows: which ones, and what their rays meet."""
     columns = (np.arange(intrinsics.width_px) - intrinsics.centre_x_px) / intrinsics.focal_length_x_px
     rows = (np.arange(intrinsics.height_px) - intrinsics.centre_y_px) / intrinsics.focal_length_y_px
-    left, up = np.meshgrid(-columns, -rows)
-    return np.stack([np.ones(left.size), left.ravel(), up.ravel()], axis=1).astype(np.float32)
+    forward, left, up = _matrix(camera).T[:, :, None, None]
+    across = (forward - left * columns).astype(np.float32)
+    along = (-up * rows[:, None]).astype(np.float32)
+    count = max(1, _BLOCK_PX // intrinsics.width_px)
+    for first in range(0, intrinsics.height_px, count):
+        block = slice(first, first + count)
+        yield block, _cast(camera, across + along[:, block], scene)
 
 
-def _matrix(camera: Pose) -> Array:
+def _cast(camera: Pose, rays: Array, scene: Scene) -> _Cast:
+    slope = np.maximum(-rays[2], _LEAST_SLOPE)
+    reach = np.float32(max(camera.position.z - scene.ground_z_m, NEAREST_M)) / slope
+    x, y = rays[0] * reach + np.float32(camera.position.x), rays[1] * reach + np.float32(camera.position.y)
+    return _Cast(rays, slope > _LEAST_SLOPE, slope, reach, np.sqrt(np.square(rays).sum(axis=0)), x, y)
+
+
+def _matrix(camera: Pose) -> NDArray[np.float64]:
     x, y, z, w = camera.orientation.normalized()
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ],
-        np.float32,
+        ]
     )
 
 
-def _sky(rays: Array) -> Array:
-    elevation = np.clip(rays[:, 2] / np.linalg.norm(rays, axis=1), 0.0, 1.0)[:, None]
-    sky: Array = np.array(HORIZON, np.float32) * (1.0 - elevation) + np.array(ZENITH, np.float32) * elevation
-    return sky
+def _seen(cast: _Cast, focal_px: float, scene: Scene) -> Array:
+    """Returns the planes of red, green and blue that the rays of a block see."""
+    if not cast.is_ground.any():
+        return _sky(cast)
+    way = cast.reach * cast.length
+    footprint = way / (np.float32(focal_px) * cast.slope)  # what a pixel covers, along its ray
+    planes = _ground(cast.x, cast.y, footprint)
+    for marker in scene.markers:
+        _lay(marker, cast.x, cast.y, planes)
+    clear = np.exp(way / np.float32(-HAZE_M))
+    _mix(planes, np.float32(1.0) - clear, HORIZON)
+    return planes if cast.is_ground.all() else np.where(cast.is_ground, planes, _sky(cast))
+
+
+def _sky(cast: _Cast) -> Array:
+    planes = _plain(HORIZON, cast.length.shape)
+    _mix(planes, np.clip(cast.rays[2] / cast.length, 0.0, 1.0), ZENITH)
+    return planes
 
 
 def _ground(x: Array, y: Array, footprint: Array) -> Array:
-    colours = np.empty((x.size, 3), np.float32)
-    colours[:] = GROUND
+    planes = _plain(GROUND, x.shape)
     for value in (x, y):
-        _draw(colours, np.abs((value + GRID_M / 2) % GRID_M - GRID_M / 2), LINE_M, footprint, LINE)
-    _draw(colours, np.abs(y), AXIS_M, footprint, RED)
-    _draw(colours, np.abs(x), AXIS_M, footprint, GREEN)
-    return colours
+        _mix(planes, _share(_to_line(value), LINE_M, footprint), LINE)
+    for distance, colour in ((np.abs(y), RED), (np.abs(x), GREEN)):
+        if (distance < (footprint + np.float32(AXIS_M)) / 2).any():
+            _mix(planes, _share(distance, AXIS_M, footprint), colour)
+    return planes
 
 
-def _draw(colours: Array, distance: Array, width_m: float, footprint: Array, colour: tuple[float, ...]) -> None:
-    """Draws a line over colours: each pixel gets the share of the line in what it covers."""
-    begin, end = np.maximum(distance - footprint / 2, -width_m / 2), np.minimum(distance + footprint / 2, width_m / 2)
-    share = np.clip((end - begin) / footprint, 0.0, 1.0)[:, None]
-    colours += (np.array(colour, np.float32) - colours) * share
+def _plain(colour: tuple[float, ...], shape: tuple[int, ...]) -> Array:
+    planes = np.empty((3, *shape), np.float32)
+    planes[:] = np.array(colour, np.float32)[:, None, None]
+    return planes
 
 
-def _lay(marker: Marker, x: Array, y: Array, colours: Array) -> None:
-    """Lays a marker over the ground: its cells, a black border, and a white one, each of a cell's width."""
-    right, up, reach_m, inside = _within(marker, x, y)
-    if not inside.size:
-        return
-    count = len(marker.cells) + 2
-    cell_m = marker.size_m / count
-    table = np.pad(np.pad(np.array(marker.cells, bool), 1, constant_values=False), 1, constant_values=True)
-    column = ((right[inside] + reach_m) / cell_m).astype(int).clip(0, count + 1)
-    row = ((reach_m - up[inside]) / cell_m).astype(int).clip(0, count + 1)
-    colours[inside] = np.where(table[row, column][:, None], np.array(WHITE), np.array(BLACK))
+def _mix(planes: Array, share: Array, colour: tuple[float, ...]) -> None:
+    """Gives each pixel its share of a colour."""
+    for index, value in enumerate(colour):
+        planes[index] += (np.float32(value) - planes[index]) * share
 
 
-def _within(marker: Marker, x: Array, y: Array) -> tuple[Array, Array, float, NDArray[np.intp]]:
-    """Returns places in the axes of a marker, how far it reaches from its centre, and the numbers of those on it."""
-    reach_m = marker.size_m / 2 + marker.size_m / (len(marker.cells) + 2)
-    dx, dy = x - marker.x_m, y - marker.y_m
+def _to_line(value: Array) -> Array:
+    """Returns the distance to the nearest line of the grid."""
+    distance: Array = np.abs(value - np.rint(value / np.float32(GRID_M)) * np.float32(GRID_M))
+    return distance
+
+
+def _share(distance: Array, width_m: float, footprint: Array) -> Array:
+    """Returns which share of what each pixel covers is a line of this width."""
+    half, half_line = footprint * np.float32(0.5), np.float32(width_m / 2)
+    covered = np.minimum(distance + half, half_line) - np.maximum(distance - half, -half_line)
+    share: Array = np.clip(covered / footprint, 0.0, 1.0)
+    return share
+
+
+class _Within(NamedTuple):
+    """Which pixels of a block are on a marker, and how far right and up from its centre, m."""
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    right: Array
+    up: Array
+
+
+def _within(marker: Marker, x: Array, y: Array) -> _Within:
+    reach_m = _reach_m(marker)
+    dx, dy = x - np.float32(marker.x_m), y - np.float32(marker.y_m)
+    rows, columns = np.nonzero((np.abs(dx) < 1.5 * reach_m) & (np.abs(dy) < 1.5 * reach_m))
+    dx, dy = dx[rows, columns], dy[rows, columns]
     cos, sin = np.cos(marker.yaw_rad), np.sin(marker.yaw_rad)
     right, up = cos * dx + sin * dy, cos * dy - sin * dx
-    return right, up, reach_m, np.flatnonzero((np.abs(right) < reach_m) & (np.abs(up) < reach_m))
+    inside = (np.abs(right) < reach_m) & (np.abs(up) < reach_m)
+    return _Within(rows[inside], columns[inside], right[inside], up[inside])
+
+
+def _reach_m(marker: Marker) -> float:
+    """Returns how far a marker reaches from its centre, along its sides."""
+    return marker.size_m / 2 + marker.size_m / (len(marker.cells) + 2)
+
+
+def _lay(marker: Marker, x: Array, y: Array, planes: Array) -> None:
+    """Lays a marker over the ground: its cells, a black border, and a white one, each of a cell's width."""
+    rows, columns, right, up = _within(marker, x, y)
+    if not right.size:
+        return
+    count, reach_m = len(marker.cells) + 2, _reach_m(marker)
+    cell_m = marker.size_m / count
+    table = np.pad(np.pad(np.array(marker.cells, bool), 1, constant_values=False), 1, constant_values=True)
+    column = ((right + reach_m) / cell_m).astype(int).clip(0, count + 1)
+    row = ((reach_m - up) / cell_m).astype(int).clip(0, count + 1)
+    planes[:, rows, columns] = np.where(table[row, column], np.array(WHITE)[:, None], np.array(BLACK)[:, None])

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Vector3
 from ual_daemon.backends.engine.link_watch import LinkWatch
+from ual_daemon.backends.light.painter import Painter
 from ual_daemon.backends.light.physics import NEVER_REPORTED, STEP_S
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.single import Single
@@ -93,6 +94,8 @@ class World:
         self.watch = LinkWatch("light", math.inf)
         """Of the links to all vehicles, which are never lost: a fault of one is its own."""
         self.fleet: Vehicles = Single()
+        self.painter = Painter()
+        """Of the pictures of all vehicles."""
         self.epoch_s = time.time()
         self._steps = 0
         self._stepping = threading.RLock()
@@ -152,6 +155,8 @@ class World:
             if is_last:
                 self._thread = None
             self._changed.notify_all()
+        if is_last:
+            self.painter.close()
         if threading.current_thread() is thread:
             return  # this is a callback of a step: the thread ends after that step
         if is_last and thread is not None:

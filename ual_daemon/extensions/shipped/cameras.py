@@ -5,9 +5,11 @@ None of it moves the UAV, so no lease is needed: what is filmed is often another
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import Future
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from typing_extensions import override
 
@@ -25,7 +27,7 @@ from ual.cameras import (
 from ual.errors import InvalidArgumentError, NotSupportedError
 from ual.geometry import Pose, PoseStamped
 from ual_daemon import validation
-from ual_daemon.backends.chain import then
+from ual_daemon.backends.chain import shared, then
 from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
 from ual_daemon.extensions.shipped.vehicle import LocatedVehicle, offered, wait
 from ual_daemon.flight.refusals import only_watching
@@ -39,6 +41,21 @@ LONGEST_DISTANCE_M = 10_000.0
 LEAST_INTERVAL_S = 0.05
 LEAST_DISTANCE_M = 0.1
 MOST_COUNT = 1_000_000
+OLDEST_S = 60.0
+"""Of a picture that is shared."""
+
+
+class _Ordered(NamedTuple):
+    """A picture, and when it was ordered (monotonic clock)."""
+
+    ordered_s: float
+    image: Future[Image]
+
+    def is_of_no_use(self, max_age_s: float) -> bool:
+        """Whether it is too old, or was not made."""
+        if time.monotonic() - self.ordered_s > max_age_s:
+            return True
+        return self.image.done() and (self.image.cancelled() or self.image.exception() is not None)
 
 
 class VehicleCameras:
@@ -46,6 +63,9 @@ class VehicleCameras:
 
     def __init__(self, vehicle: LocatedVehicle) -> None:
         self._vehicle = vehicle
+        self._lock = threading.Lock()
+        self._newest: dict[tuple[int, ImageKind], _Ordered] = {}
+        """The last picture of each camera and kind that may be shared."""
 
     def get_all(self) -> list[CameraInfo]:
         """See `ual.interface.Cameras`."""
@@ -109,13 +129,28 @@ class VehicleCameras:
         """See `ual.interface.Camera`."""
         return self._able(number, CameraAbility.STREAMS).streams()
 
-    def image(self, number: int, photo: int | None, kind: ImageKind) -> Future[Image]:
-        """See `ual.interface.Camera`."""
-        photo = None if photo is None else _whole(photo, "photo", at_most=2**32 - 1)
+    def image(
+        self, number: int, photo: int | None, kind: ImageKind = ImageKind.COLOUR, max_age_s: float = 0.0
+    ) -> Future[Image]:
+        """See `ual.interface.Camera`. Who shares a picture gets the same object."""
+        max_age_s = _within(max_age_s, "max_age_s", 0.0, OLDEST_S)
+        if photo is not None:
+            return self._made(number, _whole(photo, "photo", at_most=2**32 - 1), kind)
+        return self._recent(number, kind, max_age_s) if max_age_s else self._made(number, None, kind)
+
+    def _made(self, number: int, photo: int | None, kind: ImageKind) -> Future[Image]:
         validation.require_type(kind, ImageKind, "kind")
         camera = self._able(number, CameraAbility.IMAGE)
         _require_kind(camera.info, kind)
         return then(camera.image(photo, kind), self._image)
+
+    def _recent(self, number: int, kind: ImageKind, max_age_s: float) -> Future[Image]:
+        """Returns a picture that was ordered within `max_age_s`; if there is none, a new one."""
+        with self._lock:
+            newest = self._newest.get((number, kind))
+            if newest is None or newest.is_of_no_use(max_age_s):
+                newest = self._newest[number, kind] = _Ordered(time.monotonic(), self._made(number, None, kind))
+        return shared(newest.image)
 
     def _offer(self) -> OfferedCameras:
         return offered(self._vehicle, OfferedCameras, "cameras")  # type: ignore[type-abstract]  # it is only looked for
@@ -227,8 +262,8 @@ class Camera(interface.Camera):
         return _done(self._cameras.streams(self._number), "listing the video streams")
 
     @override
-    def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR) -> Image:
-        return _done(self._cameras.image(self._number, photo, kind), "making the picture")
+    def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR, *, max_age_s: float = 0.0) -> Image:
+        return _done(self._cameras.image(self._number, photo, kind, max_age_s), "making the picture")
 
 
 class Cameras(interface.Cameras):

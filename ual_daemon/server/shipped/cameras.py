@@ -95,7 +95,8 @@ class CameraServicer(camera_pb2_grpc.CameraServiceServicer):
     async def GetImage(self, request: pb.GetImageRequest, context: object) -> AsyncIterator[pb.GetImageResponse]:
         photo = request.photo if request.HasField("photo") else None
         kind = convert.kind_from_proto(request.kind)
-        image = await ended(self._cameras.image(request.camera, photo, kind), ORDER_S, "GetImage")
+        making = self._cameras.image(request.camera, photo, kind, request.max_age_s)
+        image = await ended(making, ORDER_S, "GetImage")
         for message in convert.image_to_protos(image):
             yield message
 

@@ -80,15 +80,21 @@ class Camera:
         """Returns where its videos can be watched, by a player of video streams."""
         return await self._connection.run(_camera_calls.streams(self._number))
 
-    async def image(self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR) -> Image:
+    async def image(
+        self, photo: int | None = None, kind: ImageKind = ImageKind.COLOUR, *, max_age_s: float = 0.0
+    ) -> Image:
         """Returns a picture as bytes, with its stamp and its poses.
 
         Args:
             photo: The number of a picture that was taken. None: what the camera sees now.
             kind: What its pixels mean: one of `CameraInfo.image_kinds`.
+            max_age_s: Of what it sees now: a picture that was ordered no longer ago will do, so that several programs
+                share one. 0: a new one.
 
         """
-        return await self._connection.run(_camera_calls.image(self._number, photo=photo, kind=kind))
+        return await self._connection.run(
+            _camera_calls.image(self._number, photo=photo, kind=kind, max_age_s=max_age_s)
+        )
 
 
 class Cameras:

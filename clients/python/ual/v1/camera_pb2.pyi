@@ -864,20 +864,26 @@ class GetImageRequest(google.protobuf.message.Message):
     CAMERA_FIELD_NUMBER: builtins.int
     PHOTO_FIELD_NUMBER: builtins.int
     KIND_FIELD_NUMBER: builtins.int
+    MAX_AGE_S_FIELD_NUMBER: builtins.int
     camera: builtins.int
     photo: builtins.int
     """A picture that was taken; not set: what the camera sees now."""
     kind: Global___ImageKind.ValueType
     """One of Camera.image_kinds. Not set: colours."""
+    max_age_s: builtins.float
+    """Of what it sees now: a picture that was ordered no longer ago will do, s, so that several programs share one.
+    0: a new one.
+    """
     def __init__(
         self,
         *,
         camera: builtins.int = ...,
         photo: builtins.int | None = ...,
         kind: Global___ImageKind.ValueType = ...,
+        max_age_s: builtins.float = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["_photo", b"_photo", "photo", b"photo"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_photo", b"_photo", "camera", b"camera", "kind", b"kind", "photo", b"photo"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["_photo", b"_photo", "camera", b"camera", "kind", b"kind", "max_age_s", b"max_age_s", "photo", b"photo"]) -> None: ...
     def WhichOneof(self, oneof_group: typing.Literal["_photo", b"_photo"]) -> typing.Literal["photo"] | None: ...
 
 Global___GetImageRequest: typing_extensions.TypeAlias = GetImageRequest

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import struct
-import threading
 import zlib
 from collections.abc import Iterator
+from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,13 @@ import pytest
 
 from tests.ual_daemon.backends.light.drone import Drone
 from ual.cameras import CameraIntrinsics, CameraMode, ImageFormat, ImageKind, StorageState
-from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, ResourceExhaustedError
+from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.simulation import LinkLost
 from ual_daemon.backends.light import camera, painting
+from ual_daemon.backends.light.painter import Painter
 from ual_daemon.backends.light.png import encode
+from ual_daemon.backends.light.scene import Marker, Order, Scene
 from ual_daemon.backends.light.settings import ARUCO_0, LightCameraSettings, LightMarkerSettings
 from ual_daemon.backends.offers.cameras import OfferedCamera, OfferedCameras
 from ual_daemon.backends.values import PositionSetpoint, VelocitySetpoint
@@ -36,10 +39,9 @@ def closed_drones() -> Iterator[None]:
         Drone.opened.pop().backend.close()
 
 
-def picture(pose: Pose, *markers: painting.Marker, **options: Any) -> np.ndarray[Any, Any]:
+def picture(pose: Pose, *markers: Marker, view: CameraIntrinsics = VIEW, **options: Any) -> np.ndarray[Any, Any]:
     """What a camera at a pose sees: rows of columns of colours."""
-    rgb = painting.paint(pose, VIEW, painting.Scene(0.0, markers), **options)
-    return np.frombuffer(rgb, np.uint8).reshape(VIEW.height_px, VIEW.width_px, 3).astype(int)
+    return painting.paint(pose, view, Scene(0.0, markers), **options).astype(int)
 
 
 def pixel_of(camera: Pose, point: Vector3) -> tuple[int, int]:
@@ -61,7 +63,7 @@ def test_what_lies_at_a_place_is_seen_where_the_intrinsics_say(yaw_rad: float, p
     cells = tuple(tuple(each == "1" for each in row) for row in ARUCO_0)
     ahead = pose.orientation.rotate(Vector3(1.0))
     centre = pose.position + ahead * (-3.0 / ahead.z)
-    marker = painting.Marker(centre.x, centre.y, 1.2, 0.4, cells)
+    marker = Marker(centre.x, centre.y, 1.2, 0.4, cells)
     seen = picture(pose, marker)
     for row in range(4):
         for column in range(4):
@@ -99,15 +101,10 @@ def test_a_camera_that_lies_on_the_ground_sees_something() -> None:
     assert picture(Pose(Vector3(0.0, 0.0, -1.0), Quaternion())).shape == (121, 161, 3)
 
 
-def numbers(data: bytes) -> np.ndarray[Any, Any]:
-    return np.frombuffer(data, "<f4").reshape(VIEW.height_px, VIEW.width_px)
-
-
 @pytest.mark.parametrize("pitch_rad", [math.pi / 2.0, 0.8, 0.0, -0.3])
 def test_how_far_the_ground_is_is_told_for_each_pixel_and_infinity_for_the_sky(pitch_rad: float) -> None:
     pose = Pose(Vector3(-0.4, 0.3, 3.0), Quaternion.from_euler(0.1, pitch_rad, 0.5))
-    scene = painting.Scene(1.0)
-    depth, far = numbers(painting.depths(pose, VIEW, scene)), numbers(painting.ranges(pose, VIEW, scene))
+    depth, far = (measure(pose, VIEW, Scene(1.0)) for measure in (painting.depths, painting.ranges))
     for row in range(0, VIEW.height_px, 10):
         for column in range(0, VIEW.width_px, 10):
             left = (VIEW.centre_x_px - column) / VIEW.focal_length_x_px
@@ -120,9 +117,8 @@ def test_how_far_the_ground_is_is_told_for_each_pixel_and_infinity_for_the_sky(p
 
 def test_each_marker_the_ground_and_the_sky_have_a_label() -> None:
     pose = Pose(Vector3(0.0, 0.0, 3.0), Quaternion.from_euler(0.0, 0.4, 0.0))
-    markers = [painting.Marker(4.0, each, 0.6, 0.3, ((True, False), (False, True))) for each in (0.9, -0.9)]
-    found = np.frombuffer(painting.segments(pose, VIEW, painting.Scene(0.0, markers)), np.uint8)
-    labels = found.reshape(VIEW.height_px, VIEW.width_px, 3)
+    markers = [Marker(4.0, each, 0.6, 0.3, ((True, False), (False, True))) for each in (0.9, -0.9)]
+    labels = painting.segments(pose, VIEW, Scene(0.0, markers))
     assert (labels == labels[..., :1]).all()
     assert set(labels.ravel()) == {painting.SKY_LABEL, painting.GROUND_LABEL, 2, 3}
     assert labels[0, 0, 0] == painting.SKY_LABEL
@@ -155,15 +151,26 @@ def pixels_of_png(data: bytes) -> tuple[int, int, bytes]:
         chunks[kind], at = content, at + 12 + size
     width, height, *rest = struct.unpack(">IIBBBBB", chunks[b"IHDR"])
     assert rest == [8, 2, 0, 0, 0]
-    rows = zlib.decompress(chunks[b"IDAT"])
-    row_size = 3 * width + 1
-    assert all(rows[begin] == 0 for begin in range(0, len(rows), row_size))
-    return width, height, b"".join(rows[begin + 1 : begin + row_size] for begin in range(0, len(rows), row_size))
+    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(height, 3 * width + 1)
+    assert (rows[:, 0] == 1).all()  # each pixel is written as its difference to the one before
+    pixels = np.cumsum(rows[:, 1:].reshape(height, width, 3), axis=1, dtype=np.uint8)
+    return width, height, pixels.tobytes()
 
 
-def test_a_png_has_each_pixel() -> None:
-    rgb = bytes(range(2 * 3 * 3))
-    assert pixels_of_png(encode(2, 3, rgb)) == (2, 3, rgb)
+@pytest.mark.parametrize(("width", "height"), [(2, 3), (1, 1), (1, 4), (64, 48)])
+def test_a_png_has_each_pixel(width: int, height: int) -> None:
+    rgb = np.random.default_rng(1).integers(0, 256, (height, width, 3), np.uint8)
+    assert pixels_of_png(encode(rgb)) == (width, height, rgb.tobytes())
+
+
+def test_a_picture_of_many_blocks_is_one_picture() -> None:
+    """Rows are painted some at a time: what a block sees must not depend on which others there are."""
+    large = CameraIntrinsics.of_view(401, 301, 1.2)
+    for pitch_rad in (0.1, 1.4):
+        pose = Pose(Vector3(0.3, 0.2, 2.0), Quaternion.from_euler(0.05, pitch_rad, 0.3))
+        whole = picture(pose, view=large)
+        middle = dataclasses.replace(large, height_px=101, centre_y_px=large.centre_y_px - 100.0)
+        assert np.abs(whole[100:201] - picture(pose, view=middle)).max() <= 1
 
 
 def cameras_of(drone: Drone) -> camera.LightCameras:
@@ -282,23 +289,41 @@ def test_without_a_link_nothing_is_answered_and_it_is_not_connected() -> None:
 
 
 def test_only_so_many_pictures_wait_and_closing_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    may_paint = threading.Event()
+    painted: list[Future[bytes]] = []
 
-    def slowly(*_: object) -> bytes:
-        assert may_paint.wait(LIMIT_S)
-        return bytes(64 * 48 * 3)
+    def paint(_: Painter, order: Order) -> Future[bytes]:
+        assert order.intrinsics.width_px == 64
+        painted.append(Future())
+        return painted[-1]
 
-    monkeypatch.setattr(painting, "paint", slowly)
+    monkeypatch.setattr(Painter, "paint", paint)
     drone = Drone(cameras=[small()])
     found = camera_of(drone)
     waiting = [found.image(None) for _ in range(camera.MOST_WAITING)]
     with pytest.raises(ResourceExhaustedError, match="which is the limit"):
         found.image(None).result(0)
-    may_paint.set()
-    assert {each.result(LIMIT_S).width_px for each in waiting} == {64}
+    painted[0].set_result(b"painted")
+    assert waiting[0].result(0).data == b"painted"
+    found.image(None)
     drone.backend.close()
+    assert all(each.cancelled() for each in painted[1:])
     with pytest.raises(Exception, match="this UAV is closed"):
         found.image(None).result(0)
+
+
+def test_a_process_that_ends_is_told_and_replaced() -> None:
+    order = Order(Pose(Vector3(0.0, 0.0, 2.0), DOWN), CameraIntrinsics.of_view(8, 6, 1.2), Scene(0.0))
+    painter = Painter()
+    try:
+        first = painter.paint(order).result(LIMIT_S)
+        assert pixels_of_png(first)[:2] == (8, 6)
+        bad: Any = Order(order.camera, order.intrinsics, None)  # type: ignore[arg-type]  # what ends the process
+        with pytest.raises(UalError, match="the process that paints pictures has ended: status 1"):
+            painter.paint(bad).result(LIMIT_S)
+        assert painter.paint(order).result(LIMIT_S) == first
+    finally:
+        painter.close()
+    painter.close()
 
 
 def test_markers_must_be_squares() -> None:

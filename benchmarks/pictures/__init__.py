@@ -1,0 +1,1 @@
+"""What pictures cost a flight: ``python -m benchmarks.pictures``."""

@@ -1,0 +1,94 @@
+"""Has pictures painted by another process, so that no flight waits for them: painting keeps Python's lock."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ual.errors import UalError
+from ual_daemon.backends.light.scene import Order
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+_MODULE = "ual_daemon.backends.light.painting_process"
+_PACKAGES = Path(__file__).parents[3]
+"""Where `ual_daemon` is. The process starts there, so that no file of the user's directory is taken for a module."""
+_END_S = 5.0
+
+
+class Painter:
+    """Paints one picture after the other. Its process starts with the first one. From any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._easel: _Easel | None = None
+
+    def paint(self, order: Order) -> Future[bytes]:
+        """Returns the future of a picture as PNG."""
+        with self._lock:
+            if self._easel is None:
+                self._easel = _Easel()
+            return self._easel.paint(order)
+
+    def close(self) -> None:
+        """Ends its process. Pictures that wait are cancelled. A later one starts another process."""
+        with self._lock:
+            easel, self._easel = self._easel, None
+        if easel is not None:
+            easel.close()
+
+
+class _Easel:
+    """One thread that waits for one process. All but `paint` and `close` is called on that thread."""
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, "light-painter")
+        self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection | None = None
+
+    def paint(self, order: Order) -> Future[bytes]:
+        """See `Painter`."""
+        return self._thread.submit(self._painted, order)
+
+    def close(self) -> None:
+        """See `Painter`."""
+        self._thread.shutdown(cancel_futures=True)
+        self._end()
+
+    def _painted(self, order: Order) -> bytes:
+        connection = self._connection or self._start()
+        try:
+            connection.send(order)
+            return connection.recv_bytes()
+        except (EOFError, OSError):
+            raise UalError(f"the process that paints pictures has ended: {self._end()}") from None
+
+    def _start(self) -> Connection:
+        from multiprocessing import Pipe  # 20 ms, which only those wait for who want pictures
+
+        ours, its = Pipe()
+        with its:
+            command = [sys.executable, "-m", _MODULE, str(its.fileno())]
+            self._process = subprocess.Popen(  # noqa: S603 (our own command)
+                command, stdin=subprocess.DEVNULL, cwd=_PACKAGES, pass_fds=(its.fileno(),)
+            )
+        self._connection = ours
+        return ours
+
+    def _end(self) -> str:
+        """Ends the process, if there is one. Returns with which status it ended."""
+        process, connection = self._process, self._connection
+        self._process = self._connection = None
+        if process is None or connection is None:
+            return "it was not started"
+        connection.close()
+        try:
+            return f"status {process.wait(_END_S)}"
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return f"status {process.wait(_END_S)}"
