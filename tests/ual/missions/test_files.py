@@ -137,6 +137,7 @@ def test_a_heading_is_turned_to_rep_103() -> None:
         (do(2000, 2, 1, 0, 0), "it chooses one of several cameras"),
         (do(177, 9, 1), "it jumps to item 9, which there is not"),
         (do(177, 1, -1), "it repeats without an end, or never"),
+        (do(177, 1, 1e38), "it repeats 1e+38 times, more than an autopilot can count"),
         (do(201, 2, 5), "its region of interest is no place"),
         (do(112, 5), "it has a condition (a delay)"),
         (do(31000), "it is not known to UAL (MAVLink command 31000)"),

@@ -22,6 +22,8 @@ _REFERENCES = {
     6: AltitudeReference.HOME,
 }
 _E7 = 1e7
+MOST_HEIGHT_M = 32_767.0
+"""ArduPilot keeps heights of rally points with 16 bits."""
 
 
 def items_of_zones(zones: Sequence[FenceZone]) -> list[MissionItem]:
@@ -64,6 +66,11 @@ def items_of_rally(points: Sequence[RallyPoint]) -> list[MissionItem]:
     ]
 
 
+def _is_on_earth(item: MissionItem) -> bool:
+    """Whether an item has a place, at a height that UAL can tell (NaN is none)."""
+    return abs(item.x) <= 90.0 * _E7 and abs(item.y) <= 180.0 * _E7 and abs(item.z) <= MOST_HEIGHT_M
+
+
 def rally_of_items(items: Sequence[MissionItem]) -> tuple[RallyPoint, ...]:
     """Returns the rally points that the items mean.
 
@@ -76,6 +83,10 @@ def rally_of_items(items: Sequence[MissionItem]) -> tuple[RallyPoint, ...]:
         reference = _REFERENCES.get(item.frame)
         if item.command != _RALLY_POINT or reference is None:
             text = f"rally points: number {number} is none that UAL knows (command {item.command}, frame {item.frame})"
+            raise RejectedByAutopilotError(text, {"list": "rally points"})
+        if not _is_on_earth(item):
+            place = f"{item.x / _E7:.7f}, {item.y / _E7:.7f}, {item.z:g} m"
+            text = f"rally points: number {number} has no place on Earth ({place})"
             raise RejectedByAutopilotError(text, {"list": "rally points"})
         found.append(RallyPoint(item.x / _E7, item.y / _E7, round(item.z), reference))
     return tuple(found)

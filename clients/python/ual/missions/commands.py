@@ -32,6 +32,8 @@ _ABOVE = {
 """What altitudes count from, by MAV_FRAME."""
 _STAYING = (commands.WAYPOINT, commands.LOITER_TIME, commands.LAND)
 """For ArduPilot these stay where the item before has led, in what they do not give (loc_from_cmd, do_land)."""
+_MOST_TIMES = 65_535
+"""PX4 keeps how often a jump repeats with 16 bits, ArduPilot with 15."""
 _SAME_PLACE_DEG = 3e-5
 """Three metres: a take-off there is one at the planned home, as satellites do not tell them apart."""
 
@@ -230,6 +232,8 @@ class _Reader:
             raise FaultError(f"it jumps to item {target}, which there is not", item.where)
         if times < 1:
             raise FaultError("it repeats without an end, or never: give a number of times (parameter 2)", item.where)
+        if times > _MOST_TIMES:
+            raise FaultError(f"it repeats {times:g} times, more than an autopilot can count", item.where)
         return neutral.Jump(self._indices[target] + 1, times, number=item.number)
 
     def _position(self, item: FileItem) -> tuple[float, float, float, AltitudeReference]:

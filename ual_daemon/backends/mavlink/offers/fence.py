@@ -109,8 +109,8 @@ def _as(
             return
         try:
             meant = convert(listed.items)
-        except RejectedByAutopilotError as refused:
-            futures.fail(result, refused)
+        except Exception as failed:  # noqa: BLE001  whatever it is, who waits for the result has to get it
+            futures.fail(result, failed)
         else:
             if result.set_running_or_notify_cancel():
                 result.set_result(meant)
