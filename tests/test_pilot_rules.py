@@ -40,7 +40,7 @@ ALLOWED = {
     "rosbridge/link.py": "calls that were ended",
 }
 """Files with something alike that is no rule of the pilot's, and what it is about."""
-BESIDE_FLYING = ("offers/", "mavlink/offers/", "mavlink/protocols/")
+BESIDE_FLYING = ("offers/", "mavlink/offers/", "mavlink/protocols/", "mavros/offers/")
 """What is exchanged there moves no UAV: it is asked for again, or not waited for any more, as its protocol says."""
 
 

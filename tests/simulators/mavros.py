@@ -16,8 +16,9 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from tests.simulators.autopilot import Autopilot
+from tests.simulators.mavros_parameters import ParamPlugin, on_server
 from tests.simulators.ports import MemoryPort
-from tests.simulators.rosbridge import Message, Service
+from tests.simulators.rosbridge import Later, Message, Service
 from ual.geometry import Quaternion, Vector3
 from ual_daemon.backends.mavlink.dialects.axes import (
     enu_to_ned,
@@ -88,6 +89,10 @@ class Mavros:
         """By how much the clock of its computer is ahead."""
         self.is_gone = False
         """Whether the node has been killed: its topics and services are not there."""
+        self.denied: set[str] = set()
+        """The plugins on its deny list, of those that serve what is beside flying."""
+        self.dies_in = ""
+        """A service in which it dies, once it is called; it is started again at once."""
         self._port = port
         self._has_gps_status = has_gps_status
         self._bootup_s = bootup_s
@@ -113,8 +118,16 @@ class Mavros:
             "POSITION_TARGET_LOCAL_NED": self._target,
             "AUTOPILOT_VERSION": self._version,
             "COMMAND_ACK": self._ack,
+            "PARAM_VALUE": self._parameter_value,
         }
+        self.server: dict[str, float] = {}
+        """What it has put on the parameter server of ROS 1, which outlives it."""
+        self.parameters = self._new_parameters()
         self.restart()
+
+    def _new_parameters(self) -> ParamPlugin:
+        target = (self.target_system, 1)
+        return ParamPlugin(self._send, target, self.server, ros=self.ros, is_px4=self._is_px4)
 
     def restart(self) -> None:
         """Starts anew: it knows nothing."""
@@ -127,7 +140,9 @@ class Mavros:
         self._has_version = self._has_battery = False
         self._orientation, self._rates = Quaternion(0.0, 0.0, 0.0, 1.0), Vector3()
         self._fix = -1
-        self._parameters: dict[str, float] | None = None
+        self.parameters.die()
+        self.parameters = self._new_parameters()
+        self._has_fetched = False
         self._acks: dict[int, int] = {}
         self._next_heartbeat_s = self._next_timesync_s = -math.inf
         self._version_asks = 0
@@ -182,11 +197,22 @@ class Mavros:
             "set_message_interval": self._set_interval,
             "vehicle_info_get": self._vehicle_info,
         }
+        found |= {
+            name: call for name, call in self.parameters.services().items() if name.split("/")[0] not in self.denied
+        }
+        if self.dies_in in found:
+            found[self.dies_in] = self._die
+        ours = {} if self.is_gone else {f"{self.name}/{service}": call for service, call in found.items()}
         if self.ros == 1:
-            found["param/get"] = self._get_parameter
-        else:
-            found["param/get_parameters"] = self._get_parameters
-        return {} if self.is_gone else {f"{self.name}/{service}": call for service, call in found.items()}
+            ours["/rosapi/get_param"] = lambda message: on_server(self.name, self.server, message)
+        return ours
+
+    def _die(self, _: Message) -> Later:
+        self.dies_in = ""
+        self.restart()
+        later = Later()
+        later.is_lost = True
+        return later
 
     @property
     def groups(self) -> tuple[frozenset[str], ...]:
@@ -194,6 +220,7 @@ class Mavros:
         groups = (
             ("set_mode", "set_message_interval", "vehicle_info_get"),
             ("cmd/command", "cmd/arming", "cmd/takeoff"),
+            tuple(each for each in self.parameters.services()),
         )
         return tuple(frozenset(f"{self.name}/{each}" for each in group) for group in groups) if self.ros == 2 else ()
 
@@ -229,10 +256,12 @@ class Mavros:
             self._next_timesync_s = now_s + _TIMESYNC_S
             self._send(mavlink.MAVLink_timesync_message(0, round(self.utc_s * 1e9)))
         if self._connected_s is not None and now_s - self._heard_s > CONNECTION_TIMEOUT_S:
-            self._connected_s, self._parameters = None, None
+            self._connected_s, self._has_fetched = None, False
             self._publish("state", self._state(is_connected=False))
-        if self._connected_s is not None and self._parameters is None and now_s - self._connected_s >= self._bootup_s:
-            self._parameters = dict(self.autopilot.parameters)
+        if self._connected_s is not None and not self._has_fetched and now_s - self._connected_s >= self._bootup_s:
+            self._has_fetched = True
+            self.parameters.fetch()
+        self.parameters.tick(now_s)
         if self._connected_s is not None and not self._has_version and self._version_asks < 6:
             self._version_asks += 1
             self._command(mavlink.MAV_CMD_REQUEST_MESSAGE, 148.0)
@@ -401,6 +430,9 @@ class Mavros:
     def _ack(self, message: Any) -> None:
         self._acks[message.command] = message.result
 
+    def _parameter_value(self, message: Any) -> None:
+        self.parameters.on_value(message)
+
     # --- What it is asked for -----------------------------------------------------------------------------------------
 
     def _rtcm(self, message: Message) -> None:
@@ -493,31 +525,11 @@ class Mavros:
         }
         return {"success": True, "vehicles": [vehicle]}
 
-    def _get_parameter(self, message: Message) -> Message:
-        value = (self._parameters or {}).get(message["param_id"])
-        if value is None:
-            return {"success": False, "value": {"integer": 0, "real": 0.0}}
-        is_whole = isinstance(value, int)
-        return {"success": True, "value": {"integer": value if is_whole else 0, "real": 0.0 if is_whole else value}}
-
-    def _get_parameters(self, message: Message) -> Message:
-        return {"values": [_parameter_value((self._parameters or {}).get(name)) for name in message["names"]]}
-
 
 _FLAGS = """
 attitude velocity_horiz velocity_vert pos_horiz_rel pos_horiz_abs pos_vert_abs pos_vert_agl const_pos_mode
 """.split()  # noqa: SIM905
 _SENSORS = ("present", "enabled", "health")
-
-
-def _parameter_value(value: float | None) -> Message:
-    kind = 0 if value is None else 2 if isinstance(value, int) else 3
-    return {
-        "type": kind,
-        "bool_value": False,
-        "integer_value": value if kind == 2 else 0,
-        "double_value": value if kind == 3 else 0.0,
-    }
 
 
 def _geo(message: Any) -> Message:

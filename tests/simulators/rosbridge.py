@@ -21,7 +21,25 @@ from typing import Any, Protocol
 import cbor2
 
 Message = Mapping[str, Any]
-Service = Callable[[Message], Message]
+
+
+class Later:
+    """The answer of a service that waits for something: None until it is there.
+
+    `is_lost`: its node has died. ROS 1 says so to the caller, ROS 2 says nothing.
+    """
+
+    def __init__(self) -> None:
+        self.answer: Message | None = None
+        self.is_lost = False
+
+    @property
+    def has_ended(self) -> bool:
+        return self.is_lost or self.answer is not None
+
+
+Answer = Message | Later
+Service = Callable[[Message], Answer]
 _TAGS = {"d": 86, "f": 85, "h": 77, "H": 69, "i": 78, "I": 70}
 
 
@@ -95,6 +113,8 @@ class Bridge:
         """Services of which one is executed at a time: callback groups that are mutually exclusive."""
         self._busy_s: dict[frozenset[str], float] = {}
         self._queued: list[tuple[Session, Message]] = []
+        self._unanswered: list[tuple[Session, Message, Later]] = []
+        """Calls whose services wait for something."""
         self.published: list[tuple[float, str, Message]] = []
         """What clients have published, with its time."""
         self.noise = random.Random(1)
@@ -115,7 +135,23 @@ class Bridge:
                         session.offer(topic, message)
         for session in self.sessions:
             session.step(now_s)
+        self._answer_waiting()
         self._call_queued()
+
+    def wait_for(self, session: Session, operation: Message, later: Later) -> None:
+        """Answers a call once its service can. With ROS 2 its group is busy until then."""
+        self._unanswered.append((session, operation, later))
+        if self.ros == 2:
+            self.occupy(operation["service"], math.inf)
+        self._answer_waiting()
+
+    def _answer_waiting(self) -> None:
+        ended = [each for each in self._unanswered if each[2].has_ended]
+        self._unanswered = [each for each in self._unanswered if not each[2].has_ended]
+        for session, operation, later in ended:
+            self.occupy(operation["service"], -math.inf)
+            if session in self.sessions:
+                session.answer(operation, later)
 
     def _call_queued(self) -> None:
         queued, self._queued = self._queued, []
@@ -160,7 +196,7 @@ class Bridge:
             return self._list_services
         return next((node.services[name] for node in self.nodes if name in node.services), None)
 
-    def call(self, name: str, arguments: Message) -> Message:
+    def call(self, name: str, arguments: Message) -> Answer:
         """Calls a service.
 
         Raises:
@@ -169,6 +205,8 @@ class Bridge:
         service = self.service(name)
         if service is None:
             raise RefusedError(f"Service {name} does not exist")
+        if _has_null(arguments):
+            raise RefusedError("a message requires a float64 for a field, but got a <class 'NoneType'>")
         return service(arguments)
 
     def _list_topics(self, _: Message) -> Message:
@@ -282,7 +320,12 @@ class Session:
             return
         answer: dict[str, Any] = {"op": "service_response", "service": name, "id": operation.get("id")}
         try:
-            answer |= {"values": json_ready(bridge.call(name, operation.get("args", {}))), "result": True}
+            values = bridge.call(name, operation.get("args", {}))
+            if isinstance(values, Later):
+                self.is_held_up = not bridge.calls_in_new_thread
+                bridge.wait_for(self, operation, values)
+                return
+            answer |= {"values": json_ready(values), "result": True}
         except RefusedError as error:
             answer |= {"values": str(error), "result": False}
         slow_s = bridge.faults.slow_services.get(name)
@@ -293,6 +336,20 @@ class Session:
         self.is_held_up = not bridge.calls_in_new_thread
         bridge.occupy(name, bridge.now_s + slow_s)
         heapq.heappush(self._answers, (bridge.now_s + slow_s, next(self._numbers), json.dumps(answer)))
+
+    def answer(self, operation: Message, later: Later) -> None:
+        """Sends the answer of a service that has waited."""
+        name = operation["service"]
+        answer: dict[str, Any] = {"op": "service_response", "service": name, "id": operation.get("id")}
+        if later.answer is not None:
+            answer |= {"values": json_ready(later.answer), "result": True}
+        elif self._bridge.ros == 1:
+            text = "transport error completing service call: unable to receive data from sender"
+            answer |= {"values": text, "result": False}
+        else:
+            return
+        self.out.append(json.dumps(answer))
+        self._go_on()
 
     def _go_on(self) -> None:
         """Executes what was held up."""
@@ -312,6 +369,13 @@ class Session:
     def _log(self, ident: str, words: str) -> None:
         if self._bridge.sends_status:
             self.out.append(json.dumps({"op": "status", "level": "error", "msg": words, "id": ident}))
+
+
+def _has_null(value: Any) -> bool:
+    """Whether arguments have null for a number, which rosbridge_suite refuses."""
+    if isinstance(value, Mapping):
+        return any(map(_has_null, value.values()))
+    return any(map(_has_null, value)) if isinstance(value, list) else value is None
 
 
 def stamped(message: Message, ros: int) -> Message:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -67,6 +67,33 @@ def shared(first: Future[T]) -> Future[T]:
 
     first.add_done_callback(on_first)
     return result
+
+
+def caught(first: Future[T], step: Callable[[BaseException], Future[T]]) -> Future[T]:
+    """Returns the future of a result, or of what a step makes of the error. Cancelling it cancels that."""
+    settled: Future[Future[T]] = Future()
+
+    def on_first(ended: Future[T]) -> None:
+        if ended.cancelled():
+            settled.cancel()
+        elif settled.set_running_or_notify_cancel():
+            settled.set_result(ended)
+
+    settled.add_done_callback(lambda ended: first.cancel() if ended.cancelled() else None)
+    first.add_done_callback(on_first)
+
+    def follow(ended: Future[T]) -> Future[T]:
+        error = ended.exception()
+        return ended if error is None else step(error)
+
+    return then_wait(settled, follow)
+
+
+def gathered(parts: Sequence[Future[T]]) -> Future[list[T]]:
+    """Returns the future of all results, of a few futures that have begun."""
+    if not parts:
+        return done([])
+    return then_wait(parts[0], lambda one: then(gathered(parts[1:]), lambda others: [one, *others]))
 
 
 def in_turn(first: Callable[[], Future[Any]], *steps: Callable[[], Future[Any]]) -> Future[Any]:

@@ -126,6 +126,11 @@ class Autopilot(ABC):
     zones_parameter = ""
     """The name of a parameter that it sends whenever it has got others; empty where there is none."""
 
+    @property
+    def relied_on(self) -> frozenset[str]:
+        """The names of the parameters on which a flight relies."""
+        return self.failsafe_parameters.union(self.parameters)
+
     def unites_inclusions(self, parameters: Mapping[str, float]) -> bool:
         """Whether the UAV may be in any one of several inclusions of its fence."""
         return False

@@ -3,6 +3,7 @@
 The modules, from the top down (a contract in pyproject.toml checks it):
 
 - ``backend``: the interface that the layers above call
+- ``offers``: what is offered beside flying, by MAVROS' plugins
 - ``session``: the exchange with one autopilot through MAVROS over time; belongs to the link's thread
 - ``commands``: commands as calls of MAVROS' services, and their answers
 - ``discovery``: what MAVROS is connected to, and the session with it

@@ -23,9 +23,11 @@ from ual_daemon.backends.mavros import commands, topics
 from ual_daemon.backends.mavros.commands import Call
 from ual_daemon.backends.mavros.corrections import MavrosCorrections
 from ual_daemon.backends.mavros.discovery import Discovery
+from ual_daemon.backends.mavros.offers.parameters import MavrosParameters
+from ual_daemon.backends.mavros.offers.services import Reach, Services
 from ual_daemon.backends.mavros.session import FRESHNESS, Session
 from ual_daemon.backends.mavros.settings import SECTION, MavrosSettings
-from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, RosbridgeLink, parse_url
+from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, Ros, RosbridgeLink, parse_url
 from ual_daemon.backends.values import LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 
@@ -55,21 +57,22 @@ class MavrosBackend(Backend):
         self._info = VehicleInfo()
         self._has_news = False
         self._corrections = self._make_corrections(f"{self._settings.node}/{topics.RTCM}")
+        self._services = Services(
+            Reach(self._last_session, self._reached, self._post, self._call_slowly, self._ros, self._node)
+        )
+        self._parameters = MavrosParameters(self._services)
+        self._offers = (self._corrections, self._parameters)
 
     def _make_corrections(self, topic: str) -> MavrosCorrections:
         def publish(message: Message) -> None:
             if self._link is not None:
                 self._link.publish(topic, message)
 
-        def post(request: Posted) -> None:
-            if self._loop is not None:
-                self._loop.post(request)
-
         return MavrosCorrections(
             publish,
             lambda: self._link is not None and self._link.waits(topic),
             self._why_no_corrections,
-            post,
+            self._post,
             self.clock.now_s,
         )
 
@@ -95,6 +98,7 @@ class MavrosBackend(Backend):
     def close(self) -> None:
         if self._link is not None:
             self._link.close()
+        self._services.drop("the daemon ends")
 
     @override
     def info(self) -> VehicleInfo:
@@ -166,7 +170,7 @@ class MavrosBackend(Backend):
 
     @override
     def offer(self, kind: type[T]) -> T | None:
-        return self._corrections if isinstance(self._corrections, kind) else None
+        return next((each for each in self._offers if isinstance(each, kind)), None)
 
     # --- On the link's thread -----------------------------------------------------------------------------------------
 
@@ -176,10 +180,14 @@ class MavrosBackend(Backend):
     def _step(self) -> None:
         """Does what is due: after each batch of messages, and at least every 0.1 s."""
         has_news, self._has_news = self._has_news, False
+        session = self._last_session()
+        if session is not None:
+            session.reads_parameters = not self._parameters.is_pulling
         if self._loop is not None:
             now_s = self.clock.now_s()
             self._loop.step(now_s, has_news=has_news)
             self._corrections.tick(now_s)
+            self._services.tick(now_s)
 
     def _on_message(self, session: Session, topic: str, message: Message, now_s: float) -> None:
         """Takes a message of MAVROS for the session; one with a field that is missing is logged by the link."""
@@ -214,6 +222,30 @@ class MavrosBackend(Backend):
     def _reach(self, what: str) -> CommandRunner[Call] | LinkLostError:
         session = self._session_in_reach(self.clock.now_s())
         return self._why_not(what) if session is None else session.runner
+
+    # --- For what is offered beside flying ----------------------------------------------------------------------------
+
+    def _last_session(self) -> Session | None:
+        return None if self._discovery is None else self._discovery.session
+
+    def _reached(self, what: str) -> Session | LinkLostError:
+        return self._session_in_reach(self.clock.now_s()) or self._why_not(what)
+
+    def _post(self, request: Posted) -> None:
+        if self._loop is not None:
+            self._loop.post(request)
+
+    def _call_slowly(self, service: str, arguments: Message, limit_s: float) -> Future[Message]:
+        assert self._link is not None  # a session is in reach
+        name = service if service.startswith("/") else f"{self._settings.node}/{service}"
+        return self._link.call_slow_service(name, arguments, limit_s)
+
+    def _ros(self) -> Ros | None:
+        graph = None if self._link is None else self._link.graph
+        return None if graph is None else graph.ros
+
+    def _node(self) -> str:
+        return self.url.resolve(self._settings.node)
 
     def _why_not(self, what: str) -> LinkLostError:
         why = "" if self._discovery is None else self._discovery.why_not

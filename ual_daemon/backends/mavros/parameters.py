@@ -18,8 +18,9 @@ FIRST_ROUND_S, LONGEST_ROUND_S = 2.0, 60.0
 AGAIN_S = 30.0
 """Known ones are read again so often: a ground station may have changed them."""
 
-_BOOL, _INTEGER, _DOUBLE = 1, 2, 3
-_FIELDS = {_BOOL: "bool_value", _INTEGER: "integer_value", _DOUBLE: "double_value"}
+BOOL, INTEGER, DOUBLE = 1, 2, 3
+FIELDS = {BOOL: "bool_value", INTEGER: "integer_value", DOUBLE: "double_value"}
+"""The field of a ROS 2 ParameterValue by its type."""
 
 Call = Callable[[str, Message, Callable[[Message], None], float], None]
 """Calls a service: its name, its arguments, who takes the answer, and the time limit in seconds."""
@@ -78,7 +79,7 @@ class ParameterReader:
 
     def _on_values(self, names: list[str], answer: Message) -> None:
         for name, value in zip(names, answer["values"], strict=False):
-            field = _FIELDS.get(int(value["type"]))
+            field = FIELDS.get(int(value["type"]))
             if field is not None:
                 self._on_value(name, number(value[field]))
         self._on_read()

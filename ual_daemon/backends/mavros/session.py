@@ -103,6 +103,8 @@ class Session:
             autopilot, telemetry.parameters, telemetry.plausibility, telemetry.fence.update
         )
         self._streams = StreamRequests(streams_of(autopilot, settings.pose_rate_hz), telemetry.counts)
+        self.reads_parameters = True
+        """Whether MAVROS has its whole copy of the parameters. It has not while it fetches them."""
         self._command_calls: list[Future[Message]] = []
         """The calls of commands since none was under way."""
         self._calling = ""
@@ -291,7 +293,7 @@ class Session:
             or (telemetry.origin.projection is None and self._request(_ORIGIN_ID, now_s, ORIGIN_S))
             or (not self.description.has_version and self._request(_VERSION_ID, now_s, ORIGIN_S))
             or (telemetry.knows_arming and self._streams.tick(now_s, self._call_alone, is_flying=telemetry.is_flying))
-            or self._read_parameters(now_s, ros)
+            or (self.reads_parameters and self._read_parameters(now_s, ros))
         )
 
     def _is_home_wanted(self, now_s: float) -> bool:

@@ -38,6 +38,11 @@ SET_INTERVAL = "set_message_interval"
 VEHICLE_INFO = "vehicle_info_get"
 GET_PARAMETER_ROS1 = "param/get"
 GET_PARAMETERS_ROS2 = "param/get_parameters"
+LIST_PARAMETERS_ROS2 = "param/list_parameters"
+PULL_PARAMETERS = "param/pull"
+SET_PARAMETER = "param/set"
+GET_ON_SERVER = "/rosapi/get_param"
+"""Reads from the parameter server of ROS 1."""
 
 
 class Topic(NamedTuple):

@@ -18,6 +18,7 @@ from ual_daemon.backends.rosbridge.calls import Calls, ServiceError, ServiceTime
 from ual_daemon.backends.rosbridge.connections import Connections
 from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, Ros, read_graph
 from ual_daemon.backends.rosbridge.operations import Fragments, Message, OperationError
+from ual_daemon.backends.rosbridge.slow_calls import SlowCalls
 from ual_daemon.backends.rosbridge.url import BridgeUrl
 from ual_daemon.backends.rosbridge.websocket import Dial, dial
 
@@ -114,6 +115,7 @@ class RosbridgeLink:
         self._announced: set[str] = set()
         """What was advertised on this connection."""
         self._calls = Calls()
+        self._slow_calls = SlowCalls(lambda: self._dial(self.url, self._wait), clock.now_s)
         self._fragments = Fragments()
         self._closing = threading.Event()
         self._connections: Connections | None = None
@@ -201,6 +203,13 @@ class RosbridgeLink:
         except OSError as error:
             self._calls.refuse(ident, str(error), ServiceTimeoutError)  # a part of it may have left
         return answer
+
+    def call_slow_service(self, service: str, arguments: Message, timeout_s: float) -> Future[Message]:
+        """As `call_service`, for a service that may take long: none of the others' calls waits behind it."""
+        service = self.url.resolve(service)
+        if not self.is_up:
+            return _refused(service, self.why_not or f"not connected to {self.url}")
+        return self._slow_calls.call(service, arguments, timeout_s)
 
     def faults(self) -> tuple[str, ...]:
         """Returns what is wrong with the topics that were subscribed to, human-readable."""
@@ -304,6 +313,7 @@ class RosbridgeLink:
             connections.called.withdraw(ident)
         if self.state is not LinkState.SILENT and connections.answers(now_s):
             connections.flush()
+            self._slow_calls.serve()
         self._ask(now_s)
         if now_s - self._refreshed_s >= _REFRESH_S:
             self._refresh_subscriptions()
@@ -443,6 +453,7 @@ class RosbridgeLink:
         for each in self._subscriptions.values():
             each.is_sent, each.cbor_since_s, each.fault = False, math.inf, ""
         self._calls.fail_all("the connection to the bridge is lost")
+        self._slow_calls.end("the connection to the bridge is lost")
 
     def _lost(self, error: OSError) -> None:
         why = error.strerror if error.strerror and error.errno else str(error) or repr(error)

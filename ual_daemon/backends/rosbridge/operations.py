@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -56,8 +57,11 @@ def publish(topic: str, message: Message) -> bytes:
 
 
 def call_service(service: str, arguments: Message, ident: str) -> bytes:
-    """Returns the operation that calls a service."""
-    return _encode({"op": "call_service", "id": ident, "service": service, "args": arguments})
+    """Returns the operation that calls a service.
+
+    NaN is written as Python does: rosbridge's JSON reads that, and it refuses a call with null for a number.
+    """
+    return json.dumps({"op": "call_service", "id": ident, "service": service, "args": arguments}).encode()
 
 
 def decode(data: str | bytes) -> dict[str, Any]:

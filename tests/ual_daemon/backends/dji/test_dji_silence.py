@@ -11,7 +11,7 @@ import pytest
 
 from tests.simulators.dji import RC, Psdk
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
-from tests.simulators.rosbridge import Message, Service
+from tests.simulators.rosbridge import Answer, Message, Service
 from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, record_states, wait
 from tests.waiting import until
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
@@ -119,7 +119,7 @@ def called(backend: LockstepDji) -> list[str]:
     names: list[str] = []
     call = backend.bridge.call
 
-    def note(name: str, arguments: Message) -> Message:
+    def note(name: str, arguments: Message) -> Answer:
         if not name.startswith("/rosapi") and name != "/joystick_action":
             names.append(name)
         return call(name, arguments)

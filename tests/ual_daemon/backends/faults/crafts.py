@@ -25,7 +25,7 @@ from tests.simulators.lockstep_mavros import LockstepMavros
 from tests.simulators.pace import Pace
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
-from tests.simulators.rosbridge import Message
+from tests.simulators.rosbridge import Answer, Message
 from tests.ual_daemon.backends.faults.craft import Can, Craft, Seen
 from ual.simulation import Command, CommandRefused, LinkLost
 from ual_daemon.backends.base import BackendOptions
@@ -187,7 +187,7 @@ class OfDji(OnRosbridge):
         self._called: list[tuple[float, str]] = []
         call = self.dji.bridge.call
 
-        def note(name: str, arguments: Message) -> Message:
+        def note(name: str, arguments: Message) -> Answer:
             if not name.startswith("/rosapi") and "joystick_action" not in name and "release" not in name:
                 self._called.append((self.now_s, name))
             return call(name, arguments)

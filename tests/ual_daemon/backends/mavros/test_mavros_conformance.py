@@ -6,7 +6,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_PARAMETERS, grouped, run_check_or_skip, wait_until_ready
+from tests.patient_checks import (
+    OF_PARAMETERS,
+    WITHOUT_CAMERAS,
+    WITHOUT_PARAMETERS,
+    grouped,
+    run_check_or_skip,
+    wait_until_ready,
+)
 from tests.simulators.lockstep_mavros import LockstepMavrosArduPilot, LockstepMavrosPx4
 from tests.ual_daemon.backends.mavlink.test_autopilot_conformance import NOT_HERE as NOT_OVER_MAVLINK
 from tests.ual_daemon.backends.mavlink.test_autopilot_conformance import SETTINGS, TOLERANCES, is_known
@@ -17,7 +24,7 @@ from ual_daemon.backends.base import BackendOptions
 
 BACKENDS = {"px4": LockstepMavrosPx4, "ardupilot": LockstepMavrosArduPilot}
 NOT_HERE = {
-    kind: names | {"bad_poses_from_outside_are_refused"} | WITHOUT_PARAMETERS | WITHOUT_CAMERAS
+    kind: names | {"bad_poses_from_outside_are_refused"} | (WITHOUT_PARAMETERS - OF_PARAMETERS) | WITHOUT_CAMERAS
     for kind, names in NOT_OVER_MAVLINK.items()
 }
 

@@ -15,7 +15,7 @@ from tests.simulators.lockstep_mavros import LockstepMavros
 from tests.simulators.mavros import Mavros
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import OFFBOARD, Px4
-from tests.simulators.rosbridge import Message, Service
+from tests.simulators.rosbridge import Answer, Message, Service
 from tests.waiting import until
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.geometry import Pose
@@ -184,7 +184,7 @@ def record(flight: Flight, name: str) -> list[tuple[float, Message]]:
     class Recorded(type(node)):  # type: ignore[misc]
         @property
         def services(self) -> Mapping[str, Service]:
-            def call(message: Message) -> Message:
+            def call(message: Message) -> Answer:
                 found.append((flight.now_s(), message))
                 return known[f"/mavros/{name}"](message)
 

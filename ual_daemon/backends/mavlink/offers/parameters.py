@@ -41,9 +41,7 @@ class MavlinkParameters(AutopilotParameters):
     @override
     def relied_on(self) -> frozenset[str]:
         session = self._reach.session()
-        if session is None:
-            return frozenset()
-        return session.dialect.failsafe_parameters.union(session.dialect.parameters)
+        return frozenset() if session is None else session.dialect.relied_on
 
     @override
     def read(self, name: str) -> Future[Parameter]:

@@ -15,8 +15,9 @@ from typing import NamedTuple, TypeVar
 
 from typing_extensions import override
 
-from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
+from ual.errors import NotSupportedError, UalError, UalTimeoutError
 from ual.parameters.values import Parameter, ParameterType
+from ual_daemon.backends.firmwares.parameter_errors import in_doubt, not_kept, unconfirmed
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.offers.parameters import Refusal
 
@@ -183,8 +184,7 @@ class Writing(_OfName):
             self._is_sent = True
             self._requests.write(self._wanted)
         elif self._is_sent:
-            text = f"{error.message}; it is not known whether {self._name} is {self._wanted.text} now"
-            self.fail(type(error)(text, error.metadata))
+            self.fail(in_doubt(error, self._wanted))
         else:
             self.fail(error)
 
@@ -205,23 +205,13 @@ class Writing(_OfName):
             return
         self._contrary_count += 1
         if self._contrary_count >= CONTRARY_COUNT:
-            self.fail(self._refused(self._kept))
+            self.fail(not_kept(self._wanted, self._kept))
         self._is_confirmed, self._kept = False, None
-
-    def _refused(self, kept: Parameter) -> UalError:
-        return RejectedByAutopilotError(
-            f"{self._name} was not written: the autopilot keeps {kept.text}, not {self._wanted.text}",
-            {"name": self._name, "kept": kept.text, "wanted": self._wanted.text},
-        )
 
     @override
     def _unanswered(self) -> UalError:
         what = "not read back" if self._is_confirmed else "not confirmed"
-        return UalTimeoutError(
-            f"{self._name} was {what} in {TRIES_COUNT} tries: it is not known whether it is {self._wanted.text} now; "
-            "read it",
-            {"name": self._name},
-        )
+        return unconfirmed(self._wanted, what, TRIES_COUNT)
 
 
 class Listing(ParameterExchange[list[Parameter]]):

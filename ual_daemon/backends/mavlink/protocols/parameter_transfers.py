@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -22,6 +21,7 @@ from ual.errors import (
 )
 from ual.parameters.values import Parameter
 from ual_daemon.backends import futures
+from ual_daemon.backends.firmwares.parameter_errors import unknown
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
 from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
@@ -215,13 +215,6 @@ class ParameterTransfers(Protocol):
             return
         field, kind = self._codec.encode(wanted), wanted.type.value
         self._send(mavlink.MAVLink_param_set_message(*target, wanted.name.encode("ascii"), field, kind))
-
-
-def unknown(name: str, names: frozenset[str]) -> InvalidArgumentError:
-    """Returns that there is no parameter of a name, with those that may be meant."""
-    close = difflib.get_close_matches(name.upper(), names, n=3)
-    meant = f"; did you mean {' or '.join(close)}?" if close else ""
-    return InvalidArgumentError(f"name: the autopilot has no parameter {name}{meant}", {"field": "name"})
 
 
 def _refusal(name: str, number: int) -> UalError:

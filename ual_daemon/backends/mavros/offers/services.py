@@ -1,0 +1,200 @@
+"""The services of MAVROS that take long: each job in its turn, and what their errors mean.
+
+A plugin serves one request at a time, and waits for the autopilot meanwhile. It refuses another one.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, NamedTuple, TypeVar
+
+from ual.errors import LinkLostError, NotSupportedError, ResourceExhaustedError, UalError, UalTimeoutError
+from ual_daemon.backends import futures
+from ual_daemon.backends.chain import caught, then_wait
+from ual_daemon.backends.engine.loop import Posted
+from ual_daemon.backends.mavros.session import Session
+from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
+
+T = TypeVar("T")
+
+MOST_WAITING = 100
+"""Jobs that may wait for their turn."""
+BUSY_S = 1.0
+"""The time from a refusal of a plugin that is busy to the next attempt."""
+_MISSING, _BUSY = "does not exist", "responded with an error"
+
+
+class Reach(NamedTuple):
+    """The way to MAVROS.
+
+    Attributes:
+        session: Returns the session, in reach or not; None before there was one.
+        session_in_reach: Returns the session that is in reach, or why none is.
+        post: Has something done on the link's thread.
+        call: Calls a service of MAVROS, or one of another node by its whole name, with a time limit in seconds.
+        ros: Returns the generation of ROS; None while that is not known.
+        node: Returns the whole name of MAVROS' node.
+
+    """
+
+    session: Callable[[], Session | None]
+    session_in_reach: Callable[[str], Session | UalError]
+    post: Callable[[Posted], None]
+    call: Callable[[str, Message, float], Future[Message]]
+    ros: Callable[[], Ros | None]
+    node: Callable[[], str]
+
+
+class _Job(NamedTuple):
+    what: str
+    begin: Callable[[], Future[Any]]
+    future: Future[Any]
+
+
+class Services:
+    """Calls services, one job at a time. `give` is for any thread, the rest for the link's."""
+
+    def __init__(self, reach: Reach) -> None:
+        self.reach = reach
+        self._waiting: deque[_Job] = deque()
+        self._running: _Job | None = None
+        self._pauses: list[tuple[float, Future[None]]] = []
+        self._now_s = 0.0
+
+    def give(self, what: str, begin: Callable[[], Future[T]]) -> Future[T]:
+        """Returns the future of a job, which `begin` begins in its turn. `what` says human-readably what it does."""
+        future: Future[T] = Future()
+        session = self.reach.session_in_reach(what)
+        if isinstance(session, UalError):
+            future.set_exception(session)
+        else:
+            self.reach.post(lambda _: self._add(_Job(what, begin, future)))
+        return future
+
+    def tick(self, now_s: float) -> None:
+        """Begins what is due; to be called often."""
+        self._now_s = now_s
+        due = [pause for end_s, pause in self._pauses if now_s >= end_s]
+        self._pauses = [each for each in self._pauses if now_s < each[0]]
+        for pause in due:
+            futures.end(pause)
+        while (self._running is None or self._running.future.done()) and self._waiting:
+            self._begin(self._waiting.popleft())
+
+    def drop(self, why: str) -> None:
+        """Ends all jobs: the daemon ends."""
+        running = [] if self._running is None else [self._running]
+        for job in (*running, *self._waiting):
+            if not job.future.done():
+                futures.fail(job.future, LinkLostError(f"cannot {job.what}: {why}"))
+        self._waiting.clear()
+        self._pauses.clear()
+
+    def pause(self, duration_s: float) -> Future[None]:
+        """Returns a future that ends after a while."""
+        pause: Future[None] = Future()
+        self._pauses.append((self._now_s + duration_s, pause))
+        return pause
+
+    def call(self, service: str, arguments: Message, limit_s: float, what: str, doubt: str = "") -> Future[Message]:
+        """Calls a service. The future ends with its values, or with a `UalError`.
+
+        `what` is what it is called for. `doubt` says, human-readable, what is not known where it has not answered.
+        """
+        answer = self.reach.call(service, arguments, limit_s)
+        return caught(answer, lambda error: _failed(explained(error, what, doubt)))
+
+    def call_free(
+        self,
+        service: str,
+        arguments: Message,
+        limit_s: float,
+        what: str,
+        doubt: str = "",
+        tries_count: int = 5,
+        refusal: Callable[[], UalError | None] = lambda: None,
+    ) -> Future[Message]:
+        """As `call`, again after a while where the plugin is busy. `refusal` is called before each."""
+        error = refusal()
+        if error is not None:
+            return _failed(error)
+
+        def again(failure: BaseException) -> Future[Message]:
+            if not isinstance(failure, BusyError):
+                return _failed(failure)
+            if tries_count <= 1:
+                return _failed(UalTimeoutError(failure.message, failure.metadata))
+            return then_wait(
+                self.pause(BUSY_S),
+                lambda _: self.call_free(service, arguments, limit_s, what, doubt, tries_count - 1, refusal),
+            )
+
+        return caught(self.call(service, arguments, limit_s, what, doubt), again)
+
+    def _add(self, job: _Job) -> None:
+        if len(self._waiting) >= MOST_WAITING:
+            text = f"{MOST_WAITING} jobs of MAVROS wait already, which is the limit"
+            futures.fail(job.future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+        else:
+            self._waiting.append(job)
+
+    def _begin(self, job: _Job) -> None:
+        if job.future.cancelled():
+            return
+        self._running = job
+        session = self.reach.session_in_reach(job.what)
+        if isinstance(session, UalError):
+            futures.fail(job.future, session)
+            return
+        try:
+            under_way = job.begin()
+        except UalError as error:
+            futures.fail(job.future, error)
+            return
+        _pass(under_way, job.future)
+
+
+class BusyError(UalError):
+    """A plugin has another request under way. Not for callers of UAL."""
+
+
+def explained(error: BaseException, what: str, doubt: str) -> BaseException:
+    """Returns what the error of a service means."""
+    if not isinstance(error, ServiceError):
+        return error
+    tail = f"; {doubt}" if doubt else ""
+    if _MISSING in error.text:
+        text = f"cannot {what}: MAVROS offers no {error.service}: its plugin is on MAVROS' deny list, or MAVROS is gone"
+        return NotSupportedError(text, {"service": error.service})
+    if _BUSY in error.text:
+        text = f"cannot {what}: {error.service} has another request under way, of another program or MAVROS' own"
+        return BusyError(text, {"service": error.service})
+    if isinstance(error, ServiceTimeoutError):
+        return UalTimeoutError(f"cannot {what}: {error}{tail}", {"service": error.service})
+    return LinkLostError(f"cannot {what}: {error}{tail}", {"service": error.service})
+
+
+def _failed(error: BaseException) -> Future[Any]:
+    future: Future[Any] = Future()
+    future.set_exception(error)
+    return future
+
+
+def _pass(source: Future[T], target: Future[T]) -> None:
+    """Ends a future as another one ends. Cancelling it cancels that one."""
+
+    def on_end(ended: Future[T]) -> None:
+        if ended.cancelled():
+            target.cancel()
+        elif not target.done() and target.set_running_or_notify_cancel():
+            error = ended.exception()
+            if error is None:
+                target.set_result(ended.result())
+            else:
+                target.set_exception(error)
+
+    target.add_done_callback(lambda ended: source.cancel() if ended.cancelled() else None)
+    source.add_done_callback(on_end)
