@@ -20,6 +20,7 @@ PROTOS := proto/ual/v1/ual.proto \
 	proto/ual/v1/parameters.proto \
 	proto/ual/v1/camera.proto \
 	proto/ual/v1/fence.proto \
+	proto/ual/v1/gripper.proto \
 	proto/ual/v1/logs.proto \
 	proto/ual/v1/corrections.proto \
 	proto/ual/v1/mission.proto

@@ -10,7 +10,7 @@ from _pytest.mark import ParameterSet
 import ual
 from tests.waiting import until
 from ual import conformance
-from ual.conformance import Check, CheckFailedError, Flight, own_cameras, own_fence, own_parameters
+from ual.conformance import Check, CheckFailedError, Flight, own_cameras, own_fence, own_gripper, own_parameters
 from ual.conformance.flight import CannotRunError
 from ual.conformance.runner import LONGEST_GAP_S
 from ual.interface import Uav
@@ -21,6 +21,7 @@ WITHOUT_PARAMETERS = {each.name for room in (own_parameters, own_fence) for each
 """The checks that cannot run where the backend offers neither the autopilot's parameters nor its fence."""
 WITHOUT_CAMERAS = {each.name for each in own_cameras.ON_GROUND}
 """The same where the UAV carries none."""
+WITHOUT_GRIPPER = {each.name for each in own_gripper.ON_GROUND}
 
 
 def run_check(flight: Flight, check: Check) -> None:

@@ -38,7 +38,14 @@ from ual import errors
 from ual_daemon.backends.light import LightSettings
 from ual_daemon.backends.values import Cause
 from ual_daemon.program.configuration import DaemonSettings
-from ual_daemon.settings import FrameSettings, GeofenceSettings, LimitSettings, ToleranceSettings, VehicleSettings
+from ual_daemon.settings import (
+    FrameSettings,
+    GeofenceSettings,
+    LimitSettings,
+    PayloadSettings,
+    ToleranceSettings,
+    VehicleSettings,
+)
 from ual_tools.main import cli
 
 DOCS = ROOT / "docs"
@@ -320,7 +327,15 @@ def test_the_settings_of_the_light_backend_are_all_listed_with_their_defaults() 
 
 
 def test_every_key_of_the_configuration_is_listed() -> None:
-    sections = (DaemonSettings, VehicleSettings, GeofenceSettings, LimitSettings, FrameSettings, ToleranceSettings)
+    sections = (
+        DaemonSettings,
+        VehicleSettings,
+        GeofenceSettings,
+        LimitSettings,
+        FrameSettings,
+        ToleranceSettings,
+        PayloadSettings,
+    )
     keys = {field for section in sections for field in section.__struct_fields__}
     words = {word for span in read(DOCS / "configuration.md").spans for word in span.split()}
     assert keys - words == set()

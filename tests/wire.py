@@ -24,6 +24,7 @@ from ual.v1 import (
     camera_pb2,
     corrections_pb2,
     fence_pb2,
+    gripper_pb2,
     logs_pb2,
     mission_pb2,
     parameters_pb2,
@@ -42,6 +43,7 @@ FILES = (
     "ual/v1/mission.proto",
     "ual/v1/camera.proto",
     "ual/v1/fence.proto",
+    "ual/v1/gripper.proto",
     "ual/v1/logs.proto",
     "ual/v1/corrections.proto",
 )
@@ -52,6 +54,7 @@ SERVICES = (
     "ual.v1.MissionService",
     "ual.v1.CameraService",
     "ual.v1.FenceService",
+    "ual.v1.GripperService",
     "ual.v1.LogService",
     "ual.v1.CorrectionsService",
 )
@@ -116,6 +119,7 @@ def _modules() -> tuple[Any, ...]:
         mission_pb2,
         camera_pb2,
         fence_pb2,
+        gripper_pb2,
         logs_pb2,
         corrections_pb2,
     )

@@ -16,7 +16,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _mission_calls, _parameter_calls
+from ual import (
+    _camera_calls,
+    _cameras_calls,
+    _fence_calls,
+    _gripper_calls,
+    _log_calls,
+    _mission_calls,
+    _parameter_calls,
+)
 from ual._calls import MEMBERS, Kind
 from ual.shared import views
 
@@ -47,6 +55,7 @@ PARTS: Mapping[str, ModuleType] = {
     "Parameters": _parameter_calls,
     "Mission": _mission_calls,
     "Fence": _fence_calls,
+    "Gripper": _gripper_calls,
     "Logs": _log_calls,
 }
 """The services beside that of the UAV, by the class of their interface: the module with their calls. A member of the

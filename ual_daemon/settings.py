@@ -97,6 +97,82 @@ class GeofenceSettings(Settings, frozen=True, kw_only=True):
     max_height_m: Coordinate | None = None
 
 
+Name = Annotated[str, Meta(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,63}\Z")]
+Instance = Annotated[int, Meta(ge=1, le=6)]
+PwmMicroseconds = Annotated[int, Meta(ge=500, le=2500)]
+
+
+class GripperSettings(Settings, frozen=True, kw_only=True):
+    """A gripper that may be moved. `instance` is its number at the autopilot."""
+
+    name: Name
+    instance: Instance = 1
+
+
+class WinchSettings(Settings, frozen=True, kw_only=True):
+    """A winch that may be moved: by one order at most `longest_m` of line, and never faster than `fastest_m_s`."""
+
+    name: Name
+    instance: Instance = 1
+    longest_m: Annotated[float, Meta(gt=0.0, le=1000.0)] = 10.0
+    fastest_m_s: Annotated[float, Meta(gt=0.0, le=20.0)] = 1.0
+
+
+class ServoSettings(Settings, frozen=True, kw_only=True):
+    """A servo that may be moved: its output channel, the bounds of its pulse width, and named positions."""
+
+    name: Name
+    channel: Annotated[int, Meta(ge=1, le=32)]
+    min_pwm_us: PwmMicroseconds
+    max_pwm_us: PwmMicroseconds
+    positions: dict[Name, PwmMicroseconds] = {}
+
+    def __post_init__(self) -> None:
+        if self.min_pwm_us >= self.max_pwm_us:
+            raise ValueError(f"min_pwm_us: {self.min_pwm_us} is not below max_pwm_us, {self.max_pwm_us}")
+        for name, pwm_us in self.positions.items():
+            if not self.min_pwm_us <= pwm_us <= self.max_pwm_us:
+                bounds = f"{self.min_pwm_us} to {self.max_pwm_us}"
+                raise ValueError(f"positions: {name}: {pwm_us} is not from {bounds}, the bounds of {self.name}")
+
+
+class RelaySettings(Settings, frozen=True, kw_only=True):
+    """A relay that may be switched: its number, counted from 1, and the names of its states."""
+
+    name: Name
+    number: Annotated[int, Meta(ge=1, le=16)]
+    on_name: Name = "on"
+    off_name: Name = "off"
+
+    def __post_init__(self) -> None:
+        if self.on_name == self.off_name:
+            raise ValueError(f"on_name: both states of {self.name} are called {self.on_name}")
+
+
+class PayloadSettings(Settings, frozen=True, kw_only=True):
+    """What may be moved of what the UAV carries. What is not named here is never moved."""
+
+    grippers: Annotated[tuple[GripperSettings, ...], Meta(max_length=6)] = ()
+    winches: Annotated[tuple[WinchSettings, ...], Meta(max_length=6)] = ()
+    servos: Annotated[tuple[ServoSettings, ...], Meta(max_length=32)] = ()
+    relays: Annotated[tuple[RelaySettings, ...], Meta(max_length=16)] = ()
+
+    def __post_init__(self) -> None:
+        for section, names in (
+            ("grippers", [each.name for each in self.grippers]),
+            ("grippers", [f"instance {each.instance}" for each in self.grippers]),
+            ("winches", [each.name for each in self.winches]),
+            ("winches", [f"instance {each.instance}" for each in self.winches]),
+            ("servos", [each.name for each in self.servos]),
+            ("servos", [f"channel {each.channel}" for each in self.servos]),
+            ("relays", [each.name for each in self.relays]),
+            ("relays", [f"number {each.number}" for each in self.relays]),
+        ):
+            twice = next((each for each in names if names.count(each) > 1), None)
+            if twice is not None:
+                raise ValueError(f"{section}: two of them have {twice}")
+
+
 class Tracker(Enum):
     """How go-tos and paths are flown."""
 
@@ -113,7 +189,7 @@ class VehicleSettings(Settings, frozen=True, kw_only=True):
     such limit. Goals and ways stay at least `clearance_m` above the floor (None: as much as the body of this kind of
     vehicle needs). A goal lies at most `reach_m` from the UAV; None: anywhere. `rtl_height_m` is the height above that
     ground at which `return_to_launch` flies at least, where the call gives none, and the ceiling and the geofence
-    allow it.
+    allow it. `payload` names what may be moved of what it carries.
     """
 
     home_pose: Position = (0.0, 0.0, 0.0)
@@ -130,6 +206,7 @@ class VehicleSettings(Settings, frozen=True, kw_only=True):
     reach_m: Positive | None = 10_000.0
     rtl_height_m: Positive = 15.0
     geofence: GeofenceSettings | None = None
+    payload: PayloadSettings = PayloadSettings()
 
 
 S = TypeVar("S", bound=Settings)

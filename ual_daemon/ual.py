@@ -54,6 +54,7 @@ from ual_daemon.extensions.loaded import Extensions
 from ual_daemon.extensions.shipped.cameras import Cameras
 from ual_daemon.extensions.shipped.corrections import Corrections
 from ual_daemon.extensions.shipped.fence import Fence
+from ual_daemon.extensions.shipped.gripper import Gripper
 from ual_daemon.extensions.shipped.logs import Logs
 from ual_daemon.extensions.shipped.missions import Mission
 from ual_daemon.extensions.shipped.parameters import Parameters
@@ -378,6 +379,11 @@ class UAL(Uav):
     @override
     def fence(self) -> Fence:
         return Fence(self.vehicle, lambda: self._lease_id)
+
+    @property
+    @override
+    def gripper(self) -> Gripper:
+        return Gripper(self.vehicle, lambda: self._lease_id)
 
     @cached_property
     @override

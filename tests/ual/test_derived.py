@@ -29,6 +29,7 @@ BY_HAND = {
     "mission",
     "parameters",
     "fence",
+    "gripper",
     "logs",
     "cameras",
     "corrections",

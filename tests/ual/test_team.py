@@ -45,6 +45,7 @@ NOT_OF_A_TEAM = {
     "cameras",
     "corrections",
     "fence",
+    "gripper",
     "logs",
     "mission",
 }

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ual_daemon.backends.light.settings import LightSettings
-from ual_daemon.settings import ConfigError, LimitSettings, VehicleSettings, convert
+from ual_daemon.settings import ConfigError, LimitSettings, PayloadSettings, VehicleSettings, convert
 
 
 def vehicle(values: dict[str, Any]) -> VehicleSettings:
@@ -195,3 +195,44 @@ def test_what_is_wrong_is_said_without_the_words_of_programmers(values: dict[str
 def test_what_was_meant_is_named_with_its_section() -> None:
     with pytest.raises(ConfigError, match=r"did you mean light\.climb_speed_m_s\?$"):
         convert({"climb_sped_m_s": 1}, LimitSettings, "light")
+
+
+SERVO = {"name": "door", "channel": 9, "min_pwm_us": 1000, "max_pwm_us": 2000, "positions": {"open": 1100}}
+
+
+def test_what_may_be_moved_is_named() -> None:
+    payload = {
+        "grippers": [{"name": "claw"}, {"name": "hand", "instance": 2}],
+        "winches": [{"name": "hook", "longest_m": 20}],
+        "servos": [SERVO],
+        "relays": [{"name": "lamp", "number": 1, "on_name": "lit"}],
+    }
+    found = vehicle({"payload": payload}).payload
+    assert [(each.name, each.instance) for each in found.grippers] == [("claw", 1), ("hand", 2)]
+    assert (found.winches[0].longest_m, found.winches[0].fastest_m_s) == (20.0, 1.0)
+    assert found.servos[0].positions == {"open": 1100}
+    assert (found.relays[0].on_name, found.relays[0].off_name) == ("lit", "off")
+    assert vehicle({}).payload == PayloadSettings()
+
+
+@pytest.mark.parametrize(
+    ("payload", "message"),
+    [
+        ({"grippers": [{"name": "claw"}, {"name": "claw", "instance": 2}]}, "grippers: two of them have claw"),
+        ({"grippers": [{"name": "claw"}, {"name": "hand"}]}, "grippers: two of them have instance 1"),
+        ({"winches": [{"name": "a"}, {"name": "b"}]}, "winches: two of them have instance 1"),
+        ({"servos": [SERVO, {**SERVO, "name": "b"}]}, "servos: two of them have channel 9"),
+        ({"relays": [{"name": "a", "number": 1}, {"name": "b", "number": 1}]}, "relays: two of them have number 1"),
+        ({"servos": [{**SERVO, "positions": {"open": 999}}]}, "open: 999 is not from 1000 to 2000, the bounds of door"),
+        ({"servos": [{**SERVO, "min_pwm_us": 2000}]}, "2000 is not below max_pwm_us, 2000"),
+        ({"servos": [{**SERVO, "channel": 0}]}, "expected a whole number of at least 1"),
+        ({"servos": [{**SERVO, "max_pwm_us": 2501}]}, "expected a whole number of at most 2500"),
+        ({"relays": [{"name": "a", "number": 1, "off_name": "on"}]}, "both states of a are called on"),
+        ({"grippers": [{"name": "the claw"}]}, "expected a name: letters, digits and _"),
+        ({"motors": []}, "there is no such setting"),
+    ],
+)
+def test_a_payload_that_cannot_be_meant_is_refused(payload: dict[str, Any], message: str) -> None:
+    error = refusal({"payload": payload})
+    assert message in error.message
+    assert error.key.startswith("payload")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
+from threading import Lock
 from typing import Any, TypeVar
 
 S = TypeVar("S")
@@ -102,6 +103,38 @@ def in_turn(first: Callable[[], Future[Any]], *steps: Callable[[], Future[Any]])
     for step in steps:
         future = then_wait(future, lambda _, begin=step: begin())  # type: ignore[misc]  # of a default
     return future
+
+
+def together(some: Iterable[Future[T]]) -> Future[tuple[T, ...]]:
+    """Returns the future of all results, where the last one ends. Cancelling it cancels all that have not ended."""
+    waited = list(some)
+    result: Future[tuple[T, ...]] = Future()
+    left, lock = [len(waited)], Lock()
+
+    def on_end(_: object) -> None:
+        with lock:
+            left[0] -= 1
+            is_last = not left[0]
+        if is_last:
+            _gather(waited, result)
+
+    result.add_done_callback(lambda ended: [each.cancel() for each in waited] if ended.cancelled() else None)
+    for each in waited:
+        each.add_done_callback(on_end)
+    if not waited:
+        result.set_result(())
+    return result
+
+
+def _gather(ended: Sequence[Future[T]], result: Future[tuple[T, ...]]) -> None:
+    if any(each.cancelled() for each in ended):
+        result.cancel()
+    elif result.set_running_or_notify_cancel():
+        error = next(filter(None, (each.exception() for each in ended)), None)
+        if error is None:
+            result.set_result(tuple(each.result() for each in ended))
+        else:
+            result.set_exception(error)
 
 
 def _copy(source: Future[T], target: Future[T]) -> None:

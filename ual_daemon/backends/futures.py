@@ -35,6 +35,14 @@ def end(future: Future[None], error: BaseException | None = None) -> bool:
     return True
 
 
+def finish(future: Future[T], result: T) -> bool:
+    """Ends a future with a result. Returns False if it was withdrawn. Runs callbacks, so hold no lock."""
+    if not future.set_running_or_notify_cancel():
+        return False
+    future.set_result(result)
+    return True
+
+
 def fail(future: Future[Any], error: BaseException) -> bool:
     """Ends a future of any result with an error, as `end` does."""
     if not future.set_running_or_notify_cancel():

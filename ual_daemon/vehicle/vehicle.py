@@ -29,6 +29,7 @@ from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.equipment import Equipment
 from ual_daemon.vehicle.external_poses import ExternalPoses
 from ual_daemon.vehicle.fence_notice import FenceNotice
 from ual_daemon.vehicle.figures import Figures
@@ -80,6 +81,8 @@ class Vehicle(ReportedVehicle):
         file = None if kept is None else MissionFile.beside(kept.path)
         self.missions = Missions(backend, self._flight, resolver, self._tasks, settings, file)
         """The missions that the autopilot flies by itself."""
+        self.equipment = Equipment(settings.payload)
+        """What the UAV carries, and may move."""
         self._jumps = JumpDetector()
         self._heading_jumps = HeadingJumpDetector()
         self.external_poses = ExternalPoses(

@@ -96,6 +96,7 @@ class Service(Enum):
     MISSION = "MissionService"
     CAMERAS = "CameraService"
     FENCE = "FenceService"
+    GRIPPER = "GripperService"
     LOGS = "LogService"
     CORRECTIONS = "CorrectionsService"
 

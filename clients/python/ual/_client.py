@@ -13,7 +13,7 @@ from ual._cameras import Cameras
 from ual._connection import Connection
 from ual._corrections import Corrections
 from ual._derived import SimulationMembers, UavMembers
-from ual._derived_parts import Fence, Logs, Mission, Parameters
+from ual._derived_parts import Fence, Gripper, Logs, Mission, Parameters
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
@@ -69,6 +69,7 @@ class Uav(UavMembers):
         self._mission = Mission(self._connection)
         self._cameras = Cameras(self._connection)
         self._fence = Fence(self._connection)
+        self._gripper = Gripper(self._connection)
         self._logs = Logs(self._connection)
         self._corrections = Corrections(self._connection)
         self._subscriptions = Subscriptions(self._connection)
@@ -161,6 +162,11 @@ class Uav(UavMembers):
     @override
     def fence(self) -> Fence:
         return self._fence
+
+    @property
+    @override
+    def gripper(self) -> Gripper:
+        return self._gripper
 
     @property
     @override

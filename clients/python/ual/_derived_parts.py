@@ -6,10 +6,20 @@ from collections.abc import Iterator, Sequence
 
 from typing_extensions import override
 
-from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _mission_calls, _parameter_calls, interface
+from ual import (
+    _camera_calls,
+    _cameras_calls,
+    _fence_calls,
+    _gripper_calls,
+    _log_calls,
+    _mission_calls,
+    _parameter_calls,
+    interface,
+)
 from ual._connection import Connection
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
+from ual.gripper import Equipment, WinchAction
 from ual.logs.values import Log, LogChunk
 from ual.missions.items import Item
 from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
@@ -190,6 +200,42 @@ class Fence(interface.Fence):
     @override
     def disable(self) -> KeptFence:
         return self._connection.run(_fence_calls.disable())
+
+
+class Gripper(interface.Gripper):
+    """`ual.interface.Gripper`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Gripper of {self._connection.described}>"
+
+    @override
+    def get_all(self) -> Equipment:
+        return self._connection.run(_gripper_calls.get_all())
+
+    @override
+    def grip(self, gripper: str = "") -> None:
+        self._connection.run(_gripper_calls.grip(gripper))
+
+    @override
+    def release(self, gripper: str = "") -> None:
+        self._connection.run(_gripper_calls.release(gripper))
+
+    @override
+    def order_winch(
+        self, action: WinchAction, *, winch: str = "", length_m: float | None = None, rate_m_s: float | None = None
+    ) -> None:
+        self._connection.run(_gripper_calls.order_winch(action, winch=winch, length_m=length_m, rate_m_s=rate_m_s))
+
+    @override
+    def set_servo(self, position: str = "", *, servo: str = "", pwm_us: int | None = None) -> None:
+        self._connection.run(_gripper_calls.set_servo(position, servo=servo, pwm_us=pwm_us))
+
+    @override
+    def set_relay(self, state: str, *, relay: str = "") -> None:
+        self._connection.run(_gripper_calls.set_relay(state, relay=relay))
 
 
 class Logs(interface.Logs):

@@ -20,6 +20,7 @@ from ual.v1 import (
     camera_pb2_grpc,
     corrections_pb2_grpc,
     fence_pb2_grpc,
+    gripper_pb2_grpc,
     logs_pb2_grpc,
     mission_pb2_grpc,
     parameters_pb2_grpc,
@@ -59,6 +60,7 @@ _MADE_BY: Mapping[Service, Callable[[Any], Any]] = {
     Service.MISSION: mission_pb2_grpc.MissionServiceStub,
     Service.CAMERAS: camera_pb2_grpc.CameraServiceStub,
     Service.FENCE: fence_pb2_grpc.FenceServiceStub,
+    Service.GRIPPER: gripper_pb2_grpc.GripperServiceStub,
     Service.LOGS: logs_pb2_grpc.LogServiceStub,
     Service.CORRECTIONS: corrections_pb2_grpc.CorrectionsServiceStub,
 }

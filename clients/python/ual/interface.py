@@ -32,6 +32,7 @@ from ual.geometry import (
     stamped_pose,
     stamped_twist,
 )
+from ual.gripper import Equipment, WinchAction
 from ual.logs.values import Log, LogChunk
 from ual.missions.items import Item
 from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
@@ -522,6 +523,72 @@ class Cameras(Protocol):
 
     def __iter__(self) -> Iterator[Camera]:
         """Yields each camera that was found."""
+        ...
+
+
+class Gripper(Protocol):
+    """What a UAV carries to hold, drop and switch, as its daemon is configured. The manual is ``docs/gripper.md``.
+
+    A name that is left out is the only one that there is. An order that may let a load go is sent once only; one that
+    holds it is sent again until it is acknowledged.
+
+    Raises:
+        InvalidArgumentError: The configuration has no such name, or a value is out of its bounds.
+        NotSupportedError: The backend, or the autopilot, cannot do that.
+        WrongStateError: An order of the same device is under way.
+        TaskAbortedError: Another order has replaced it.
+        LeaseHeldError: Another program holds the lease.
+        RejectedByAutopilotError: It refuses, in its own words.
+        LinkLostError: It is not heard.
+        UalTimeoutError: It is not known whether it was obeyed: look before you order it again.
+
+    """
+
+    def get_all(self) -> Equipment:
+        """Returns all that is configured, with what is known of each now."""
+        ...
+
+    def grip(self, gripper: str = "") -> None:
+        """Closes a gripper. Returns once that is acknowledged, which may be before it is closed."""
+        ...
+
+    def release(self, gripper: str = "") -> None:
+        """Opens a gripper, as `grip`."""
+        ...
+
+    def order_winch(
+        self,
+        action: WinchAction,
+        *,
+        winch: str = "",
+        length_m: float | None = None,
+        rate_m_s: float | None = None,
+    ) -> None:
+        """Has a winch do something. Returns once that is acknowledged, which is before it is done.
+
+        Args:
+            action: What it is to do.
+            winch: Its name.
+            length_m: For LENGTH: how much line it lets out; negative takes in.
+            rate_m_s: For RATE: how fast it lets out; negative takes in. For LENGTH: how fast, positive, where the winch
+                takes that.
+
+        """
+        ...
+
+    def set_servo(self, position: str = "", *, servo: str = "", pwm_us: int | None = None) -> None:
+        """Moves a servo. Returns once that is acknowledged, which is before it is there.
+
+        Args:
+            position: The name of one of its positions.
+            servo: Its name.
+            pwm_us: A pulse width within its bounds, instead of a position.
+
+        """
+        ...
+
+    def set_relay(self, state: str, *, relay: str = "") -> None:
+        """Switches a relay to the state of a name, such as "on"."""
         ...
 
 
@@ -1443,6 +1510,11 @@ class Uav(TaskCommands[Task]):
     @abstractmethod
     def fence(self) -> Fence:
         """The fence and the rally points that the autopilot keeps."""
+
+    @property
+    @abstractmethod
+    def gripper(self) -> Gripper:
+        """The grippers, winches, servos and relays that it carries."""
 
     @property
     @abstractmethod

@@ -22,6 +22,7 @@ from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.light.camera import LightCameras, Seen
 from ual_daemon.backends.light.corrections import LightCorrections
 from ual_daemon.backends.light.faults import Faults
+from ual_daemon.backends.light.gripper import LightGripper
 from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.simulation import LightSimulation
@@ -114,6 +115,7 @@ class LightBackend(Backend):
         self._holds_by: Cause | None = None
         """The failsafe by which it holds its position."""
         self._corrections = LightCorrections(self.world.now_s)
+        self._gripper = LightGripper(self.world.now_s, lambda: self._faults.is_link_lost)
         self._snapshot = Snapshot(0.0)
         self._cameras = LightCameras(settings.cameras, settings.seed, self._seen, self.world.painter)
         with self.world.lock:
@@ -208,7 +210,7 @@ class LightBackend(Backend):
 
     @override
     def offer(self, kind: type[T]) -> T | None:
-        offers: tuple[object, ...] = (self._corrections, self._cameras)
+        offers: tuple[object, ...] = (self._corrections, self._cameras, self._gripper)
         return next((each for each in offers if isinstance(each, kind)), None)
 
     @override

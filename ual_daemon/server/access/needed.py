@@ -58,6 +58,7 @@ _OF_METHOD: Mapping[str, Role] = {
     **{f"ual.v1.MissionService/{name}": Role.PILOT for name in _FLYING_MISSIONS},
     **{f"ual.v1.CameraService/{name}": Role.OBSERVER for name in _SEEING},
     "ual.v1.FenceService/GetFence": Role.OBSERVER,
+    "ual.v1.GripperService/GetEquipment": Role.OBSERVER,
     "ual.v1.LogService/ListLogs": Role.OBSERVER,
     "ual.v1.CorrectionsService/StreamCorrections": Role.PILOT,
     "ual.v1.CorrectionsService/GetCorrectionsStatus": Role.OBSERVER,
@@ -70,6 +71,7 @@ _OF_SERVICE: Mapping[str, Role] = {
     "ual.v1.LogService": Role.PILOT,  # a log tells all flights and all settings, and its download takes up the link
     "ual.v1.CorrectionsService": Role.PILOT,  # false ones move the position by which it flies
     "ual.v1.CameraService": Role.PILOT,
+    "ual.v1.GripperService": Role.PILOT,
     "ual.v1.MissionService": Role.COMMANDER,  # what is new and was forgotten above
     "grpc.health.v1.Health": Role.OBSERVER,
     "grpc.reflection.v1alpha.ServerReflection": Role.OBSERVER,

@@ -7,10 +7,12 @@ from typing import Any, NamedTuple, Protocol
 
 from ual.access.roles import Role
 from ual_daemon.extensions.shipped.fence import FencedVehicle
+from ual_daemon.extensions.shipped.gripper import EquippedVehicle
 from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, LocatedVehicle
 from ual_daemon.server.shipped.cameras import camera_service
 from ual_daemon.server.shipped.corrections import corrections_service
 from ual_daemon.server.shipped.fence import fence_service
+from ual_daemon.server.shipped.gripper import gripper_service
 from ual_daemon.server.shipped.logs import log_service
 from ual_daemon.server.shipped.missions import mission_service
 from ual_daemon.server.shipped.parameters import parameter_service
@@ -29,13 +31,14 @@ _MAKERS = (
     mission_service,
     camera_service,
     fence_service,
+    gripper_service,
     log_service,
     corrections_service,
 )
 """What makes each of them for a UAV: its full name, and what registers its servicer."""
 
 
-class ShippedVehicle(FencedVehicle, LocatedVehicle, CommandedVehicle, Protocol):
+class ShippedVehicle(FencedVehicle, LocatedVehicle, CommandedVehicle, EquippedVehicle, Protocol):
     """What all of them need of their UAV."""
 
 

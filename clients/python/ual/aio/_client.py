@@ -17,7 +17,7 @@ from ual.aio._cameras import Cameras
 from ual.aio._connection import Connection
 from ual.aio._corrections import Corrections
 from ual.aio._derived import SimulationMembers, UavMembers
-from ual.aio._derived_parts import Fence, Logs, Mission, Parameters
+from ual.aio._derived_parts import Fence, Gripper, Logs, Mission, Parameters
 from ual.aio._lease import Lease
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
@@ -68,6 +68,7 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         self._mission = Mission(self._connection)
         self._cameras = Cameras(self._connection)
         self._fence = Fence(self._connection)
+        self._gripper = Gripper(self._connection)
         self._logs = Logs(self._connection)
         self._corrections = Corrections(self._connection)
         self._subscriptions: set[Subscription] = set()
@@ -224,6 +225,11 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
     def fence(self) -> Fence:
         """The fence and the rally points that the autopilot keeps."""
         return self._fence
+
+    @property
+    def gripper(self) -> Gripper:
+        """The grippers, winches, servos and relays that it carries."""
+        return self._gripper
 
     @property
     def logs(self) -> Logs:

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Sequence
 
-from ual import _camera_calls, _cameras_calls, _fence_calls, _log_calls, _mission_calls, _parameter_calls
+from ual import (
+    _camera_calls,
+    _cameras_calls,
+    _fence_calls,
+    _gripper_calls,
+    _log_calls,
+    _mission_calls,
+    _parameter_calls,
+)
 from ual.aio._connection import Connection
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
+from ual.gripper import Equipment, WinchAction
 from ual.logs.values import Log, LogChunk
 from ual.missions.items import Item
 from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
@@ -361,6 +370,60 @@ class Fence:
 
         """
         return await self._connection.run(_fence_calls.disable())
+
+
+class Gripper:
+    """`ual.interface.Gripper`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Gripper of {self._connection.described}>"
+
+    async def get_all(self) -> Equipment:
+        """Returns all that is configured, with what is known of each now."""
+        return await self._connection.run(_gripper_calls.get_all())
+
+    async def grip(self, gripper: str = "") -> None:
+        """Closes a gripper. Returns once that is acknowledged, which may be before it is closed."""
+        await self._connection.run(_gripper_calls.grip(gripper))
+
+    async def release(self, gripper: str = "") -> None:
+        """Opens a gripper, as `grip`."""
+        await self._connection.run(_gripper_calls.release(gripper))
+
+    async def order_winch(
+        self, action: WinchAction, *, winch: str = "", length_m: float | None = None, rate_m_s: float | None = None
+    ) -> None:
+        """Has a winch do something. Returns once that is acknowledged, which is before it is done.
+
+        Args:
+            action: What it is to do.
+            winch: Its name.
+            length_m: For LENGTH: how much line it lets out; negative takes in.
+            rate_m_s: For RATE: how fast it lets out; negative takes in. For LENGTH: how fast, positive, where the winch
+                takes that.
+
+        """
+        await self._connection.run(
+            _gripper_calls.order_winch(action, winch=winch, length_m=length_m, rate_m_s=rate_m_s)
+        )
+
+    async def set_servo(self, position: str = "", *, servo: str = "", pwm_us: int | None = None) -> None:
+        """Moves a servo. Returns once that is acknowledged, which is before it is there.
+
+        Args:
+            position: The name of one of its positions.
+            servo: Its name.
+            pwm_us: A pulse width within its bounds, instead of a position.
+
+        """
+        await self._connection.run(_gripper_calls.set_servo(position, servo=servo, pwm_us=pwm_us))
+
+    async def set_relay(self, state: str, *, relay: str = "") -> None:
+        """Switches a relay to the state of a name, such as "on"."""
+        await self._connection.run(_gripper_calls.set_relay(state, relay=relay))
 
 
 class Logs:

@@ -227,6 +227,10 @@ class RosUav(Uav):
         inexpressible("mission")
 
     @property
+    def gripper(self) -> ual.interface.Gripper:
+        inexpressible("gripper")
+
+    @property
     def fence(self) -> ual.interface.Fence:
         inexpressible("fence")
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_PARAMETERS, run_check
+from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_GRIPPER, WITHOUT_PARAMETERS, run_check
 from tests.simulators.airsim import Vehicle
 from tests.simulators.airsim_server import AirsimServer
 from tests.waiting import until
@@ -22,7 +22,13 @@ LIMIT_M_S = 2.5
 TOLERANCES = Tolerances(
     position_m=0.4, wander_m=0.0, heading_rad=0.2, speed_m_s=0.4, line_ratio=0.1, overshoot_ratio=0.1
 )
-NOT_HERE = {"arming_belongs_to_the_pilot", "bad_poses_from_outside_are_refused", *WITHOUT_PARAMETERS, *WITHOUT_CAMERAS}
+NOT_HERE = {
+    "arming_belongs_to_the_pilot",
+    "bad_poses_from_outside_are_refused",
+    *WITHOUT_PARAMETERS,
+    *WITHOUT_CAMERAS,
+    *WITHOUT_GRIPPER,
+}
 """What is skipped, and nothing else: a simulation's daemon may arm, and `simple_flight` needs no poses."""
 
 

@@ -6,7 +6,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import OF_PARAMETERS, WITHOUT_CAMERAS, WITHOUT_PARAMETERS, run_check_or_skip, wait_until_ready
+from tests.patient_checks import (
+    OF_PARAMETERS,
+    WITHOUT_CAMERAS,
+    WITHOUT_GRIPPER,
+    WITHOUT_PARAMETERS,
+    run_check_or_skip,
+    wait_until_ready,
+)
 from tests.simulators.crazyflie import Crazyflie
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.ports import MemoryPort
@@ -27,6 +34,7 @@ NOT_HERE = {
     "bad_geographic_waypoints_are_refused",
     *(WITHOUT_PARAMETERS - OF_PARAMETERS),
     *WITHOUT_CAMERAS,
+    *WITHOUT_GRIPPER,
 }
 """What is skipped, and nothing else: it has no safety pilot, and does not know where it is on Earth."""
 

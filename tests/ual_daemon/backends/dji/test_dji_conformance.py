@@ -6,7 +6,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_PARAMETERS, grouped, run_check_or_skip, wait_until_ready
+from tests.patient_checks import (
+    WITHOUT_CAMERAS,
+    WITHOUT_GRIPPER,
+    WITHOUT_PARAMETERS,
+    grouped,
+    run_check_or_skip,
+    wait_until_ready,
+)
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
@@ -25,6 +32,7 @@ NOT_HERE = {
     "bad_poses_from_outside_are_refused",
     *WITHOUT_PARAMETERS,
     *WITHOUT_CAMERAS,
+    *WITHOUT_GRIPPER,
 }
 """What is skipped, and nothing else: control authority that the pilot took is only obtained, never given."""
 NOT_BEHIND_OSDK = {"goes_to_a_geographic_waypoint"}

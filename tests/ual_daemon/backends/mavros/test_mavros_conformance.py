@@ -9,6 +9,7 @@ import pytest
 from tests.patient_checks import (
     OF_PARAMETERS,
     WITHOUT_CAMERAS,
+    WITHOUT_GRIPPER,
     WITHOUT_PARAMETERS,
     grouped,
     run_check_or_skip,
@@ -24,7 +25,11 @@ from ual_daemon.backends.base import BackendOptions
 
 BACKENDS = {"px4": LockstepMavrosPx4, "ardupilot": LockstepMavrosArduPilot}
 NOT_HERE = {
-    kind: names | {"bad_poses_from_outside_are_refused"} | (WITHOUT_PARAMETERS - OF_PARAMETERS) | WITHOUT_CAMERAS
+    kind: names
+    | {"bad_poses_from_outside_are_refused"}
+    | (WITHOUT_PARAMETERS - OF_PARAMETERS)
+    | WITHOUT_CAMERAS
+    | WITHOUT_GRIPPER
     for kind, names in NOT_OVER_MAVLINK.items()
 }
 

@@ -1,0 +1,98 @@
+"""One order at a time for each device: what is refused, what replaces, and what is remembered."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+
+import pytest
+
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, WrongStateError
+from ual_daemon.settings import PayloadSettings
+from ual_daemon.vehicle.equipment import Device, Equipment
+
+CLAW = Device("gripper", "claw")
+
+
+class Bench:
+    """The orders of a test."""
+
+    def __init__(self) -> None:
+        self.equipment = Equipment(PayloadSettings())
+        self.sent: list[Future[None]] = []
+
+    def give(self, text: str, *, holds: bool = False, device: Device = CLAW) -> Future[None]:
+        return self.equipment.give(device, text, self._begin, holds=holds)
+
+    def _begin(self) -> Future[None]:
+        self.sent.append(Future())
+        return self.sent[-1]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_what_was_acknowledged_is_remembered(bench: Bench) -> None:
+    ordered = bench.give("release")
+    assert bench.equipment.ordered(CLAW) == ""
+    bench.sent[0].set_result(None)
+    assert ordered.result(0) is None
+    assert bench.equipment.ordered(CLAW) == "release"
+    refused = bench.give("grip", holds=True)
+    bench.sent[1].set_exception(RejectedByAutopilotError("no"))
+    with pytest.raises(RejectedByAutopilotError):
+        refused.result(0)
+    assert bench.equipment.ordered(CLAW) == "release"
+
+
+def test_what_may_let_go_waits_for_the_end_of_what_is_under_way(bench: Bench) -> None:
+    bench.give("grip", holds=True)
+    with pytest.raises(WrongStateError, match="the gripper claw is busy: grip is under way"):
+        bench.give("release")
+    assert len(bench.sent) == 1
+    bench.give("release", device=Device("gripper", "hand"))
+    bench.sent[0].set_result(None)
+    bench.give("release")
+    assert len(bench.sent) == 3
+
+
+def test_what_holds_replaces_what_is_under_way(bench: Bench) -> None:
+    before = bench.give("release")
+    after = bench.give("grip", holds=True)
+    with pytest.raises(TaskAbortedError) as caught:
+        before.result(0)
+    assert caught.value.metadata == {"by": "grip"}
+    assert bench.sent[0].cancelled()
+    bench.sent[1].set_result(None)
+    assert after.result(0) is None
+    assert bench.equipment.ordered(CLAW) == "grip"
+
+
+def test_an_order_that_is_withdrawn_leaves_the_device_free(bench: Bench) -> None:
+    ordered = bench.give("release")
+    ordered.cancel()
+    assert bench.sent[0].cancelled()
+    bench.give("release")
+    assert len(bench.sent) == 2
+    bench.sent[1].cancel()  # by the backend
+    bench.give("release")
+
+
+def test_what_cannot_begin_leaves_the_device_free(bench: Bench) -> None:
+    def begin() -> Future[None]:
+        raise LinkLostError("gone")
+
+    with pytest.raises(LinkLostError):
+        bench.equipment.give(CLAW, "release", begin, holds=False)
+    bench.give("release")
+
+
+def test_an_answer_to_what_was_replaced_changes_nothing(bench: Bench) -> None:
+    """The backend may have begun to end it when it is replaced."""
+    bench.give("release")
+    bench.sent[0].set_running_or_notify_cancel()
+    bench.give("grip", holds=True)
+    bench.sent[0].set_result(None)
+    with pytest.raises(WrongStateError, match="grip is under way"):
+        bench.give("release")

@@ -1,0 +1,121 @@
+"""The orders that are under way of what a UAV carries: one at a time for each device."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ual.errors import TaskAbortedError, WrongStateError
+from ual_daemon import logs
+from ual_daemon.backends import futures
+from ual_daemon.settings import PayloadSettings
+
+_log = logging.getLogger(__name__)
+
+
+class Device(NamedTuple):
+    """A device of the configuration: its kind, such as "gripper", and its name."""
+
+    kind: str
+    name: str
+
+    @property
+    def text(self) -> str:
+        """What it is, human-readable."""
+        return f"the {self.kind} {self.name}"
+
+
+@dataclass(eq=False)
+class _Order:
+    text: str
+    result: Future[None] = field(default_factory=Future)
+    sent: Future[None] = field(default_factory=Future)
+    is_over: bool = False
+
+
+class Equipment:
+    """What the UAV carries. From any thread.
+
+    An autopilot's answers do not say which order they are for. So a second order of a device waits for no first one: it
+    is refused, or replaces it.
+    """
+
+    def __init__(self, settings: PayloadSettings) -> None:
+        self.settings = settings
+        self._giving = threading.Lock()
+        self._lock = threading.Lock()
+        self._under_way: dict[Device, _Order] = {}
+        self._ordered: dict[Device, str] = {}
+
+    def ordered(self, device: Device) -> str:
+        """Returns what was ordered last and acknowledged, human-readable; empty: nothing."""
+        with self._lock:
+            return self._ordered.get(device, "")
+
+    def give(self, device: Device, text: str, begin: Callable[[], Future[None]], *, holds: bool) -> Future[None]:
+        """Begins an order, which `text` says for people. Cancelling the future withdraws it.
+
+        One that `holds` the load replaces the one that is under way.
+
+        Raises:
+            WrongStateError: Another one is under way, and this one does not hold.
+            UalError: As `begin`.
+
+        """
+        order = _Order(text)
+        with self._giving:  # the backend gets the orders of several threads as they are kept here
+            before = self._replace(device, order, holds=holds)
+            if before is not None:
+                self._abort(before, text)
+            self._begin(device, order, begin)
+        return order.result
+
+    def _replace(self, device: Device, order: _Order, *, holds: bool) -> _Order | None:
+        with self._lock:
+            before = self._under_way.get(device)
+            if before is not None and not holds:
+                why = f"{before.text} is under way; order it again once that has ended"
+                raise WrongStateError(f"{order.text}: {device.text} is busy: {why}", {"needed": "the end of an order"})
+            self._under_way[device] = order
+        return before
+
+    def _begin(self, device: Device, order: _Order, begin: Callable[[], Future[None]]) -> None:
+        try:
+            order.sent = begin()
+        except BaseException:
+            self._forget(device, order)
+            raise
+        logs.event(_log, logging.INFO, "payload_ordered", device=device.text, order=order.text)
+        order.sent.add_done_callback(lambda _: self._on_end(device, order))
+        order.result.add_done_callback(lambda result: order.sent.cancel() if result.cancelled() else None)
+
+    def _on_end(self, device: Device, order: _Order) -> None:
+        is_withdrawn = order.sent.cancelled()
+        error = None if is_withdrawn else order.sent.exception()
+        if not self._forget(device, order, is_obeyed=error is None and not is_withdrawn):
+            return
+        if is_withdrawn:
+            order.result.cancel()
+        else:
+            futures.end(order.result, error)
+
+    def _abort(self, order: _Order, by: str) -> None:
+        with self._lock:
+            is_first, order.is_over = not order.is_over, True
+        if is_first:
+            futures.fail(order.result, TaskAbortedError(f"{order.text} was replaced", {"by": by}))
+        order.sent.cancel()
+
+    def _forget(self, device: Device, order: _Order, *, is_obeyed: bool = False) -> bool:
+        """Returns whether the order has not ended before."""
+        with self._lock:
+            is_first, order.is_over = not order.is_over, True
+            if is_obeyed:
+                self._ordered[device] = order.text
+            if self._under_way.get(device) is order:
+                del self._under_way[device]
+            return is_first
