@@ -90,13 +90,6 @@ def caught(first: Future[T], step: Callable[[BaseException], Future[T]]) -> Futu
     return then_wait(settled, follow)
 
 
-def gathered(parts: Sequence[Future[T]]) -> Future[list[T]]:
-    """Returns the future of all results, of a few futures that have begun."""
-    if not parts:
-        return done([])
-    return then_wait(parts[0], lambda one: then(gathered(parts[1:]), lambda others: [one, *others]))
-
-
 def in_turn(first: Callable[[], Future[Any]], *steps: Callable[[], Future[Any]]) -> Future[Any]:
     """Returns the future of the last of some steps, each begun where the one before has ended well."""
     future = first()

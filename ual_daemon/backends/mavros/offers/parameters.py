@@ -16,7 +16,7 @@ from typing_extensions import override
 
 from ual.errors import UalTimeoutError
 from ual.parameters.values import Parameter, ParameterType, real32
-from ual_daemon.backends.chain import caught, done, gathered, then, then_wait
+from ual_daemon.backends.chain import caught, done, then, then_wait, together
 from ual_daemon.backends.firmwares.parameter_errors import in_doubt, not_kept, unconfirmed, unknown
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.offers.services import BUSY_S, BusyError, Services
@@ -186,7 +186,7 @@ class MavrosParameters(AutopilotParameters):
         def get(left: Sequence[str], found: list[Parameter]) -> Future[list[Parameter]]:
             if not left:
                 return done(_all_of(found, count))
-            some = gathered([self._get(name) for name in left[:AT_ONCE]])
+            some = together([self._get(name) for name in left[:AT_ONCE]])
             return then_wait(
                 some, lambda read: get(left[AT_ONCE:], found + [each for each in read if each is not None])
             )
