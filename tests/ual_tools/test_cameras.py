@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from pathlib import Path
 
 import grpc
+import PIL.Image
 import pytest
 from click.testing import CliRunner, Result
 
@@ -119,3 +121,30 @@ def test_a_program_that_does_not_read_its_picture_keeps_no_other_one_from_theirs
         for each in unread:
             assert image_from_protos(list(each)) == seen
         assert uav.cameras[0].image().data != seen.data
+
+
+def test_pictures_are_fetched_once_as_files_with_their_places(daemon: DaemonProcess, tmp_path: Path) -> None:
+    for _ in range(2):
+        done(daemon, "camera", "photo")
+    directory = tmp_path / "set" / "one"
+    told = [json.loads(line) for line in done(daemon, "--json", "camera", "fetch", directory).splitlines()]
+    assert [(each["photo"], each["done"]) for each in told] == [(0, "written"), (1, "written")]
+    files = sorted(directory.iterdir())
+    assert [str(each) for each in files] == [each["file"] for each in told]
+    assert re.fullmatch(rf"{daemon.ns}_camera_0_\d{{8}}T\d{{9}}_00000\.jpg", files[0].name)
+    with ual.Uav(address=daemon.address) as uav:
+        [photo] = uav.cameras[0].photos(1)
+    assert photo.position_geo is not None
+    with PIL.Image.open(files[1]) as picture:
+        tags = picture.getexif()
+    degrees, minutes, seconds = map(float, tags.get_ifd(0x8825)[2])
+    assert degrees + minutes / 60 + seconds / 3600 == pytest.approx(photo.position_geo.latitude_deg, abs=2e-9)
+    assert tags[0x0110] == "light camera"
+    files[0].unlink()
+    assert done(daemon, "camera", "fetch", directory).count(": is there: ") == 1
+    assert done(daemon, "camera", "fetch", directory, "--first", "2") == ""
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    refused = run(daemon, "camera", "fetch", blocked / "in")
+    assert refused.exit_code == 1
+    assert "Not a directory" in refused.output

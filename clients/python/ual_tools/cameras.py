@@ -10,6 +10,7 @@ import click
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageFormat, ImageKind, Photo
 from ual.errors import InvalidArgumentError
 from ual.geometry import PoseStamped
+from ual_tools import fetched
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.session import Session, pass_session
@@ -31,6 +32,7 @@ _camera = click.option(
         "ual camera distance 5",
         "ual camera stop",
         "ual camera image seen.png",
+        "ual camera fetch survey",
     ),
 )
 def camera() -> None:
@@ -217,6 +219,26 @@ def image(session: Session, file: Path, photo_number: int | None, kind: str, num
         {"done": "camera image", "file": str(file), "format": found.format.name, "stamp_s": found.stamp_s},
         f"{size}, {found.format.name}, {_place_text(found.camera)}: {file}",
     )
+
+
+@camera.command("fetch", cls=UalCommand, examples=("ual camera fetch survey", "ual camera fetch survey --first 100"))
+@click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
+@click.option("--first", type=click.IntRange(0), default=0, help="Only from this number on.")
+@_camera
+@pass_session
+def fetch(session: Session, directory: Path, first: int, number: int) -> None:
+    """Write what was taken into DIRECTORY, as JPEG with places.
+
+    Each file says when, where and in which direction it was taken, for programs that make maps. Files that are there
+    already are left as they are.
+    """
+    with session.connect() as uav:
+        fetching = fetched.Fetching(uav, number, directory)
+        for each in uav.cameras[number].photos(first):
+            file, what = fetching.fetch(each)
+            session.emit(
+                {"photo": each.number, "file": str(file), "done": what}, f"photo {each.number}: {what}: {file}"
+            )
 
 
 def _done(session: Session, command: str) -> None:
