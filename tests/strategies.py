@@ -11,7 +11,7 @@ from ual.geometry import Pose, Quaternion, Transform, Vector3
 
 def numbers(magnitude: float) -> st.SearchStrategy[float]:
     """Numbers up to a magnitude, as often small and round as large."""
-    whole = int(min(3.0, magnitude))  # not a filter: where it refuses many, a check of hypothesis' health fails by chance
+    whole = int(min(3.0, magnitude))  # a filter that refuses many fails a health check by chance
     return st.floats(-magnitude, magnitude) | st.integers(-whole, whole).map(float)
 
 

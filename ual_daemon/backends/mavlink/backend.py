@@ -34,6 +34,7 @@ from ual_daemon.backends.mavlink.links.endpoints import (
 from ual_daemon.backends.mavlink.offers.cameras import MavlinkCameras
 from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
 from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
+from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.missions import MavlinkMissions
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
@@ -85,6 +86,7 @@ class MavlinkBackend(Backend):
         self._discovery: Discovery | None = None
         self._loop: ReceiveLoop | None = None
         self._desk: CommandDesk[CommandLong] | None = None
+        self._pictures = HttpPictures(self._settings.picture_hosts)
         reach = Reach(self._last_session, self._reach, self._post)
         self._offers = (
             MavlinkParameters(reach),
@@ -96,7 +98,7 @@ class MavlinkBackend(Backend):
             MavlinkFenceStore(reach),
             MavlinkLogs(self._reach, self._post),
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
-            MavlinkCameras(self._cameras_found, self._now_s, reach, self._camera_trigger()),
+            MavlinkCameras(self._cameras_found, self._now_s, reach, self._pictures, self._camera_trigger()),
         )
 
     @classmethod
@@ -123,6 +125,7 @@ class MavlinkBackend(Backend):
 
     @override
     def close(self) -> None:
+        self._pictures.close()
         if self._loop is not None:
             self._loop.close()
 

@@ -28,6 +28,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     `learns_feed_forward` PX4's drag and the error of its estimate are learned and compensated: see `FeedForward`;
     `drag_1_s` is the drag that it begins with.
     With `has_camera_trigger` the autopilot itself triggers a camera, which is offered as the first one.
+    `picture_hosts` are the hosts from which pictures of cameras are fetched by HTTP.
     `signing_key_file` holds the key of an autopilot that signs its messages: see `signing.read_key`.
     """
 
@@ -40,6 +41,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     drag_1_s: Drag = 0.0
     signing_key_file: str | None = None
     has_camera_trigger: bool = False
+    picture_hosts: tuple[str, ...] = ()
 
 
 def default_url(ns: str) -> str:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from typing import TypeVar
 
 from typing_extensions import override
 
-from ual.cameras import CameraInfo, CameraMode, CameraStatus, ImageKind, VideoStream
-from ual.errors import LinkLostError, NotSupportedError
+from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, CameraMode, CameraStatus, ImageKind, VideoStream
+from ual.errors import InvalidArgumentError, LinkLostError, NotSupportedError, UalError
 from ual_daemon.backends import futures
+from ual_daemon.backends.chain import then
+from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures, Picture
 from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
 from ual_daemon.backends.mavlink.protocols.camera_values import MODE_NUMBERS
@@ -18,6 +21,8 @@ from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto
 
 T = TypeVar("T")
+
+_PHOTO = {"field": "photo"}
 
 
 class MavlinkCamera(OfferedCamera):
@@ -27,6 +32,7 @@ class MavlinkCamera(OfferedCamera):
         link: The camera on the thread that receives.
         now_s: The backend's clock.
         reach: The way to the thread that receives.
+        pictures: Fetches them.
 
     """
 
@@ -35,15 +41,19 @@ class MavlinkCamera(OfferedCamera):
         link: CameraLink,
         now_s: Callable[[], float],
         reach: Reach,
+        pictures: HttpPictures,
     ) -> None:
         self._link = link
         self._now_s = now_s
         self._reach = reach
+        self._pictures = pictures
 
     @property
     @override
     def info(self) -> CameraInfo:
-        return self._link.info(self._now_s())
+        info = self._link.info(self._now_s())
+        gives = {CameraAbility.IMAGE} if self._pictures.hosts and CameraAbility.PHOTO in info.abilities else set()
+        return replace(info, abilities=info.abilities | gives)
 
     @override
     def status(self) -> Future[CameraStatus]:
@@ -113,15 +123,36 @@ class MavlinkCamera(OfferedCamera):
 
     @override
     def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
-        future: Future[EncodedImage] = Future()
-        future.set_exception(NotSupportedError("a picture is not fetched over MAVLink: see the file_url of its photo"))
-        return future
+        if photo is None:
+            return _failed(NotSupportedError(f"{self._link.name} gives the pictures that it took: name a photo"))
+        taken = next(iter(self._link.photos.since(photo)), None)
+        if taken is None or taken.number != photo:
+            return _failed(InvalidArgumentError(f"photo: {self._link.name} has told of no photo {photo}", _PHOTO))
+        if not taken.file_url:
+            return _failed(NotSupportedError(f"{self._link.name} has not told where its photo {photo} is"))
+        intrinsics = self.info.intrinsics
+        return then(self._pictures.fetch(taken.file_url), lambda found: _encoded(found, taken, intrinsics))
 
     def _order(self, what: str, command_id: int, *params: float) -> Future[None]:
         return self._give(what, lambda future: self._link.order(command_id, params, future))
 
     def _give(self, what: str, begin: Callable[[Future[T]], None]) -> Future[T]:
         return self._reach.give(what, lambda _, future: begin(future))
+
+
+def _encoded(found: Picture, taken: TakenPhoto, intrinsics: CameraIntrinsics | None) -> EncodedImage:
+    known = intrinsics if intrinsics is not None and _is_for(intrinsics, found) else None
+    return EncodedImage(*found, taken.stamp_s, known, taken.viewpoint)
+
+
+def _is_for(intrinsics: CameraIntrinsics, found: Picture) -> bool:
+    return (intrinsics.width_px, intrinsics.height_px) == (found.width_px, found.height_px)
+
+
+def _failed(error: UalError) -> Future[EncodedImage]:
+    future: Future[EncodedImage] = Future()
+    future.set_exception(error)
+    return future
 
 
 class MavlinkCameras(OfferedCameras):
@@ -132,14 +163,16 @@ class MavlinkCameras(OfferedCameras):
         found: Callable[[], Sequence[CameraLink]],
         now_s: Callable[[], float],
         reach: Reach,
+        pictures: HttpPictures,
         trigger: OfferedCamera | None = None,
     ) -> None:
         self._first = [] if trigger is None else [trigger]
         self._found = found
         self._now_s = now_s
         self._reach = reach
+        self._pictures = pictures
 
     @override
     def all(self) -> Sequence[OfferedCamera]:
-        found = [MavlinkCamera(link, self._now_s, self._reach) for link in self._found()]
+        found = [MavlinkCamera(link, self._now_s, self._reach, self._pictures) for link in self._found()]
         return [*self._first, *found]

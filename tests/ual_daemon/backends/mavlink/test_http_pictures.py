@@ -1,0 +1,224 @@
+"""Pictures of cameras by HTTP, from a server of this test that may do anything."""
+
+from __future__ import annotations
+
+import struct
+import threading
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+import numpy as np
+import pytest
+from typing_extensions import override
+
+from tests.conftest import LIMIT_S
+from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, ImageFormat
+from ual.errors import (
+    InvalidArgumentError,
+    LinkLostError,
+    NotSupportedError,
+    ResourceExhaustedError,
+    UalError,
+    UalTimeoutError,
+)
+from ual_daemon.backends.light import png
+from ual_daemon.backends.mavlink.offers import http_pictures
+from ual_daemon.backends.mavlink.offers.cameras import MavlinkCamera
+from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
+from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
+
+PNG = png.encode(np.zeros((2, 3, 3), np.uint8))
+JPEG = b"".join(
+    (
+        b"\xff\xd8",
+        b"\xff\xe0" + struct.pack(">H", 16) + bytes(14),
+        b"\xff\xff\xfe" + struct.pack(">H", 4) + b"hi",  # a fill byte, and a comment
+        b"\xff\xc2" + struct.pack(">HBHHB", 17, 8, 480, 640, 3) + bytes(9),
+        b"\xff\xda",
+    )
+)
+Answer = Callable[[BaseHTTPRequestHandler], None]
+
+
+class Server:
+    """Answers each path as a test says. `asked` are the paths that were asked for."""
+
+    def __init__(self) -> None:
+        self.answers: dict[str, Answer] = {}
+        self.asked: list[str] = []
+        self.released = threading.Event()
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), self._handler())
+        self._server.daemon_threads = True
+        threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True).start()
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self._server.server_port}"
+
+    def says_nothing(self, _: BaseHTTPRequestHandler) -> None:
+        """Answers once the test has ended."""
+        self.released.wait(LIMIT_S)
+
+    def close(self) -> None:
+        self.released.set()
+        self._server.shutdown()
+        self._server.server_close()
+
+    def _handler(self) -> type[BaseHTTPRequestHandler]:
+        served = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                served.asked.append(self.path)
+                served.answers[self.path](self)
+
+            @override
+            def log_message(self, format: str, *args: Any) -> None:
+                """It says nothing."""
+
+        return Handler
+
+
+def gives(data: bytes, length: int | None = None, code: int = 200, **headers: str) -> Answer:
+    def answer(request: BaseHTTPRequestHandler) -> None:
+        request.send_response(code)
+        request.send_header("Content-Length", str(len(data) if length is None else length))
+        for name, value in headers.items():
+            request.send_header(name, value)
+        request.end_headers()
+        request.wfile.write(data)
+
+    return answer
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    server = Server()
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def pictures() -> Iterator[HttpPictures]:
+    pictures = HttpPictures(("127.0.0.1",))
+    yield pictures
+    pictures.close()
+
+
+@pytest.mark.parametrize(
+    ("data", "form", "size"),
+    [(PNG, ImageFormat.PNG, (3, 2)), (JPEG, ImageFormat.JPEG, (640, 480))],
+    ids=["png", "jpeg"],
+)
+def test_a_picture_comes_as_it_is_with_its_size(
+    server: Server, pictures: HttpPictures, data: bytes, form: ImageFormat, size: tuple[int, int]
+) -> None:
+    server.answers["/1"] = gives(data)
+    found = pictures.fetch(f"{server.url}/1").result(LIMIT_S)
+    assert found == (data, form, *size)
+
+
+@pytest.mark.parametrize(
+    ("answer", "error", "text"),
+    [
+        (gives(b"", code=404), UalError, "answered 404"),
+        (gives(b"", code=302, Location="http://127.0.0.1:1/2"), UalError, "answered 302"),
+        (gives(b"<html>"), NotSupportedError, "no PNG and no JPEG"),
+        (gives(JPEG[:30]), NotSupportedError, "no PNG and no JPEG"),
+        (gives(b"\xff\xd8" + b"\xff\xe0\x00\x00" * 3), NotSupportedError, "no PNG and no JPEG"),
+        (gives(PNG, length=len(PNG) + 1), LinkLostError, "cannot be read: IncompleteRead"),
+        (gives(PNG + bytes(2000)), UalError, "has more than"),
+        (lambda request: request.wfile.write(b"nonsense\r\n\r\n"), LinkLostError, "cannot be read"),
+    ],
+    ids=["lacks it", "sends to another", "a page", "cut", "no way on", "ends early", "too large", "no HTTP"],
+)
+def test_what_is_wrong_is_told(
+    server: Server,
+    pictures: HttpPictures,
+    monkeypatch: pytest.MonkeyPatch,
+    answer: Answer,
+    error: type[UalError],
+    text: str,
+) -> None:
+    monkeypatch.setattr(http_pictures, "MOST_BYTES", 1000)
+    server.answers["/1"] = answer
+    with pytest.raises(error, match=text):
+        pictures.fetch(f"{server.url}/1").result(LIMIT_S)
+    assert server.asked == ["/1"]
+
+
+@pytest.mark.parametrize("url", ["http://localhost/1", "mftp://DCIM/1.jpg", "file:///etc/passwd", "http://[", ""])
+def test_no_other_host_is_asked(pictures: HttpPictures, url: str) -> None:
+    with pytest.raises(NotSupportedError, match=r"only http and https|add 'localhost' to mavlink.picture_hosts"):
+        pictures.fetch(url).result(LIMIT_S)
+
+
+def test_a_server_that_says_nothing_is_not_waited_for_without_end(
+    server: Server, pictures: HttpPictures, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(http_pictures, "SILENCE_S", 0.05)
+    server.answers["/1"] = server.says_nothing
+    with pytest.raises(UalTimeoutError, match="has said nothing"):
+        pictures.fetch(f"{server.url}/1").result(LIMIT_S)
+
+
+def test_a_server_that_never_ends_is_not_waited_for_without_end(
+    server: Server, pictures: HttpPictures, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(http_pictures, "TIMEOUT_S", 0.0)
+    server.answers["/1"] = gives(PNG + bytes(1 << 18))
+    with pytest.raises(UalTimeoutError, match="has not come within"):
+        pictures.fetch(f"{server.url}/1").result(LIMIT_S)
+
+
+def test_only_so_many_wait_and_the_end_cancels_them(server: Server, pictures: HttpPictures) -> None:
+    server.answers["/1"] = server.says_nothing
+    waiting = [pictures.fetch(f"{server.url}/1") for _ in range(http_pictures.MOST_WAITING)]
+    with pytest.raises(ResourceExhaustedError, match="wait for one"):
+        pictures.fetch(f"{server.url}/1").result(LIMIT_S)
+    pictures.close()
+    assert all(each.cancelled() for each in waiting[1:])
+    with pytest.raises(UalError, match="closed"):
+        pictures.fetch(f"{server.url}/1").result(LIMIT_S)
+
+
+class Link:
+    """A camera on its link, as far as its pictures are asked for."""
+
+    name = "camera 0 (Eye)"
+
+    def __init__(self, *urls: str) -> None:
+        self.photos = self
+        self._taken = [TakenPhoto(number, 7.0, Viewpoint(), file_url=url) for number, url in enumerate(urls)]
+
+    def since(self, first: int) -> list[TakenPhoto]:
+        return self._taken[first:]
+
+    def info(self, _: float) -> CameraInfo:
+        lens = CameraIntrinsics.of_view(640, 480, 1.0)
+        return CameraInfo(0, self.name, frozenset({CameraAbility.PHOTO}), is_connected=True, intrinsics=lens)
+
+
+def camera(pictures: HttpPictures, *urls: str) -> MavlinkCamera:
+    made: Any = Link(*urls), lambda: 0.0, None, pictures
+    return MavlinkCamera(*made)
+
+
+def test_a_camera_gives_the_picture_of_a_photo_that_it_has_told(server: Server, pictures: HttpPictures) -> None:
+    server.answers["/1"], server.answers["/2"] = gives(JPEG), gives(PNG)
+    tested = camera(pictures, "", f"{server.url}/1", f"{server.url}/2")
+    assert CameraAbility.IMAGE in tested.info.abilities
+    found, preview = (tested.image(number).result(LIMIT_S) for number in (1, 2))
+    assert (found.data, found.width_px, found.stamp_s, found.intrinsics) == (JPEG, 640, 7.0, tested.info.intrinsics)
+    assert preview.intrinsics is None  # they are for another size
+    with pytest.raises(NotSupportedError, match="has not told where its photo 0 is"):
+        tested.image(0).result(LIMIT_S)
+    with pytest.raises(InvalidArgumentError, match="no photo 3"):
+        tested.image(3).result(LIMIT_S)
+    with pytest.raises(NotSupportedError, match="name a photo"):
+        tested.image(None).result(LIMIT_S)
+
+
+def test_without_a_host_in_the_settings_it_gives_none() -> None:
+    assert camera(HttpPictures(()), "http://127.0.0.1/1").info.abilities == {CameraAbility.PHOTO}
