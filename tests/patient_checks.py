@@ -10,7 +10,18 @@ from _pytest.mark import ParameterSet
 import ual
 from tests.waiting import until
 from ual import conformance
-from ual.conformance import Check, CheckFailedError, Flight, own_cameras, own_fence, own_gripper, own_parameters
+from ual.conformance import (
+    Check,
+    CheckFailedError,
+    Flight,
+    own_cameras,
+    own_corrections,
+    own_fence,
+    own_gripper,
+    own_logs,
+    own_missions,
+    own_parameters,
+)
 from ual.conformance.flight import CannotRunError
 from ual.conformance.runner import LONGEST_GAP_S
 from ual.interface import Uav
@@ -22,6 +33,11 @@ WITHOUT_PARAMETERS = {each.name for room in (own_parameters, own_fence) for each
 WITHOUT_CAMERAS = {each.name for each in own_cameras.ON_GROUND}
 """The same where the UAV carries none."""
 WITHOUT_GRIPPER = {each.name for each in own_gripper.ON_GROUND}
+WITHOUT_CORRECTIONS = {each.name for each in own_corrections.ON_GROUND}
+WITHOUT_MISSIONS = {
+    each.name for room in (own_missions, own_logs) for each in (*room.ON_GROUND, *getattr(room, "IN_FLIGHT", ()))
+}
+"""The same where the backend offers neither missions nor logs."""
 
 
 def run_check(flight: Flight, check: Check) -> None:

@@ -46,7 +46,8 @@ class MissionFlight:
 
     def reset(self) -> None:
         """Begins anew with the next start: another mission was uploaded, or the first item was chosen."""
-        self.seq, self.state, self.speed_m_s = self._first, NOT_STARTED, None
+        self.seq, self.speed_m_s = self._first, None
+        self.state = NOT_STARTED if len(self._items()) > self._first else NONE
         self._jumps.clear()
         self._since_s = None
 

@@ -15,7 +15,13 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, daemon_environment
-from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_GRIPPER, WITHOUT_PARAMETERS
+from tests.patient_checks import (
+    WITHOUT_CAMERAS,
+    WITHOUT_CORRECTIONS,
+    WITHOUT_GRIPPER,
+    WITHOUT_MISSIONS,
+    WITHOUT_PARAMETERS,
+)
 from tests.waiting import until
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
@@ -33,6 +39,8 @@ NOT_HERE = {
     "scales_a_velocity_down",
     *WITHOUT_PARAMETERS,
     *WITHOUT_CAMERAS,
+    *WITHOUT_CORRECTIONS,
+    *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
 """What may be skipped: its daemon may arm, it takes no poses, and its limit of 5 m/s needs more room than there is."""

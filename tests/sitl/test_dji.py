@@ -20,7 +20,14 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, daemon_environment
-from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_GRIPPER, WITHOUT_PARAMETERS, wait_until_ready
+from tests.patient_checks import (
+    WITHOUT_CAMERAS,
+    WITHOUT_CORRECTIONS,
+    WITHOUT_GRIPPER,
+    WITHOUT_MISSIONS,
+    WITHOUT_PARAMETERS,
+    wait_until_ready,
+)
 from tests.simulators.dji import Aircraft, Front, OsdkSdkNode, OsdkVehicleNode, Psdk
 from tests.simulators.lockstep_dji import DjiPilot
 from tests.simulators.rosbridge import Bridge
@@ -51,6 +58,8 @@ NOT_HERE = {
     "goes_to_a_geographic_waypoint",
     *WITHOUT_PARAMETERS,
     *WITHOUT_CAMERAS,
+    *WITHOUT_CORRECTIONS,
+    *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
 """What may be skipped: it may arm, authority is obtained and never given, and dji_osdk_ros does not know the geoid."""

@@ -16,7 +16,7 @@ from tests.simulators import flying
 from tests.ual_daemon.backends.mavlink.test_autopilot_daemons import Vehicle, vehicle_of
 from tests.waiting import until, until_state
 from ual.errors import InvalidArgumentError, LeaseHeldError, NotSupportedError, PermissionDeniedError, WrongStateError
-from ual.missions import Item, Land, StoredMission, TakeOff, Waypoint
+from ual.missions import Item, Land, MissionStage, StoredMission, TakeOff, Waypoint
 from ual.types import AltitudeReference, State, TaskKind, TaskStatus
 from ual_tools.main import cli
 
@@ -139,7 +139,11 @@ def test_both_clients_have_the_same_values_and_errors(daemon: DaemonProcess, veh
         async with ual.aio.Uav(address=daemon.address) as uav:
             with pytest.raises(InvalidArgumentError, match="the mission has none"):
                 await uav.mission.upload([])
-            return await uav.mission.upload(items), await uav.mission.download()
+            uploaded = await uav.mission.upload(items)
+            async for each in uav.mission.watch():
+                if each.stage is MissionStage.NOT_STARTED:
+                    break
+            return uploaded, await uav.mission.download()
 
     uploaded, read = asyncio.run(ask())
     assert uploaded == read
@@ -147,6 +151,10 @@ def test_both_clients_have_the_same_values_and_errors(daemon: DaemonProcess, veh
     with ual.Uav(address=daemon.address) as uav:
         assert uav.mission.download() == read
         assert uav.mission.progress().task_id == ""
+        watched = uav.mission.watch()
+        assert next(watched).stage is MissionStage.NOT_STARTED
+        uav.mission.clear()
+        assert next(watched).stage is MissionStage.NONE
 
 
 def test_a_lease_keeps_others_from_changing_it(daemon: DaemonProcess, vehicle: Vehicle) -> None:

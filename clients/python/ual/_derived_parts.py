@@ -169,6 +169,10 @@ class Mission(interface.Mission):
     def progress(self) -> MissionProgress:
         return self._connection.run(_mission_calls.progress())
 
+    @override
+    def watch(self) -> Iterator[MissionProgress]:
+        return self._connection.iterate(_mission_calls.watch())
+
 
 class Fence(interface.Fence):
     """`ual.interface.Fence`, over gRPC."""

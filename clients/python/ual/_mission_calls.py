@@ -70,6 +70,10 @@ def progress() -> Call[MissionProgress]:
     return Call(Service.MISSION, "GetMissionProgress", request, wire.progress_of_response)
 
 
+def watch() -> Call[MissionProgress]:
+    return Call(Service.MISSION, "WatchMission", pb.WatchMissionRequest(), wire.progress_of_response, None)
+
+
 def _nothing(_: object) -> None:
     return None
 
@@ -84,5 +88,6 @@ MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
     "resume": resume,
     "jump_to": jump_to,
     "progress": progress,
+    "watch": watch,
 }
-"""The members of `ual.interface.Mission`, each with its call."""
+"""The members of `ual.interface.Mission`, each with its call. Those that return an iterator are streams."""

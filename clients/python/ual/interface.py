@@ -707,6 +707,10 @@ class Mission(Protocol):
         """Returns how far the autopilot is with its mission, whoever has started it."""
         ...
 
+    def watch(self) -> Iterator[MissionProgress]:
+        """Yields how far the autopilot is with its mission: now, and on each change. It has no end of its own."""
+        ...
+
 
 class DryRun(Generic[P]):
     """The members of `Uav` that move it, with the same arguments, as questions: nothing moves, begins, or is sent.

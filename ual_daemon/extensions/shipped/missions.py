@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from typing import SupportsInt
@@ -25,6 +26,8 @@ TRANSFER_S = 1250.0
 """How long a transfer may take, with those that others have asked for before. A backend ends by itself before."""
 START_S = 650.0
 JUMP_S = 12.0
+LOOK_S = 0.2
+"""How often a watched mission is looked at. Autopilots tell it once or twice a second."""
 _UPLOAD, _CLEAR, _START = "upload_mission", "clear_mission", "start_mission"
 
 _log = logging.getLogger(__name__)
@@ -168,6 +171,16 @@ class Mission(interface.Mission):
     @override
     def progress(self) -> MissionProgress:
         return self._of_vehicle.progress()
+
+    @override
+    def watch(self) -> Iterator[MissionProgress]:
+        last = None
+        while True:
+            progress = self._of_vehicle.progress()
+            if progress != last:
+                last = progress
+                yield progress
+            time.sleep(LOOK_S)
 
 
 def _item(value: SupportsInt, field: str) -> int:

@@ -14,12 +14,9 @@ from ual.v1 import mission_pb2_grpc
 from ual.wire import convert
 from ual.wire import missions as wire
 from ual_daemon.extensions.base import lease_of
-from ual_daemon.extensions.shipped.missions import JUMP_S, START_S, TRANSFER_S, VehicleMissions
+from ual_daemon.extensions.shipped.missions import JUMP_S, LOOK_S, START_S, TRANSFER_S, VehicleMissions
 from ual_daemon.extensions.shipped.vehicle import CommandedVehicle
 from ual_daemon.server.shipped.waiting import ended
-
-_LOOK_S = 0.2
-"""How often a watched mission is looked at. Autopilots tell it once or twice a second."""
 
 
 class MissionServicer(mission_pb2_grpc.MissionServiceServicer):
@@ -91,7 +88,7 @@ class MissionServicer(mission_pb2_grpc.MissionServiceServicer):
             if progress != last:
                 last = progress
                 yield pb.WatchMissionResponse(progress=wire.progress_to_proto(progress))
-            await asyncio.sleep(_LOOK_S)
+            await asyncio.sleep(LOOK_S)
 
 
 def mission_service(vehicle: CommandedVehicle) -> tuple[str, Callable[[Any], None]]:

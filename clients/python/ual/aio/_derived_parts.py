@@ -285,6 +285,10 @@ class Mission:
         """Returns how far the autopilot is with its mission, whoever has started it."""
         return await self._connection.run(_mission_calls.progress())
 
+    def watch(self) -> AsyncIterator[MissionProgress]:
+        """Yields how far the autopilot is with its mission: now, and on each change. It has no end of its own."""
+        return self._connection.iterate(_mission_calls.watch())
+
 
 class Fence:
     """`ual.interface.Fence`, over gRPC."""

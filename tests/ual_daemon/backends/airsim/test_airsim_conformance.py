@@ -6,7 +6,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_GRIPPER, WITHOUT_PARAMETERS, run_check
+from tests.patient_checks import (
+    WITHOUT_CAMERAS,
+    WITHOUT_CORRECTIONS,
+    WITHOUT_GRIPPER,
+    WITHOUT_MISSIONS,
+    WITHOUT_PARAMETERS,
+    run_check,
+)
 from tests.simulators.airsim import Vehicle
 from tests.simulators.airsim_server import AirsimServer
 from tests.waiting import until
@@ -27,6 +34,8 @@ NOT_HERE = {
     "bad_poses_from_outside_are_refused",
     *WITHOUT_PARAMETERS,
     *WITHOUT_CAMERAS,
+    *WITHOUT_CORRECTIONS,
+    *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
 """What is skipped, and nothing else: a simulation's daemon may arm, and `simple_flight` needs no poses."""

@@ -9,7 +9,9 @@ import pytest
 from tests.patient_checks import (
     OF_PARAMETERS,
     WITHOUT_CAMERAS,
+    WITHOUT_CORRECTIONS,
     WITHOUT_GRIPPER,
+    WITHOUT_MISSIONS,
     WITHOUT_PARAMETERS,
     run_check_or_skip,
     wait_until_ready,
@@ -34,6 +36,8 @@ NOT_HERE = {
     "bad_geographic_waypoints_are_refused",
     *(WITHOUT_PARAMETERS - OF_PARAMETERS),
     *WITHOUT_CAMERAS,
+    *WITHOUT_CORRECTIONS,
+    *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
 """What is skipped, and nothing else: it has no safety pilot, and does not know where it is on Earth."""

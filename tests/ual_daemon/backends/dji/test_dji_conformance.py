@@ -8,7 +8,9 @@ import pytest
 
 from tests.patient_checks import (
     WITHOUT_CAMERAS,
+    WITHOUT_CORRECTIONS,
     WITHOUT_GRIPPER,
+    WITHOUT_MISSIONS,
     WITHOUT_PARAMETERS,
     grouped,
     run_check_or_skip,
@@ -32,6 +34,8 @@ NOT_HERE = {
     "bad_poses_from_outside_are_refused",
     *WITHOUT_PARAMETERS,
     *WITHOUT_CAMERAS,
+    *WITHOUT_CORRECTIONS,
+    *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
 """What is skipped, and nothing else: control authority that the pilot took is only obtained, never given."""

@@ -47,7 +47,10 @@ def is_known(uav: Uav) -> bool:
 
 @pytest.fixture(scope="module")
 def flight(kind: str) -> Iterator[Flight]:
-    with UAL(BACKENDS[kind](BackendOptions("uav_1")), settings=SETTINGS) as uav:
+    backend = BACKENDS[kind](BackendOptions("uav_1"))
+    files = backend.autopilot.files
+    files.files[f"{files.directory}/001.bin"] = bytes(range(256)) * 200  # a log
+    with UAL(backend, settings=SETTINGS) as uav:
         wait_until_ready(uav, is_known)
         yield Flight(uav, TOLERANCES)
 

@@ -109,6 +109,16 @@ def test_a_mission_is_flown_from_the_ground_to_its_landing(flight: Flight) -> No
     assert [each for each in flight.autopilot.setpoints_s if each > begun_s] == []
 
 
+def test_it_is_watched_until_the_caller_ends_it(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    wait_for_place(flight)
+    flight.wait_for(lambda: flight.uav.mission.progress().stage is MissionStage.NONE, "what it says of its mission")
+    watched = flight.uav.mission.watch()
+    assert next(watched).stage is MissionStage.NONE
+    flight.uav.mission.upload(box(flight))
+    assert next(watched).stage is MissionStage.NOT_STARTED
+
+
 def test_a_mission_that_does_not_land_ends_with_the_uav_held_by_ual(flight: Flight) -> None:
     stand_armed(flight)
     task = flight.uav.task(start(flight, [TakeOff(6.0), at(flight, 8, 0), at(flight, 8, 8)]))

@@ -10,6 +10,7 @@ from tests.patient_checks import (
     OF_PARAMETERS,
     WITHOUT_CAMERAS,
     WITHOUT_GRIPPER,
+    WITHOUT_MISSIONS,
     WITHOUT_PARAMETERS,
     grouped,
     run_check_or_skip,
@@ -29,6 +30,7 @@ NOT_HERE = {
     | {"bad_poses_from_outside_are_refused"}
     | (WITHOUT_PARAMETERS - OF_PARAMETERS)
     | WITHOUT_CAMERAS
+    | WITHOUT_MISSIONS
     | WITHOUT_GRIPPER
     for kind, names in NOT_OVER_MAVLINK.items()
 }
