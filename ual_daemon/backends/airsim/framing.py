@@ -10,6 +10,7 @@ _FIXED = {
     0xD4: 3, 0xD5: 4, 0xD6: 6, 0xD7: 10, 0xD8: 18,
 }  # fmt: skip
 """The length of values that always have the same."""
+_FLOAT = 0xCA
 _COUNTED = {0xC4: (1, 0), 0xC5: (2, 0), 0xC6: (4, 0), 0xC7: (1, 1), 0xC8: (2, 1), 0xC9: (4, 1), 0xD9: (1, 0),
             0xDA: (2, 0), 0xDB: (4, 0)}  # fmt: skip
 """Strings, bytes and extensions: the size of their length, and what else comes before their content."""
@@ -27,14 +28,36 @@ def message_end(data: Sequence[int], start: int = 0) -> int | None:
     Raises:
         MalformedError: It is no MessagePack.
     """
+    end = least_end(data, start)
+    return end if end <= len(data) else None
+
+
+def least_end(data: Sequence[int], start: int = 0) -> int:
+    """Returns where the message ends that begins at `start`. If it is not complete: where it ends at the earliest.
+
+    Of an incomplete one that is beyond the data, so that nothing is to be looked at until so much has come.
+
+    Raises:
+        MalformedError: It is no MessagePack.
+    """
     position, left = start, 1
     while left:
-        left -= 1
-        if position >= len(data):
-            return None
+        if position + left > len(data):  # each value takes a byte at least
+            return position + left
+        if data[position] == _FLOAT:
+            count = _floats_count(data, position, left)
+            position, left = position + _FIXED[_FLOAT] * count, left - count
+            continue
         size, inside = _size(data, position)
-        position, left = position + size, left + inside
-    return position if position <= len(data) else None
+        position, left = position + size, left + inside - 1
+    return position
+
+
+def _floats_count(data: Sequence[int], start: int, most: int) -> int:
+    """Returns how many complete floats follow each other: the depths of a picture are a million. One at least."""
+    size = _FIXED[_FLOAT]
+    kinds = bytes(data[start : min(start + size * most, len(data)) : size])
+    return max(1, min(len(kinds) - len(kinds.lstrip(bytes((_FLOAT,)))), (len(data) - start) // size))
 
 
 def _size(data: Sequence[int], at: int) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeVar, cast
 
 import msgspec
 
-from ual_daemon.backends.airsim.framing import message_end
+from ual_daemon.backends.airsim.framing import least_end
 from ual_daemon.backends.airsim.settings import Address
 
 T = TypeVar("T")
@@ -57,14 +57,17 @@ class RemoteError(Exception):
 class Connection:
     """One connection, for one thread. Requests may overlap; an answer is told by the number of its request."""
 
-    def __init__(self, address: Address) -> None:
-        """Connects.
+    def __init__(self, address: Address, longest_bytes: int = _LONGEST_MESSAGE) -> None:
+        """Connects. An answer that is longer than `longest_bytes` ends the connection.
 
         Raises:
             OSError: Nothing listens there.
         """
         self._numbers = count(1)
+        self._longest_bytes = longest_bytes
         self._received = bytearray()
+        self._least_count = 0
+        """So much must have been received before there can be another message."""
         self._answers: dict[int, _Answer] = {}
         self._unwanted: set[int] = set()
         self._socket = socket.create_connection(address, timeout=_CONNECT_S)
@@ -116,6 +119,11 @@ class Connection:
         result: T = _decoder(cast("Hashable", kind)).decode(found.result)
         return result
 
+    def give_up(self, number: int) -> None:
+        """Waits for the answer of a request no more. It is among the unwanted ones until it comes."""
+        if self._answers.pop(number, None) is None:
+            self._unwanted.add(number)
+
     def drain(self) -> None:
         """Reads what has arrived, without waiting."""
         while self._receive(0.0):
@@ -142,9 +150,9 @@ class Connection:
 
     def _on_messages(self) -> None:
         begin = 0
-        while (end := message_end(self._received, begin)) is not None:
-            if end == begin:
-                break
+        if len(self._received) < self._least_count:
+            return
+        while (end := least_end(self._received, begin)) <= len(self._received):
             answer = _decode_answer(bytes(self._received[begin:end]))
             begin = end
             if answer.number in self._unwanted:
@@ -152,7 +160,8 @@ class Connection:
             else:
                 self._answers[answer.number] = answer
         del self._received[:begin]
-        if len(self._received) > _LONGEST_MESSAGE:
+        self._least_count = end - begin
+        if self._least_count > self._longest_bytes:
             raise ConnectionResetError("the simulator sends a message without end")
 
 
