@@ -13,6 +13,7 @@ import pytest
 from typing_extensions import override
 
 from tests.conftest import LIMIT_S
+from tests.waiting import until
 from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, ImageFormat
 from ual.errors import (
     InvalidArgumentError,
@@ -22,6 +23,7 @@ from ual.errors import (
     UalError,
     UalTimeoutError,
 )
+from ual_daemon.backends.engine.picture_worker import MOST_WAITING
 from ual_daemon.backends.light import png
 from ual_daemon.backends.mavlink.offers import http_pictures
 from ual_daemon.backends.mavlink.offers.cameras import MavlinkCamera
@@ -174,11 +176,14 @@ def test_a_server_that_never_ends_is_not_waited_for_without_end(
 
 def test_only_so_many_wait_and_the_end_cancels_them(server: Server, pictures: HttpPictures) -> None:
     server.answers["/1"] = server.says_nothing
-    waiting = [pictures.fetch(f"{server.url}/1") for _ in range(http_pictures.MOST_WAITING)]
+    waiting = [pictures.fetch(f"{server.url}/1") for _ in range(MOST_WAITING)]
     with pytest.raises(ResourceExhaustedError, match="wait for one"):
         pictures.fetch(f"{server.url}/1").result(LIMIT_S)
-    pictures.close()
-    assert all(each.cancelled() for each in waiting[1:])
+    closing = threading.Thread(target=pictures.close)
+    closing.start()
+    until(lambda: all(each.cancelled() for each in waiting[1:]), "those that wait to be cancelled")
+    server.released.set()
+    closing.join(LIMIT_S)
     with pytest.raises(UalError, match="closed"):
         pictures.fetch(f"{server.url}/1").result(LIMIT_S)
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
 import urllib.error
 import urllib.request
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from http.client import HTTPException, HTTPResponse, IncompleteRead
 from typing import NamedTuple
 from urllib.parse import urlsplit
@@ -14,10 +13,10 @@ from urllib.parse import urlsplit
 from typing_extensions import override
 
 from ual.cameras import ImageFormat
-from ual.errors import LinkLostError, NotSupportedError, ResourceExhaustedError, UalError, UalTimeoutError
+from ual.errors import LinkLostError, NotSupportedError, UalError, UalTimeoutError
+from ual_daemon.backends.engine.picture_worker import PictureWorker
 
 MOST_BYTES = 64 << 20
-MOST_WAITING = 8
 TIMEOUT_S = 60.0
 """A picture may take so long in all, ..."""
 SILENCE_S = 5.0
@@ -57,37 +56,22 @@ class HttpPictures:
     def __init__(self, hosts: tuple[str, ...]) -> None:
         self.hosts = frozenset(host.lower() for host in hosts)
         self._open = urllib.request.build_opener(urllib.request.ProxyHandler({}), _NoRedirect()).open
-        self._lock = threading.Lock()
-        self._thread: ThreadPoolExecutor | None = None
-        self._waiting: set[Future[Picture]] = set()
+        self._worker = PictureWorker("http-pictures")
         self._is_closed = False
 
     def fetch(self, url: str) -> Future[Picture]:
         """Returns the future of a picture. It ends within `TIMEOUT_S` and `SILENCE_S` for each that waits before it."""
         refusal = self._refusal(url)
-        with self._lock:
-            if refusal is None and self._is_closed:
-                refusal = UalError("this UAV is closed")
-            if refusal is None and len(self._waiting) >= MOST_WAITING:
-                text = f"{MOST_WAITING} pictures are being fetched already, which is the limit: wait for one"
-                refusal = ResourceExhaustedError(text, {"limit": str(MOST_WAITING)})
-            if refusal is not None:
-                failed: Future[Picture] = Future()
-                failed.set_exception(refusal)
-                return failed
-            if self._thread is None:
-                self._thread = ThreadPoolExecutor(1, "pictures")
-            fetched = self._thread.submit(self._fetched, url)
-            self._waiting.add(fetched)
-        fetched.add_done_callback(self._on_fetched)
-        return fetched
+        if refusal is None:
+            return self._worker.submit(lambda: self._fetched(url))
+        failed: Future[Picture] = Future()
+        failed.set_exception(refusal)
+        return failed
 
     def close(self) -> None:
-        """Cancels the pictures that wait. One that is being fetched ends by itself."""
-        with self._lock:
-            thread, self._thread, self._is_closed = self._thread, None, True
-        if thread is not None:
-            thread.shutdown(wait=False, cancel_futures=True)
+        """Cancels the pictures that wait. One that is being fetched ends within `SILENCE_S`."""
+        self._is_closed = True
+        self._worker.close()
 
     def _refusal(self, url: str) -> UalError | None:
         try:
@@ -104,7 +88,7 @@ class HttpPictures:
     def _fetched(self, url: str) -> Picture:
         try:
             with self._open(url, timeout=SILENCE_S) as response:
-                return _picture(_read(response), url)
+                return _picture(self._read(response), url)
         except UalError:  # one of them is a TimeoutError, too
             raise
         except urllib.error.HTTPError as error:
@@ -115,22 +99,19 @@ class HttpPictures:
             reason = error.reason if isinstance(error, urllib.error.URLError) else error
             raise LinkLostError(f"{url}: the camera's server cannot be read: {reason!r}") from None
 
-    def _on_fetched(self, fetched: Future[Picture]) -> None:
-        with self._lock:
-            self._waiting.discard(fetched)
-
-
-def _read(response: HTTPResponse) -> bytes:
-    data, until_s = bytearray(), time.monotonic() + TIMEOUT_S
-    while chunk := response.read(_CHUNK):
-        data += chunk
-        if len(data) > MOST_BYTES:
-            raise UalError(f"the picture has more than {MOST_BYTES >> 20} MiB")
-        if time.monotonic() > until_s:
-            raise UalTimeoutError(f"the picture has not come within {TIMEOUT_S:g} s ({len(data)} bytes have)")
-    if response.length:  # `read` says nothing of it
-        raise IncompleteRead(bytes(data), response.length)
-    return bytes(data)
+    def _read(self, response: HTTPResponse) -> bytes:
+        data, until_s = bytearray(), time.monotonic() + TIMEOUT_S
+        while chunk := response.read(_CHUNK):
+            data += chunk
+            if len(data) > MOST_BYTES:
+                raise UalError(f"the picture has more than {MOST_BYTES >> 20} MiB")
+            if time.monotonic() > until_s:
+                raise UalTimeoutError(f"the picture has not come within {TIMEOUT_S:g} s ({len(data)} bytes have)")
+            if self._is_closed:
+                raise UalError("this UAV is closed")
+        if response.length:  # `read` says nothing of it
+            raise IncompleteRead(bytes(data), response.length)
+        return bytes(data)
 
 
 def _picture(data: bytes, url: str) -> Picture:
