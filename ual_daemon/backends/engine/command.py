@@ -9,6 +9,7 @@ from enum import Enum, auto
 from typing import Generic, NamedTuple, TypeVar
 
 from ual.errors import WrongStateError
+from ual_daemon.backends.engine.limits import UNSENT_S
 from ual_daemon.backends.values import LandedState, Mode, Snapshot
 
 R = TypeVar("R")
@@ -74,6 +75,9 @@ class Command(Generic[R]):
         waits: Returns why it has to wait, human-readable; empty if it need not.
         refusal_is_final: False: it goes on until the end of its repetitions, and a refusal counts then.
         is_harmless: Executed late, it takes nothing from anybody: no silence keeps it back.
+        unsent_s: Once it could not leave for so long, it does not leave any more.
+        is_told_by_answer: Nothing but an answer shows whether it was obeyed. So a missing one ends its future with a
+            `UalTimeoutError`, and an answer that may be of another command with its key is not taken.
         explain: What makes the autopilot give the reason of a refusal.
         then: What follows once it is accepted, or its effect shows.
         on_done: Called then, on the loop's thread.
@@ -95,6 +99,8 @@ class Command(Generic[R]):
     waits: Callable[[Snapshot], str] | None = field(default=None, compare=False)
     refusal_is_final: bool = True
     is_harmless: bool = False
+    unsent_s: float = UNSENT_S
+    is_told_by_answer: bool = False
     explain: R | None = None
     then: Command[R] | None = None
     on_done: Callable[[], None] | None = field(default=None, compare=False)

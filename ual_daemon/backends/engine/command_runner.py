@@ -143,6 +143,8 @@ class CommandRunner(Generic[R]):
         self._in_flight: dict[Hashable, _Pending[R]] = {}
         self._ended_s: dict[Hashable, float] = {}
         """When the last command of each shared key ended, or was given up."""
+        self._doubtful_until_s: dict[Hashable, float] = {}
+        """Until when an answer for each shared key may be of a command that has ended."""
         self._last: tuple[Command[R], float] | None = None
         """The newest command that leads to a mode, and when that was sent."""
 
@@ -196,6 +198,8 @@ class CommandRunner(Generic[R]):
             return
         if pending.command.shows is not None and now_s - self._ended_s.get(key, -math.inf) < STALE_ANSWER_S:
             return  # it is sent again until its effect shows, or until an answer is surely its own
+        if pending.command.is_told_by_answer and self._is_doubtful(pending, now_s):
+            return  # it is sent again until an answer is surely its own
         if verdict is Verdict.IN_PROGRESS:
             pending.next_s = now_s + IN_PROGRESS_S
         elif verdict is Verdict.PASSED_ON:
@@ -354,10 +358,22 @@ class CommandRunner(Generic[R]):
         for pending in self._those_left(self._waiting):
             if pending.is_withdrawn:
                 self._end(pending, now_s)
-            elif not pending.sends_count and pending.key not in self._in_flight and not self._hindrance(pending, now_s):
+            elif self._may_be_sent_first(pending, now_s):
                 self._waiting.remove(pending)
                 self._in_flight[pending.key] = pending
                 self._transmit(pending, now_s)
+
+    def _may_be_sent_first(self, pending: _Pending[R], now_s: float) -> bool:
+        command = pending.command
+        if pending.sends_count or pending.key in self._in_flight or now_s - pending.asked_s > command.unsent_s:
+            return False
+        if command.is_told_by_answer and command.repeat.most == 1 and self._is_doubtful(pending, now_s):
+            return False
+        return not self._hindrance(pending, now_s)
+
+    def _is_doubtful(self, pending: _Pending[R], now_s: float) -> bool:
+        """Whether an answer may be that of a command with its key that has ended."""
+        return now_s < self._doubtful_until_s.get(pending.key, -math.inf)
 
     def _transmit(self, pending: _Pending[R], now_s: float) -> None:
         command = pending.command
@@ -381,6 +397,8 @@ class CommandRunner(Generic[R]):
         command = pending.command
         if (pending.refusal and command.refusal_is_final) or pending.accepts_count:
             self._finish(pending, now_s)
+        elif command.is_told_by_answer and now_s - pending.first_s >= command.repeat.every_s * command.repeat.most:
+            self._fail(pending, now_s, self._lost(pending))
         elif pending.sends_count < command.repeat.most and not self._has_missed(pending, now_s):
             if not pending.is_withdrawn and not self._hindrance(pending, now_s):
                 self._transmit(pending, now_s)
@@ -402,7 +420,8 @@ class CommandRunner(Generic[R]):
     def _give_up_late_ones(self, now_s: float) -> None:
         """Ends the commands that could not leave, or that a bridge did not execute, before those who wait give up."""
         for pending in self._those_left((*self._waiting, *self._in_flight.values())):
-            if not pending.command.group or now_s - pending.asked_s <= UNSENT_S:
+            limit_s = UNSENT_S if pending.sends_count else pending.command.unsent_s
+            if not pending.command.group or now_s - pending.asked_s <= limit_s:
                 continue
             if not pending.sends_count:
                 why = self._hindrance(pending, now_s) or "an earlier one was not answered"
@@ -508,6 +527,8 @@ class CommandRunner(Generic[R]):
         del self._in_flight[pending.key]
         if pending.command.key is not None:
             self._ended_s[pending.key] = now_s
+            is_answered = pending.accepts_count > 0 or bool(pending.refusal)
+            self._doubtful_until_s[pending.key] = now_s + (LATER_ACK_S if is_answered else STALE_ANSWER_S)
 
 
 def _take_back(pending: _Pending[R]) -> None:

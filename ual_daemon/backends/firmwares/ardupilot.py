@@ -21,6 +21,7 @@ from ual_daemon.backends.firmwares.autopilot import (
 )
 from ual_daemon.backends.firmwares.feed_forward import TILT_S
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
+from ual_daemon.backends.firmwares.gripper_codec import ArduPilotGripper
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, Sensor, VtolState
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -192,6 +193,7 @@ class ArduCopter(Autopilot):
     """ArduPilot multirotors, 4.6 and 4.7."""
 
     name = "ArduPilot"
+    gripper = ArduPilotGripper(name)
     capabilities = frozenset(Capability)
     sends_landed_state = True
     setpoint_mode, hold_mode, land_mode = "GUIDED", "BRAKE", "LAND"

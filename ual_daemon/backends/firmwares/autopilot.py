@@ -12,6 +12,7 @@ from typing import Protocol
 from ual.types import Capability, Limits
 from ual_daemon.backends.engine.command import NotYetError
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
+from ual_daemon.backends.firmwares.gripper_codec import GripperCodec
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, VehicleType
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -86,6 +87,8 @@ class Autopilot(ABC):
     """Whether EXTENDED_SYS_STATE is sure to come."""
     flies_takeoff_on_setpoints = True
     """See `ual_daemon.backends.values.VehicleInfo`."""
+    gripper: GripperCodec | None = None
+    """How what it carries is moved; None where UAL moves nothing of it."""
     setpoint_mode = ""
     """The name of the mode in which it follows setpoints."""
     hold_mode = ""

@@ -17,6 +17,7 @@ from ual_daemon.backends.firmwares.autopilot import (
 )
 from ual_daemon.backends.firmwares.feed_forward import VELOCITY_GAINS
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
+from ual_daemon.backends.firmwares.gripper_codec import Px4Gripper
 from ual_daemon.backends.firmwares.numbers import Sensor, VtolState
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -114,6 +115,7 @@ class Px4(Autopilot):
     """PX4 multirotors, from 1.13."""
 
     name = "PX4"
+    gripper = Px4Gripper(name)
     capabilities = frozenset(Capability)
     sends_landed_state = True
     setpoint_mode, hold_mode, land_mode = "OFFBOARD", "AUTO.LOITER", "AUTO.LAND"

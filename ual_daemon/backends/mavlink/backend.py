@@ -34,6 +34,7 @@ from ual_daemon.backends.mavlink.links.endpoints import (
 from ual_daemon.backends.mavlink.offers.cameras import MavlinkCameras
 from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
 from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
+from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.missions import MavlinkMissions
@@ -98,6 +99,7 @@ class MavlinkBackend(Backend):
             MavlinkFenceStore(reach),
             MavlinkLogs(self._reach, self._post),
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
+            MavlinkGripper(reach, lambda what, command: self._command(what, lambda _: command), self._payload_messages),
             MavlinkCameras(self._cameras_found, self._now_s, reach, self._pictures, self._camera_trigger()),
         )
 

@@ -40,6 +40,8 @@ class Dialect(Autopilot):
 
     tells_baseline = False
     """Whether it may send GPS_RTK, with the distance from the base station."""
+    busy_answers: frozenset[tuple[int, int]] = frozenset()
+    """Commands and their refusals that mean: it is doing that already, and will say when it is done."""
     parameter_codec: ParameterCodec | None = None
     """How values of parameters are sent; None where UAL neither reads nor writes them all."""
     rates_beside_files = 1.0

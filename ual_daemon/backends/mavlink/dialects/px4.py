@@ -48,6 +48,8 @@ class Px4(px4.Px4, Dialect):
         mavlink.MAVLINK_MSG_ID_HOME_POSITION,
     )
     changing_messages = frozenset({mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN})
+    # While its gripper moves; a repetition gets it where the first answer was lost.
+    busy_answers = frozenset({(mavlink.MAV_CMD_DO_GRIPPER, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)})
     parameter_codec = ByteWise()
     has_descriptions = True
     keeps_items = True

@@ -12,6 +12,7 @@ from ual_daemon.backends.mavlink.protocols.cameras import Cameras
 from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMetadata
 from ual_daemon.backends.mavlink.protocols.corrections_injection import CorrectionsInjection
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp
+from ual_daemon.backends.mavlink.protocols.gripper_reports import GripperReports
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
 from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgress
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
@@ -49,6 +50,7 @@ class Protocols(Protocol):
         self.corrections = CorrectionsInjection(send, is_up, has_room)
         self.cameras = Cameras(send)
         self.progress = MissionProgress(send, is_up)
+        self.gripper = GripperReports(is_up)
         self._all: tuple[Protocol, ...] = (
             self.parameters,
             self.missions,
@@ -58,6 +60,7 @@ class Protocols(Protocol):
             self.component_metadata,
             self.corrections,
             self.cameras,
+            self.gripper,
         )
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:

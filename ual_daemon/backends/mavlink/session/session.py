@@ -437,6 +437,8 @@ class Session:
     def _on_ack(self, message: Message, now_s: float, _: float) -> None:
         if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
             verdict = _VERDICTS.get(message.result, Verdict.REFUSED)
+            if (message.command, message.result) in self.dialect.busy_answers:
+                verdict = Verdict.IN_PROGRESS
             self._commands.on_answer(message.command, verdict, now_s, _result_name(message.result))
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:

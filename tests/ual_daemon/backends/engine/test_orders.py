@@ -1,0 +1,90 @@
+"""Commands whose answer is all that shows whether they were obeyed: the runner's rules of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from tests.ual_daemon.backends.engine.test_command_runner import Plain
+from ual.errors import UalTimeoutError
+from ual_daemon.backends.engine.command import Command, Repeat, Verdict
+from ual_daemon.backends.engine.command_runner import LATER_ACK_S, STALE_ANSWER_S
+
+DROP = Command("drop", "drop", "claw", "claw", repeat=Repeat(3.0, 1), unsent_s=1.5, is_told_by_answer=True)
+HOLD = replace(DROP, what="hold", request="hold", repeat=Repeat(0.25, 12))
+ELSEWHERE = replace(DROP, what="drop elsewhere", request="elsewhere", group="hand")
+
+
+@pytest.fixture
+def plain() -> Plain:
+    return Plain()
+
+
+def test_a_missing_answer_ends_the_future(plain: Plain) -> None:
+    dropped = plain.runner.submit(DROP, plain.now_s)
+    plain.run(2.9)
+    assert not dropped.done()
+    plain.run(0.2)
+    error = dropped.exception(0)
+    assert isinstance(error, UalTimeoutError)
+    assert error.message == "Hover has not answered the command to drop, which may still be executed"
+    assert plain.sent == ["drop"]
+
+
+def test_in_progress_is_waited_for(plain: Plain) -> None:
+    dropped = plain.runner.submit(DROP, plain.now_s)
+    plain.answer(Verdict.IN_PROGRESS)
+    plain.run(9.0)
+    assert not dropped.done()
+    plain.answer(Verdict.ACCEPTED)
+    assert dropped.result(0) is None
+
+
+def test_an_answer_that_may_be_of_another_is_not_taken(plain: Plain) -> None:
+    """What was not answered, and was replaced, may be answered late. One that repeats waits for a sure one."""
+    plain.runner.submit(DROP, plain.now_s)
+    plain.run(0.2)
+    held = plain.runner.submit(HOLD, plain.now_s)
+    plain.answer(Verdict.ACCEPTED)
+    plain.run(STALE_ANSWER_S - 0.1)
+    plain.answer(Verdict.REFUSED)
+    plain.run(0.2)
+    assert not held.done()
+    plain.answer(Verdict.ACCEPTED)
+    assert held.result(0) is None
+
+
+def test_what_is_sent_once_waits_until_its_answer_is_sure(plain: Plain) -> None:
+    plain.runner.submit(HOLD, plain.now_s).cancel()
+    plain.run(0.05)
+    dropped = plain.runner.submit(DROP, plain.now_s)
+    plain.run(STALE_ANSWER_S - 0.15)
+    assert plain.sent == ["hold"]
+    plain.run(0.2)
+    assert plain.sent == ["hold", "drop"]
+    plain.answer(Verdict.ACCEPTED)
+    assert dropped.result(0) is None
+    plain.runner.submit(ELSEWHERE, plain.now_s)  # the first answer may come twice
+    plain.run(LATER_ACK_S - 0.1)
+    assert plain.sent == ["hold", "drop"]
+    plain.run(0.15)
+    assert plain.sent == ["hold", "drop", "elsewhere"]
+
+
+def test_what_could_not_leave_in_its_time_does_not_leave(plain: Plain) -> None:
+    plain.run(0.5, mode="")
+    dropped = plain.runner.submit(DROP, plain.now_s)
+    plain.run(1.6, mode="")
+    error = dropped.exception(0)
+    assert isinstance(error, UalTimeoutError)
+    assert "the command to drop was not sent: nothing was heard of the autopilot" in error.message
+    plain.run(1.0)
+    busy = plain.runner.submit(replace(ELSEWHERE, group="first"), plain.now_s)
+    waiting = plain.runner.submit(DROP, plain.now_s)
+    plain.run(1.6)
+    error = waiting.exception(0)
+    assert isinstance(error, UalTimeoutError)
+    assert "was not sent: an earlier one was not answered" in error.message
+    assert not busy.done()
+    assert plain.sent == ["elsewhere"]

@@ -1,0 +1,446 @@
+"""What is sent to move a payload, and what is believed of the answers: late ones, doubled ones, none at all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+import pytest
+
+from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, heartbeat, position
+from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
+from ual.gripper import GripperState, WinchAction, WinchStatus
+from ual_daemon.backends.firmwares.gripper_codec import ANSWER_S, UNSENT_S
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
+from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
+from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.session.discovery import Discovery
+from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
+from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.settings import MavlinkSettings
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.offers.gripper import ServoOrder, WinchOrder
+
+GRIPPER, WINCH = mavlink.MAV_CMD_DO_GRIPPER, mavlink.MAV_CMD_DO_WINCH
+SERVO, RELAY, ACTUATOR = mavlink.MAV_CMD_DO_SET_SERVO, mavlink.MAV_CMD_DO_SET_RELAY, mavlink.MAV_CMD_DO_SET_ACTUATOR
+MOVING = (GRIPPER, WINCH, SERVO, RELAY, ACTUATOR)
+ACCEPTED, IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS
+DENIED, CANCELLED = mavlink.MAV_RESULT_DENIED, 6  # which pymavlink calls no name
+BUSY = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+NAN = math.nan
+
+
+class Bench(Harness):
+    """An autopilot that is heard, and what it is ordered; nothing answers but the test."""
+
+    def __init__(self, autopilot: int) -> None:
+        super().__init__()
+        messages = PayloadMessages()
+        self.discovery = Discovery(MavlinkSettings(), self.link, "test", self.setpoints, None, messages)
+        reach = Reach(lambda: self.discovery.session, self._reach, lambda act: act(self.discovery))
+        self.gripper = MavlinkGripper(reach, self._command, messages)
+        self.autopilot = autopilot
+        self.orders: list[tuple[float, ...]] = []
+        self.requests: list[float] = []
+
+    def fly(self, duration_s: float) -> None:
+        """Time passes while the autopilot is heard."""
+        for _ in range(round(duration_s / 0.05)):
+            self.receive(heartbeat(autopilot=self.autopilot), attitude(), position(self.now_s))
+            self.run(0.05)
+            self.note()
+
+    def note(self) -> None:
+        """Notes what was sent."""
+        for each in self.link.take("COMMAND_LONG"):
+            params = (each.param1, each.param2, each.param3, each.param4, each.param5, each.param6, each.param7)
+            if each.command in MOVING:
+                self.orders.append((each.command, *params))
+            elif each.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+                self.requests.append(each.param1)
+
+    def answer(self, command: int, result: int) -> None:
+        """The autopilot acknowledges."""
+        self.receive(ack(command, result))
+
+    def _reach(self, what: str) -> Session | UalError:
+        if self.discovery.session is None or not self.discovery.watch.is_up(self.now_s):
+            return LinkLostError(f"cannot {what}: not heard")
+        return self.session
+
+    def _command(self, what: str, command: LongCommand) -> Future[None]:
+        session, result = self._reach(what), Future[None]()
+        if isinstance(session, UalError):
+            result.set_exception(session)
+            return result
+        return session.submit(command, self.now_s, result)
+
+
+def bench_of(autopilot: int) -> Bench:
+    bench = Bench(autopilot)
+    bench.fly(3.0)
+    return bench
+
+
+@pytest.fixture
+def copter() -> Bench:
+    return bench_of(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+
+
+@pytest.fixture
+def px4() -> Bench:
+    return bench_of(mavlink.MAV_AUTOPILOT_PX4)
+
+
+def failed(future: Future[Any], kind: type[UalError]) -> UalError:
+    error = future.exception(0)
+    assert isinstance(error, kind), error
+    return error
+
+
+# --- What is sent -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("order", "sent"),
+    [
+        (lambda it: it.grip(1), (GRIPPER, 1, 1, 0, 0, 0, 0, 0)),
+        (lambda it: it.release(1), (GRIPPER, 1, 0, 0, 0, 0, 0, 0)),
+        (lambda it: it.order_winch(1, WinchOrder(WinchAction.RELAX)), (WINCH, 1, 0, 0, 0, 0, 0, 0)),
+        (lambda it: it.order_winch(1, WinchOrder(WinchAction.LENGTH, -2.5)), (WINCH, 1, 1, -2.5, 0, 0, 0, 0)),
+        (lambda it: it.order_winch(1, WinchOrder(WinchAction.RATE, None, 0.5)), (WINCH, 1, 2, 0, 0.5, 0, 0, 0)),
+        (lambda it: it.order_winch(1, WinchOrder(WinchAction.HOLD)), (WINCH, 1, 2, 0, 0, 0, 0, 0)),
+        (lambda it: it.set_servo(ServoOrder(9, 1100, 1000, 2000)), (SERVO, 9, 1100, 0, 0, 0, 0, 0)),
+        (lambda it: it.set_relay(1, is_on=True), (RELAY, 0, 1, 0, 0, 0, 0, 0)),
+        (lambda it: it.set_relay(6, is_on=False), (RELAY, 5, 0, 0, 0, 0, 0, 0)),
+    ],
+)
+def test_what_arducopter_is_sent(
+    copter: Bench, order: Callable[[MavlinkGripper], Future[None]], sent: tuple[float, ...]
+) -> None:
+    ordered = order(copter.gripper)
+    copter.fly(0.05)
+    assert copter.orders == [sent]
+    copter.answer(int(sent[0]), ACCEPTED)
+    assert ordered.result(0) is None
+
+
+def test_px4_gets_the_actuators_of_its_set_and_leaves_the_others(px4: Bench) -> None:
+    px4.gripper.set_servo(ServoOrder(2, 1250, 1000, 2000))
+    px4.fly(0.05)
+    [sent] = px4.orders
+    assert sent[0] == ACTUATOR
+    assert [value if math.isfinite(value) else None for value in sent[1:]] == [None, -0.5, None, None, None, None, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        (lambda it: it.order_winch(1, WinchOrder(WinchAction.HOLD)), "PX4 has no winch"),
+        (lambda it: it.set_relay(1, is_on=True), "PX4 has no relays"),
+        (lambda it: it.set_servo(ServoOrder(7, 1500, 1000, 2000)), "PX4 has the actuators 1 to 6"),
+        (lambda it: it.grip(2), "PX4 has one gripper: its instance is 1, and not 2"),
+        (lambda it: it.gripper_state(1), "PX4 does not say in which state"),
+        (lambda it: it.servo_pwm_us(1), "PX4 says nothing of its servos"),
+        (lambda it: it.relay_is_on(1), "PX4 says nothing of its relays"),
+        (lambda it: it.winch_status(1), "PX4 says nothing of its winch"),
+    ],
+)
+def test_what_px4_cannot_is_refused_before_it_is_sent(
+    px4: Bench, order: Callable[[MavlinkGripper], Future[Any]], words: str
+) -> None:
+    with pytest.raises(NotSupportedError, match=words):
+        order(px4.gripper)
+    px4.fly(0.5)
+    assert px4.orders == []
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        (
+            lambda it: it.order_winch(1, WinchOrder(WinchAction.DELIVER)),
+            "ArduPilot's winch cannot DELIVER; it can RELAX",
+        ),
+        (lambda it: it.order_winch(1, WinchOrder(WinchAction.LENGTH, 1.0, 0.5)), "takes no rate for a length"),
+        (lambda it: it.order_winch(2, WinchOrder(WinchAction.HOLD)), "ArduPilot has one winch: its instance is 1"),
+        (lambda it: it.release(2), "ArduPilot has one gripper: its instance is 1, and not 2"),
+    ],
+)
+def test_what_arducopter_cannot_is_refused_before_it_is_sent(
+    copter: Bench, order: Callable[[MavlinkGripper], Future[None]], words: str
+) -> None:
+    with pytest.raises(NotSupportedError, match=words):
+        order(copter.gripper)
+    copter.fly(0.5)
+    assert copter.orders == []
+
+
+def test_nothing_is_moved_unasked(copter: Bench) -> None:
+    copter.fly(5.0)
+    copter.run(10.0)  # the link is lost
+    copter.note()
+    copter.fly(2.0)
+    copter.discovery.release()
+    copter.note()
+    assert copter.orders == []
+
+
+# --- Answers ----------------------------------------------------------------------------------------------------------
+
+LETTING_GO: list[Callable[[MavlinkGripper], Future[None]]] = [
+    lambda it: it.release(1),
+    lambda it: it.set_servo(ServoOrder(9, 1100, 1000, 2000)),
+    lambda it: it.set_relay(1, is_on=False),
+    lambda it: it.order_winch(1, WinchOrder(WinchAction.RELAX)),
+    lambda it: it.order_winch(1, WinchOrder(WinchAction.LENGTH, 2.0)),
+    lambda it: it.order_winch(1, WinchOrder(WinchAction.RATE, None, 0.5)),
+]
+HOLDING: list[Callable[[MavlinkGripper], Future[None]]] = [
+    lambda it: it.grip(1),
+    lambda it: it.order_winch(1, WinchOrder(WinchAction.HOLD)),
+    lambda it: it.order_winch(1, WinchOrder(WinchAction.RATE, None, 0.0)),
+]
+
+
+@pytest.mark.parametrize("order", LETTING_GO)
+def test_what_may_let_go_is_sent_once_and_a_lost_answer_is_told(
+    copter: Bench, order: Callable[[MavlinkGripper], Future[None]]
+) -> None:
+    ordered = order(copter.gripper)
+    copter.fly(ANSWER_S - 0.1)
+    assert not ordered.done()
+    copter.fly(0.2)
+    assert "has not answered the command to" in failed(ordered, UalTimeoutError).message
+    assert "which may still be executed" in failed(ordered, UalTimeoutError).message
+    copter.fly(5.0)
+    assert len(copter.orders) == 1
+
+
+@pytest.mark.parametrize("order", HOLDING)
+def test_what_holds_is_sent_until_it_is_acknowledged(
+    copter: Bench, order: Callable[[MavlinkGripper], Future[None]]
+) -> None:
+    ordered = order(copter.gripper)
+    copter.fly(1.1)
+    sent = copter.orders[0]
+    assert copter.orders in ([sent] * 4, [sent] * 5)
+    copter.answer(int(sent[0]), ACCEPTED)
+    assert ordered.result(0) is None
+    copter.orders.clear()
+    copter.fly(2.0)
+    assert copter.orders == []
+
+
+def test_what_holds_is_given_up_in_the_end_also_into_a_silence(copter: Bench) -> None:
+    ordered = copter.gripper.grip(1)
+    copter.fly(ANSWER_S + 0.4)
+    failed(ordered, UalTimeoutError)
+    assert 10 <= len(copter.orders) <= 12
+    copter.orders.clear()
+    silent = copter.gripper.grip(1)
+    copter.run(ANSWER_S + 0.4)
+    failed(silent, UalTimeoutError)
+    copter.note()
+    assert len(copter.orders) == 1
+
+
+def test_a_refusal_is_told_in_the_autopilots_words(copter: Bench) -> None:
+    ordered = copter.gripper.set_servo(ServoOrder(1, 1100, 1000, 2000))
+    copter.fly(0.05)
+    said = mavlink.MAVLink_statustext_message(6, b"ServoRelayEvent: Channel 1 is already in use")
+    copter.receive(said, ack(SERVO, mavlink.MAV_RESULT_FAILED))
+    copter.fly(0.3)
+    error = failed(ordered, RejectedByAutopilotError)
+    assert "ArduPilot refused to move servo 1: FAILED; it said: ServoRelayEvent: Channel 1 is already" in error.message
+    assert len(copter.orders) == 1
+
+
+def test_px4_says_in_progress_first(px4: Bench) -> None:
+    ordered = px4.gripper.release(1)
+    px4.fly(0.05)
+    px4.answer(GRIPPER, IN_PROGRESS)
+    px4.fly(5.0)
+    assert not ordered.done()
+    px4.answer(GRIPPER, ACCEPTED)
+    assert ordered.result(0) is None
+    px4.answer(GRIPPER, ACCEPTED)  # doubled
+    assert len(px4.orders) == 1
+
+
+def test_px4_that_never_ends_is_told(px4: Bench) -> None:
+    ordered = px4.gripper.release(1)
+    px4.fly(0.05)
+    px4.answer(GRIPPER, IN_PROGRESS)
+    px4.fly(11.0)
+    failed(ordered, UalTimeoutError)
+    assert len(px4.orders) == 1
+
+
+def test_px4_that_is_at_it_already_has_not_refused(px4: Bench) -> None:
+    """The first answer was lost; PX4 rejects the repetition while its gripper moves."""
+    ordered = px4.gripper.grip(1)
+    px4.fly(0.3)
+    px4.answer(GRIPPER, BUSY)
+    px4.fly(1.0)
+    assert not ordered.done()
+    px4.answer(GRIPPER, ACCEPTED)
+    assert ordered.result(0) is None
+    assert len(px4.orders) == 2
+
+
+def test_px4_that_tells_the_end_of_what_was_replaced_has_not_refused(px4: Bench) -> None:
+    px4.gripper.release(1)
+    px4.fly(0.05)
+    px4.answer(GRIPPER, IN_PROGRESS)
+    ordered = px4.gripper.grip(1)
+    px4.fly(0.05)
+    px4.answer(GRIPPER, CANCELLED)
+    px4.answer(GRIPPER, IN_PROGRESS)
+    px4.fly(1.1)
+    assert not ordered.done()
+    px4.answer(GRIPPER, ACCEPTED)
+    assert ordered.result(0) is None
+
+
+def test_a_late_answer_is_not_taken_for_that_of_the_next_order(copter: Bench) -> None:
+    withdrawn = copter.gripper.grip(1)
+    copter.fly(0.05)
+    withdrawn.cancel()
+    copter.fly(0.05)
+    release = copter.gripper.release(1)
+    copter.answer(GRIPPER, ACCEPTED)  # of the grip
+    copter.fly(0.5)
+    assert len(copter.orders) == 1
+    copter.fly(0.6)
+    assert copter.orders[1:] == [(GRIPPER, 1, 0, 0, 0, 0, 0, 0)]
+    assert not release.done()
+    copter.answer(GRIPPER, DENIED)
+    copter.fly(0.3)
+    failed(release, RejectedByAutopilotError)
+
+
+def test_a_doubled_answer_is_not_taken_for_that_of_the_next_order(copter: Bench) -> None:
+    copter.gripper.set_servo(ServoOrder(9, 1100, 1000, 2000))
+    copter.fly(0.05)
+    copter.answer(SERVO, ACCEPTED)
+    second = copter.gripper.set_servo(ServoOrder(10, 1100, 1000, 2000))
+    copter.fly(0.05)
+    copter.answer(SERVO, ACCEPTED)  # again of the first
+    copter.fly(0.1)
+    assert not second.done()
+    copter.fly(0.3)
+    assert len(copter.orders) == 2
+    copter.answer(SERVO, ACCEPTED)
+    assert second.result(0) is None
+
+
+def test_what_may_let_go_never_leaves_late(copter: Bench) -> None:
+    copter.run(0.5)  # a silence that is too short to lose the link
+    release = copter.gripper.release(1)
+    copter.run(UNSENT_S + 0.1)
+    assert "was not sent: nothing was heard" in failed(release, UalTimeoutError).message
+    copter.fly(3.0)
+    assert copter.orders == []
+
+
+def test_without_a_link_nothing_is_ordered(copter: Bench) -> None:
+    copter.run(10.0)
+    failed(copter.gripper.release(1), LinkLostError)
+    failed(copter.gripper.gripper_state(1), LinkLostError)
+    failed(copter.gripper.relay_is_on(1), LinkLostError)
+    copter.fly(3.0)
+    assert copter.orders == []
+
+
+def test_an_autopilot_that_boots_ends_what_is_under_way(copter: Bench) -> None:
+    release, relay = copter.gripper.release(1), copter.gripper.relay_is_on(1)
+    copter.fly(0.05)
+    copter.discovery.protocols.drop("the autopilot has booted")
+    message = failed(release, LinkLostError).message
+    assert (
+        message
+        == "it is not known whether the autopilot obeyed the order to release the gripper: the autopilot has booted"
+    )
+    failed(relay, LinkLostError)
+
+
+# --- What is known ----------------------------------------------------------------------------------------------------
+
+
+def text(words: str) -> Message:
+    return mavlink.MAVLink_statustext_message(6, words.encode())
+
+
+def state(bench: Bench) -> GripperState | None:
+    asked = bench.gripper.gripper_state(1)
+    return None if asked.exception(0) else asked.result(0)
+
+
+def test_the_gripper_is_what_arducopter_says_since_the_last_order(copter: Bench) -> None:
+    assert state(copter) is None
+    for words, said in (
+        ("Gripper load grabbing", GripperState.CLOSING),
+        ("Gripper load grabbed", GripperState.CLOSED),
+        ("Something else", GripperState.CLOSED),
+        ("Gripper load releasing", GripperState.OPENING),
+        ("Gripper load released", GripperState.OPEN),
+    ):
+        copter.receive(text(words))
+        assert state(copter) is said
+    copter.gripper.grip(1)
+    assert state(copter) is None
+    copter.fly(0.05)
+    copter.answer(GRIPPER, ACCEPTED)
+    assert state(copter) is None  # it was ordered, and not said to be so
+    copter.receive(text("Gripper load grabbed"))
+    assert state(copter) is GripperState.CLOSED
+    copter.run(10.0)  # what was said meanwhile is not known
+    copter.fly(1.0)
+    assert state(copter) is None
+    assert "since the last order, boot or silence" in failed(copter.gripper.gripper_state(1), UalError).message
+
+
+def outputs(port: int, first: int, ninth: int) -> Message:
+    return mavlink.MAVLink_servo_output_raw_message(0, port, first, *[0] * 7, ninth)
+
+
+def test_a_servo_is_where_the_output_of_its_channel_says(copter: Bench) -> None:
+    ninth, off, high = (copter.gripper.servo_pwm_us(channel) for channel in (9, 2, 17))
+    copter.fly(0.6)
+    assert copter.requests.count(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW) >= 2
+    copter.receive(outputs(0, 1000, 1100))
+    assert ninth.result(0) == 1100
+    assert not high.done()
+    copter.receive(outputs(1, 1700, 0))
+    assert high.result(0) == 1700
+    copter.fly(3.0)
+    assert "the pulse of servo 2 is not known" in failed(off, UalTimeoutError).message
+    assert copter.session.decoded_ids.isdisjoint({mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW})
+
+
+def test_a_relay_is_what_the_autopilot_says_of_it(copter: Bench) -> None:
+    first, second, absent = (copter.gripper.relay_is_on(number) for number in (1, 2, 3))
+    copter.receive(mavlink.MAVLink_relay_status_message(0, 0b01, 0b11))
+    assert (first.result(0), second.result(0)) == (True, False)
+    copter.fly(3.0)
+    assert "the state of relay 3 is not known" in failed(absent, UalTimeoutError).message
+
+
+def test_a_winch_says_what_it_knows(copter: Bench) -> None:
+    asked = copter.gripper.winch_status(1)
+    copter.receive(mavlink.MAVLink_winch_status_message(0, 2.5, -0.5, NAN, NAN, NAN, 32767, 1))
+    assert asked.result(0) == WinchStatus(length_m=2.5, speed_m_s=-0.5, is_healthy=True)
+    asked = copter.gripper.winch_status(1)
+    copter.receive(mavlink.MAVLink_winch_status_message(0, 0.0, 0.0, 2.0, 12.5, 1.5, 40, 0b1110))
+    assert asked.result(0) == WinchStatus(0.0, 0.0, pytest.approx(19.6133), 12.5, 1.5, 40.0, False, True, True, True)
+
+
+def test_a_request_that_is_refused_ends_the_question(copter: Bench) -> None:
+    asked = copter.gripper.winch_status(1)
+    copter.fly(0.05)
+    copter.answer(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_RESULT_UNSUPPORTED)
+    copter.fly(0.5)
+    assert "UNSUPPORTED" in failed(asked, RejectedByAutopilotError).message

@@ -1,0 +1,181 @@
+"""The grippers, winches, servos and relays of a MAVLink autopilot: orders by commands, states by messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import TypeVar
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError, NotSupportedError, UalError
+from ual.gripper import GripperState, WinchStatus
+from ual_daemon.backends import futures
+from ual_daemon.backends.firmwares.gripper_codec import GRIPPER, GripperCodec, PayloadOrder, ordered
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, command_of, request_message
+from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
+from ual_daemon.backends.payload import PayloadMessage
+
+T = TypeVar("T")
+
+_N_PER_KG = 9.80665
+_NO_TEMPERATURE = 32767
+_CHANNELS_COUNT = 16
+"""Of one SERVO_OUTPUT_RAW."""
+
+
+class MavlinkGripper(OfferedGripper):
+    """What the autopilot of one backend moves.
+
+    Args:
+        reach: The way to the thread that receives.
+        command: Passes a command to the autopilot, with a human-readable name.
+        messages: What is listened to, beside the messages that the session needs.
+
+    """
+
+    def __init__(
+        self, reach: Reach, command: Callable[[str, LongCommand], Future[None]], messages: PayloadMessages
+    ) -> None:
+        self._reach = reach
+        self._command = command
+        self._messages = messages
+
+    @override
+    def grip(self, instance: int) -> Future[None]:
+        return self._order(self._codec().grip(instance, is_closing=True))
+
+    @override
+    def release(self, instance: int) -> Future[None]:
+        return self._order(self._codec().grip(instance, is_closing=False))
+
+    @override
+    def gripper_state(self, instance: int) -> Future[GripperState]:
+        name = self._name()
+        if not self._codec().texts:
+            raise NotSupportedError(f"{name} does not say in which state its gripper is")
+
+        def begin(state: GripperState, future: Future[GripperState]) -> None:
+            if state is GripperState.UNKNOWN:
+                futures.fail(future, UalError(f"{name} has not said it since the last order, boot or silence"))
+            else:
+                futures.finish(future, state)
+
+        return self._reach.give("ask for its gripper", lambda protocols, future: begin(protocols.gripper.state, future))
+
+    @override
+    def order_winch(self, instance: int, order: WinchOrder) -> Future[None]:
+        return self._order(self._codec().winch(instance, order))
+
+    @override
+    def winch_status(self, instance: int) -> Future[WinchStatus]:
+        self._require_told("its winch", is_told=self._codec().tells_winches)
+        return self._read("the state of its winch", mavlink.MAVLINK_MSG_ID_WINCH_STATUS, _winch_status)
+
+    @override
+    def set_servo(self, order: ServoOrder) -> Future[None]:
+        return self._order(self._codec().servo(order))
+
+    @override
+    def servo_pwm_us(self, channel: int) -> Future[int]:
+        self._require_told("its servos", is_told=self._codec().tells_servos)
+
+        def read(message: PayloadMessage) -> int | None:
+            return _pulse_us(message, channel)
+
+        return self._read(f"the pulse of servo {channel}", mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, read)
+
+    @override
+    def set_relay(self, number: int, *, is_on: bool) -> Future[None]:
+        return self._order(self._codec().relay(number, is_on=is_on))
+
+    @override
+    def relay_is_on(self, number: int) -> Future[bool]:
+        self._require_told("its relays", is_told=self._codec().tells_relays)
+
+        def read(message: PayloadMessage) -> bool | None:
+            bit = 1 << (number - 1)
+            return bool(message.fields["on"] & bit) if message.fields["present"] & bit else None
+
+        return self._read(f"the state of relay {number}", mavlink.MAVLINK_MSG_ID_RELAY_STATUS, read)
+
+    def _order(self, order: PayloadOrder) -> Future[None]:
+        command = ordered(command_of(order.id, order.params, order.what, group=order.device), order)
+        if order.id == GRIPPER:
+            self._reach.post(lambda discovery: discovery.protocols.gripper.forget_state())
+        result = self._command(order.what, command)
+        self._reach.post(lambda discovery: discovery.protocols.gripper.await_order(result, order.what))
+        return result
+
+    def _read(self, what: str, message_id: int, read: Callable[[PayloadMessage], T | None]) -> Future[T]:
+        """Asks for a message, and returns what is read of it. One that says nothing of it (None) does not count."""
+        future: Future[T] = self._reach.give(
+            f"ask for {what}", lambda protocols, waiting: protocols.gripper.await_answer(waiting, what)
+        )
+
+        def on_message(message: PayloadMessage) -> None:
+            found = read(message)
+            if found is not None and not future.done():
+                futures.finish(future, found)
+
+        stop_listening = self._messages.add(message_id, on_message)
+        future.add_done_callback(lambda _: stop_listening())
+        asked = self._command(f"ask for {what}", request_message(message_id))
+        asked.add_done_callback(lambda ended: _refuse(future, ended))
+        future.add_done_callback(lambda _: asked.cancel())
+        return future
+
+    def _require_told(self, what: str, *, is_told: bool) -> None:
+        if not is_told:
+            raise NotSupportedError(f"{self._name()} says nothing of {what}")
+
+    def _name(self) -> str:
+        session = self._reach.session()
+        return "the autopilot" if session is None else session.dialect.name
+
+    def _codec(self) -> GripperCodec:
+        session = self._reach.session()
+        if session is None:
+            raise LinkLostError("no autopilot is heard")
+        if session.dialect.gripper is None:
+            raise NotSupportedError(f"UAL moves nothing that {session.dialect.name} carries")
+        return session.dialect.gripper
+
+
+def _refuse(future: Future[T], asked: Future[None]) -> None:
+    error = None if asked.cancelled() else asked.exception()
+    if error is not None and not future.done():
+        futures.fail(future, error)
+
+
+def _pulse_us(message: PayloadMessage, channel: int) -> int | None:
+    """Returns the pulse width at a channel; None where the message is of others, or nothing is put out."""
+    port, index = divmod(channel - 1, _CHANNELS_COUNT)
+    if message.fields["port"] != port:
+        return None
+    return int(message.fields[f"servo{index + 1}_raw"]) or None
+
+
+def _winch_status(message: PayloadMessage) -> WinchStatus:
+    fields, flags = message.fields, message.fields["status"]
+    tension_kg = _known(fields["tension"])
+    return WinchStatus(
+        _known(fields["line_length"]),
+        _known(fields["speed"]),
+        None if tension_kg is None else tension_kg * _N_PER_KG,
+        _known(fields["voltage"]),
+        _known(fields["current"]),
+        None if fields["temperature"] == _NO_TEMPERATURE else float(fields["temperature"]),
+        bool(flags & mavlink.MAV_WINCH_STATUS_HEALTHY),
+        bool(flags & mavlink.MAV_WINCH_STATUS_FULLY_RETRACTED),
+        bool(flags & mavlink.MAV_WINCH_STATUS_MOVING),
+        bool(flags & mavlink.MAV_WINCH_STATUS_CLUTCH_ENGAGED),
+    )
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
