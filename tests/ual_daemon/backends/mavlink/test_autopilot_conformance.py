@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_GRIPPER, grouped, run_check_or_skip, wait_until_ready
+from tests.patient_checks import WITHOUT_CAMERAS, grouped, run_check_or_skip, wait_until_ready
 from tests.simulators.lockstep import LockstepArduPilot, LockstepPx4
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
@@ -24,8 +24,8 @@ TOLERANCES = Tolerances(
 BACKENDS = {"px4": LockstepPx4, "ardupilot": LockstepArduPilot}
 NOT_HERE = {
     # A simulation's daemon may arm.
-    "px4": {"arming_belongs_to_the_pilot", "the_pilot_flies_and_gives_back", *WITHOUT_CAMERAS, *WITHOUT_GRIPPER},
-    "ardupilot": {"arming_belongs_to_the_pilot", *WITHOUT_CAMERAS, *WITHOUT_GRIPPER},
+    "px4": {"arming_belongs_to_the_pilot", "the_pilot_flies_and_gives_back", *WITHOUT_CAMERAS},
+    "ardupilot": {"arming_belongs_to_the_pilot", *WITHOUT_CAMERAS},
 }
 """What is skipped, and nothing else. PX4 takes OFFBOARD only while setpoints come, and the daemon sends none while the
 pilot flies: the pilot cannot give control back."""

@@ -435,7 +435,7 @@ def test_a_winch_says_what_it_knows(copter: Bench) -> None:
     assert asked.result(0) == WinchStatus(length_m=2.5, speed_m_s=-0.5, is_healthy=True)
     asked = copter.gripper.winch_status(1)
     copter.receive(mavlink.MAVLink_winch_status_message(0, 0.0, 0.0, 2.0, 12.5, 1.5, 40, 0b1110))
-    assert asked.result(0) == WinchStatus(0.0, 0.0, pytest.approx(19.6133), 12.5, 1.5, 40.0, False, True, True, True)
+    assert asked.result(0) == WinchStatus(0.0, 0.0, 2.0 * 9.80665, 12.5, 1.5, 40.0, False, True, True, True)
 
 
 def test_a_request_that_is_refused_ends_the_question(copter: Bench) -> None:
