@@ -23,6 +23,7 @@ from ual_daemon.backends.mavros import commands, topics
 from ual_daemon.backends.mavros.commands import Call
 from ual_daemon.backends.mavros.corrections import MavrosCorrections
 from ual_daemon.backends.mavros.discovery import Discovery
+from ual_daemon.backends.mavros.offers.gripper import MavrosGripper
 from ual_daemon.backends.mavros.offers.parameters import MavrosParameters
 from ual_daemon.backends.mavros.offers.services import Reach, Services
 from ual_daemon.backends.mavros.session import FRESHNESS, Session
@@ -61,7 +62,10 @@ class MavrosBackend(Backend):
             Reach(self._last_session, self._reached, self._post, self._call_slowly, self._ros, self._node)
         )
         self._parameters = MavrosParameters(self._services)
-        self._offers = (self._corrections, self._parameters)
+        gripper = MavrosGripper(
+            self._last_session, lambda what, command: self._command(what, lambda _: command), self._post
+        )
+        self._offers = (self._corrections, self._parameters, gripper)
 
     def _make_corrections(self, topic: str) -> MavrosCorrections:
         def publish(message: Message) -> None:

@@ -6,6 +6,7 @@ without one. So the effect counts.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon.backends.engine.command import (
@@ -19,6 +20,7 @@ from ual_daemon.backends.engine.command import (
     shows_mode,
 )
 from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.gripper_codec import PayloadOrder, ordered
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
@@ -33,7 +35,9 @@ TEXT_S = 0.3
 """How long after a refusal the autopilot's texts about it may come."""
 _AGAIN = Repeat(every_s=1.0, most=5, after_answer_s=0.3)
 """A mode that was sent may show 0.3 s late. Another one that is shown sooner does not say that it was not entered."""
-_ACCEPTED, _IN_PROGRESS = 0, 5
+_ACCEPTED, _FAILED, _IN_PROGRESS = 0, 4, 5
+_NO_ACK_S = 4.5
+"""MAVROS waits for 5 s, and then says FAILED (version 1.21)."""
 _RESULTS = {1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED", 6: "CANCELLED"}
 
 Answer = Message | ServiceError
@@ -97,6 +101,13 @@ def taking_off(autopilot: Autopilot, altitude_m: float | None) -> Command[Call]:
     return set_mode(autopilot.setpoint_mode, "take off", autopilot.setpoints_before_mode_s, then)
 
 
+def move(order: PayloadOrder) -> Command[Call]:
+    """Moves something that the UAV carries. Sent once: MAVROS refuses a second one while it waits for an answer."""
+    params = {f"param{number}": value for number, value in enumerate(order.params, 1)}
+    call = Call(topics.COMMAND, {"command": order.id, **params})
+    return replace(ordered(Command(order.what, call), order), repeat=Repeat(every_s=CALL_S + 0.5, most=1))
+
+
 class Reply(NamedTuple):
     """What an answer says; see `CommandRunner.on_answer`."""
 
@@ -105,8 +116,8 @@ class Reply(NamedTuple):
     by: str = ""
 
 
-def read_answer(call: Call, answer: Answer) -> Reply:
-    """Reads the answer of a service. One that has not answered in time may have been executed."""
+def read_answer(call: Call, answer: Answer, after_s: float = 0.0) -> Reply:
+    """Reads the answer of a service, which came after a time. One that has not come in time may have been executed."""
     if isinstance(answer, ServiceTimeoutError):
         return Reply(Verdict.LOST)
     if isinstance(answer, ServiceError):
@@ -115,6 +126,17 @@ def read_answer(call: Call, answer: Answer) -> Reply:
         unknown = Reply(Verdict.REFUSED, "MAVROS does not know the mode, or hears no autopilot")
         return Reply(Verdict.PASSED_ON) if answer.get("mode_sent") else unknown
     result = int(answer.get("result", _ACCEPTED))
+    if call.service == topics.COMMAND:
+        return _read_move(result, after_s, is_done=bool(answer.get("success")))
     if result not in (_ACCEPTED, _IN_PROGRESS):
         return Reply(Verdict.REFUSED, _RESULTS.get(result, f"result {result}"))
     return Reply(Verdict.ACCEPTED if answer.get("success") else Verdict.PASSED_ON)  # else no acknowledgement came
+
+
+def _read_move(result: int, after_s: float, *, is_done: bool) -> Reply:
+    """MAVROS passes on the first acknowledgement only: of one that says "in progress" the end is never told."""
+    if is_done or result == _IN_PROGRESS:
+        return Reply(Verdict.ACCEPTED)
+    if result == _ACCEPTED or (result == _FAILED and after_s >= _NO_ACK_S):
+        return Reply(Verdict.LOST)
+    return Reply(Verdict.REFUSED, _RESULTS.get(result, f"result {result}"))

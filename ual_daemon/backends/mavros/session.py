@@ -8,6 +8,7 @@ from collections.abc import Callable, Hashable
 from concurrent.futures import Future
 from dataclasses import replace
 
+from ual.gripper import GripperState
 from ual.types import Capability
 from ual_daemon import logs
 from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
@@ -76,7 +77,7 @@ class Session:
         self.autopilot = autopilot
         self.telemetry = telemetry = Telemetry(autopilot, watch, utc_s)
         self._watch = watch
-        watch.on_lost = telemetry.readings.discard_state
+        watch.on_lost = self._on_lost
         self.freshness = FRESHNESS
         self._call = call
         learns = settings.learns_feed_forward and autopilot.takes_feed_forward
@@ -112,6 +113,8 @@ class Session:
         self._boots_count = telemetry.boots_count
         self._reported_missing: tuple[str, ...] = ()
         self._began_s = math.inf
+        self.gripper_state = GripperState.UNKNOWN
+        """What texts have said. For any thread."""
         self._now_s = -math.inf
         """The time of the newest message or tick."""
 
@@ -148,6 +151,10 @@ class Session:
             position, velocity, mask = target(message)
             self._senders.on_target(position, velocity, now_s, has_position=not mask & IGNORES_POSITION)
 
+    def _on_lost(self) -> None:
+        self.telemetry.readings.discard_state()
+        self.forget_gripper()
+
     def message_of(self, setpoint: Setpoint, now_s: float) -> Message:
         """Returns the message of a setpoint, with what was learned of the vehicle. From any thread."""
         autopilot = self.autopilot
@@ -160,6 +167,7 @@ class Session:
     def restart(self, now_s: float) -> None:
         """Discards what may have changed in a time in which nothing came, and asks for everything anew."""
         self.telemetry.readings.discard_state()
+        self.forget_gripper()
         self.runner.drop(now_s)
         self._streams.restart()
         self._calling = ""
@@ -229,7 +237,13 @@ class Session:
         if stamp_s(message) == telemetry.measured_s:  # the two topics are of one message of the autopilot
             self._feed_forward.learn(telemetry.measured_s, pose, velocity.linear)
 
+    def forget_gripper(self) -> None:
+        """Forgets what was said of the gripper: an order leaves, or a boot or a silence came."""
+        self.gripper_state = GripperState.UNKNOWN
+
     def _on_text(self, text: str, now_s: float) -> None:
+        if self.autopilot.gripper is not None:
+            self.gripper_state = self.autopilot.gripper.texts.get(text, self.gripper_state)
         self.runner.on_text(text)
         self._causes.on_sign(self.autopilot.cause_of_text(text), now_s)
         self._health.on_text(text, now_s)
@@ -261,8 +275,10 @@ class Session:
         if call.mode:
             self._causes.on_own_command(call.mode, self._now_s)
 
+        sent_s = self._now_s
+
         def take(answer: Answer) -> None:
-            reply = read_answer(call, answer)
+            reply = read_answer(call, answer, self._now_s - sent_s)
             self._requested_s[_HEARTBEAT_ID] = -math.inf  # its effect may show at once
             self.runner.on_answer(key, reply.verdict, self._now_s, reply.text, reply.by)
 
@@ -342,5 +358,6 @@ class Session:
         boots_count = self.telemetry.boots_count
         if boots_count != self._boots_count:
             self._boots_count = boots_count
+            self.forget_gripper()
             self.runner.drop(now_s)
             self._streams.restart()

@@ -9,7 +9,6 @@ import pytest
 from tests.patient_checks import (
     OF_PARAMETERS,
     WITHOUT_CAMERAS,
-    WITHOUT_GRIPPER,
     WITHOUT_MISSIONS,
     WITHOUT_PARAMETERS,
     grouped,
@@ -31,7 +30,6 @@ NOT_HERE = {
     | (WITHOUT_PARAMETERS - OF_PARAMETERS)
     | WITHOUT_CAMERAS
     | WITHOUT_MISSIONS
-    | WITHOUT_GRIPPER
     for kind, names in NOT_OVER_MAVLINK.items()
 }
 

@@ -99,7 +99,9 @@ class MavlinkGripper(OfferedGripper):
 
         def read(message: PayloadMessage) -> bool | None:
             bit = 1 << (number - 1)
-            return bool(message.fields["on"] & bit) if message.fields["present"] & bit else None
+            if not message.fields["present"] & bit:
+                raise NotSupportedError(f"the autopilot has no relay {number}")
+            return bool(message.fields["on"] & bit)
 
         return self._read(f"the state of relay {number}", mavlink.MAVLINK_MSG_ID_RELAY_STATUS, read)
 
@@ -112,15 +114,21 @@ class MavlinkGripper(OfferedGripper):
         return result
 
     def _read(self, what: str, message_id: int, read: Callable[[PayloadMessage], T | None]) -> Future[T]:
-        """Asks for a message, and returns what is read of it. One that says nothing of it (None) does not count."""
+        """Asks for a message, and returns what is read of it. One that is of something else (None) does not count."""
         future: Future[T] = self._reach.give(
             f"ask for {what}", lambda protocols, waiting: protocols.gripper.await_answer(waiting, what)
         )
 
         def on_message(message: PayloadMessage) -> None:
-            found = read(message)
-            if found is not None and not future.done():
-                futures.finish(future, found)
+            if future.done():
+                return
+            try:
+                found = read(message)
+            except UalError as error:
+                futures.fail(future, error)
+            else:
+                if found is not None:
+                    futures.finish(future, found)
 
         stop_listening = self._messages.add(message_id, on_message)
         future.add_done_callback(lambda _: stop_listening())
@@ -153,11 +161,14 @@ def _refuse(future: Future[T], asked: Future[None]) -> None:
 
 
 def _pulse_us(message: PayloadMessage, channel: int) -> int | None:
-    """Returns the pulse width at a channel; None where the message is of others, or nothing is put out."""
+    """Returns the pulse width at a channel; None where the message is of others. Raises `UalError`: there is none."""
     port, index = divmod(channel - 1, _CHANNELS_COUNT)
     if message.fields["port"] != port:
         return None
-    return int(message.fields[f"servo{index + 1}_raw"]) or None
+    pulse_us = int(message.fields[f"servo{index + 1}_raw"])
+    if not pulse_us:
+        raise UalError(f"the autopilot puts out nothing at channel {channel}")
+    return pulse_us
 
 
 def _winch_status(message: PayloadMessage) -> WinchStatus:
