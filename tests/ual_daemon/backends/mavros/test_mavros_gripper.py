@@ -80,7 +80,7 @@ def test_an_order_that_is_not_acknowledged_is_told_so(uav: UAL, backend: Lockste
 
 def test_what_mavros_does_not_tell_is_unknown(uav: UAL, backend: LockstepMavros) -> None:
     found = uav.gripper.get_all()
-    assert found.winches[0].status is found.servos[0].pwm_us is found.relays[0].is_on is None
+    assert (found.winches[0].status, found.servos[0].pwm_us, found.relays[0].is_on) == (None, None, None)
     for each in (found.winches[0], found.servos[0], found.relays[0]):
         assert "MAVROS does not pass on what the autopilot says" in each.note
     assert found.grippers[0].state is GripperState.UNKNOWN
