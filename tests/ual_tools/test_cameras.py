@@ -5,6 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import re
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import grpc
@@ -14,8 +17,10 @@ from click.testing import CliRunner, Result
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
+from tests.waiting import until
 from ual.cameras import CameraMode, CameraStatus, Image, Photo
 from ual.errors import InvalidArgumentError, NotSupportedError
+from ual.recording.reader import Recording
 from ual.v1 import camera_pb2, camera_pb2_grpc
 from ual.wire.cameras import CHUNK_BYTES, image_from_protos
 from ual_tools.main import cli
@@ -148,3 +153,22 @@ def test_pictures_are_fetched_once_as_files_with_their_places(daemon: DaemonProc
     refused = run(daemon, "camera", "fetch", blocked / "in")
     assert refused.exit_code == 1
     assert "Not a directory" in refused.output
+
+
+def test_pictures_are_recorded_where_that_is_asked_for(daemon: DaemonProcess, tmp_path: Path) -> None:
+    words = ["--json", "--address", daemon.address, "record", "--directory", str(tmp_path), "--pictures"]
+    command = [sys.executable, "-c", "from ual_tools.main import main; main()", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline().startswith("recording uav_1 into ")
+        with ual.Uav(address=daemon.address) as uav:
+            taken = uav.cameras[0].take_photo()
+            wanted = uav.cameras[0].image(taken.number).data
+            file = next(iter(tmp_path.glob("*.mcap")))
+            until(lambda: any(wanted in each.data for each in Recording(file).messages()), "the picture is in the file")
+        process.send_signal(signal.SIGINT)
+        told = json.loads(process.communicate(timeout=60.0)[0])
+    assert (told["pictures_count"], told["pictures_without_bytes_count"]) == (1, 0)
+    topics = json.loads(run(daemon, "--json", "record", "info", file).stdout)["topics"]
+    found = {name: each["count"] for name, each in topics.items() if "camera" in name}
+    assert found == {f"/uav_1/camera_0/{name}": 1 for name in ("photos", "image", "calibration", "tf")}

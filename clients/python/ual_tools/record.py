@@ -40,6 +40,7 @@ _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False, path
     examples=(
         "ual record",
         "ual record --all --directory flights",
+        "ual record --pictures",
         "ual record info flight.mcap",
         "ual record export flight.mcap --csv --kml",
     ),
@@ -54,8 +55,9 @@ _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False, path
 @click.option(
     "--duration", "duration_s", type=Number(min=0.0, min_open=True), metavar="SECONDS", help="End after this time."
 )
+@click.option("--pictures", "has_pictures", is_flag=True, help="Record what its cameras take, too.")
 @click.pass_context
-def record(context: click.Context, directory: Path, duration_s: float | None) -> None:
+def record(context: click.Context, directory: Path, duration_s: float | None, has_pictures: bool) -> None:
     """Record the telemetry of the UAV until Ctrl-C.
 
     With --all, or --ns uav_1,uav_2, that of each of these UAVs goes into one file. The daemon records more: ual-daemon
@@ -66,7 +68,7 @@ def record(context: click.Context, directory: Path, duration_s: float | None) ->
     session = context.find_root().ensure_object(Session)
     requirements.require("ual-tools[record]")
     with ExitStack() as stack:
-        recording = _begin(session, directory, stack)
+        recording = _begin(session, directory, stack, has_pictures=has_pictures)
         session.note(f"recording {', '.join(recording.uavs)} into {recording.path}; Ctrl-C ends it")
         _wait(recording, duration_s)
         is_disk_full = recording.has_ended
@@ -75,7 +77,7 @@ def record(context: click.Context, directory: Path, duration_s: float | None) ->
         raise click.exceptions.Exit(REFUSED)
 
 
-def _begin(session: Session, directory: Path, stack: ExitStack) -> ClientRecording:
+def _begin(session: Session, directory: Path, stack: ExitStack, *, has_pictures: bool) -> ClientRecording:
     """Subscribes to the chosen UAVs until the stack ends. Returns the recording, which ends after them."""
     from ual_tools.recording.client import ClientRecording
 
@@ -90,6 +92,8 @@ def _begin(session: Session, directory: Path, stack: ExitStack) -> ClientRecordi
     stack.callback(recording.close)
     for uav in uavs:
         stack.callback(recording.subscribe(uav))
+        if has_pictures:
+            stack.callback(recording.record_pictures(uav))
     return recording
 
 
@@ -107,7 +111,11 @@ def _report(session: Session, recording: ClientRecording) -> None:
     missed_count = recording.missed_count + recording.lost_count
     text = f"{recording.samples_count} samples of {', '.join(recording.uavs)}"
     text += f", {missed_count} missed" if missed_count else ""
+    pictures_count, without_count, reason = recording.pictures
+    text += f", {pictures_count} pictures" if pictures_count else ""
+    text += f", {without_count} of them without their bytes ({reason})" if without_count else ""
     values = {"file": str(recording.path), "samples_count": recording.samples_count, "missed_count": missed_count}
+    values |= {"pictures_count": pictures_count, "pictures_without_bytes_count": without_count}
     session.emit_written(values, f"{recording.path}: {text}")
 
 

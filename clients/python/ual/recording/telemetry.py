@@ -53,7 +53,7 @@ class TelemetryTopics:
         output.write(self._telemetry, message.SerializeToString(), log_ns, stamp_ns, sample.sequence)
         if sample.state is not self._state:
             self._write_state(output, entry)
-        stamp = _stamp(stamp_ns)
+        stamp = stamp_of(stamp_ns)
         for topic, pose in ((self._pose, sample.pose), (self._reference, sample.reference_pose)):
             if pose is not None:
                 drawn = PoseInFrame(timestamp=stamp, frame_id=sample.frame_id)
@@ -61,7 +61,7 @@ class TelemetryTopics:
                 output.write(topic, drawn.SerializeToString(), log_ns, stamp_ns)
         if sample.odometry is not None:
             body = sample.odometry
-            transforms = [_transform(stamp, body.frame_id, body.child_frame_id, body.pose)]
+            transforms = [transform_of(stamp, body.frame_id, body.child_frame_id, body.pose)]
             self._write_transforms(output, transforms, log_ns, stamp_ns)
         if sample.position_geo is not None:
             fix = _location(stamp, sample.position_geo)
@@ -70,9 +70,9 @@ class TelemetryTopics:
     def write_frames(self, output: Output, entry: Entry) -> None:
         """Writes the frames that do not move by themselves."""
         frames: Sequence[Frame] = entry.value
-        stamp = _stamp(entry.log_ns)
+        stamp = stamp_of(entry.log_ns)
         transforms = [
-            _transform(stamp, f.parent_frame_id, f.frame_id, Pose(f.transform.translation, f.transform.rotation))
+            transform_of(stamp, f.parent_frame_id, f.frame_id, Pose(f.transform.translation, f.transform.rotation))
             for f in frames
             if f.is_static and f.transform is not None and f.parent_frame_id
         ]
@@ -104,11 +104,13 @@ class TelemetryTopics:
         output.write(self._transforms, message.SerializeToString(), log_ns, stamp_ns)
 
 
-def _stamp(utc_ns: int) -> Timestamp:
+def stamp_of(utc_ns: int) -> Timestamp:
+    """Returns a time since 1970."""
     return Timestamp(seconds=utc_ns // 1_000_000_000, nanos=utc_ns % 1_000_000_000)
 
 
-def _transform(stamp: Timestamp, parent: str, child: str, pose: Pose) -> FrameTransform:
+def transform_of(stamp: Timestamp, parent: str, child: str, pose: Pose) -> FrameTransform:
+    """Returns where a frame is in its parent."""
     message = FrameTransform(timestamp=stamp, parent_frame_id=parent, child_frame_id=child)
     _write_pose(pose, message.translation, message.rotation)
     return message

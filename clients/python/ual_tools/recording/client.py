@@ -5,12 +5,16 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ual.errors import InvalidArgumentError
 from ual.interface import Uav
 from ual.recording.recorder import Recorder
 from ual.recording.telemetry import TelemetryTopics
 from ual.types import Frame, Info, Telemetry
+
+if TYPE_CHECKING:
+    from ual.recording.pictures import Pictures
 
 
 class ClientRecording:
@@ -31,6 +35,7 @@ class ClientRecording:
         self._lock = threading.Lock()
         self._topics: dict[str, TelemetryTopics] = {}
         self._described: dict[str, tuple[Info, list[Frame]]] = {}
+        self._pictures: list[Pictures] = []
         self._recorder.at_each_file(self._repeat)
         self.samples_count = 0
         """How many samples came."""
@@ -90,6 +95,27 @@ class ClientRecording:
         self.describe(uav)
         subscription = uav.subscribe(lambda sample: self.put(uav.ns, sample))
         return subscription.close
+
+    def record_pictures(self, uav: Uav) -> Callable[[], None]:
+        """Records the pictures that a UAV takes, until the function that it returns is called.
+
+        Raises:
+            UalError: The cameras do not answer, or there are none.
+
+        """
+        from ual.recording.pictures import Pictures
+
+        pictures = Pictures(uav.ns, uav.cameras, self._recorder)
+        pictures.start()
+        self._pictures.append(pictures)
+        return pictures.close
+
+    @property
+    def pictures(self) -> tuple[int, int, str]:
+        """How many pictures are recorded, how many of them without their bytes, and why the last one of these is."""
+        figures = [each.figures for each in self._pictures]
+        reason = next((each.reason for each in reversed(figures) if each.without_bytes_count), "")
+        return sum(each.photos_count for each in figures), sum(each.without_bytes_count for each in figures), reason
 
     def close(self) -> None:
         """Ends the file."""
