@@ -18,6 +18,7 @@ import msgspec
 from typing_extensions import Self
 
 from tests.simulators.airsim import STEP_S, Vehicle
+from tests.simulators.airsim_cameras import AirsimCameras, CrashedError, RefusedError
 from tests.simulators.physics import Target
 from ual_daemon.backends.airsim.framing import message_end
 
@@ -57,6 +58,7 @@ class AirsimServer:
         """Takes requests and answers nothing, until this is False again: then all at once, late."""
         self.on_step: Callable[[], object] = list
         """Called before each step of its time, by the thread that steps it."""
+        self.cameras = AirsimCameras(self)
         self.calls: list[tuple[str, tuple[Any, ...]]] = []
         self._late: list[Callable[[], None]] = []
         self._steps_per_poll = steps_per_poll
@@ -78,9 +80,12 @@ class AirsimServer:
             "simContinueForTime": self._sim_continue_for_time,
             "simSetWind": self._sim_set_wind,
             "simSetKinematics": self._sim_set_kinematics,
+            "simGetImages": self.cameras.get_images,
+            "simGetCameraInfo": self.cameras.get_camera_info,
         }
         self.forgets_count = 0
         """So many of the next velocities it never answers."""
+        self._unrendered: list[tuple[Peer, int, list[Any]]] = []
         self._paused_moves: list[Callable[[], None]] = []
         self._pending = 0
         self._waiting: list[tuple[Peer, int, str, list[Any]]] = []
@@ -121,6 +126,15 @@ class AirsimServer:
                 for key, _ in self._selector.select(0.0):
                     self._serve(key.data)
                 self._advance(1)
+
+    def render(self) -> None:
+        """Renders again, and answers what has waited for that."""
+        with self._lock:
+            self.cameras.renders = True
+            for peer, number, arguments in self._unrendered:
+                self._pending -= 1
+                self._answer(peer, number, None, self.cameras.get_images(*arguments))
+            self._unrendered.clear()
 
     def drop_connections(self) -> None:
         """Closes all connections, and goes on."""
@@ -179,12 +193,20 @@ class AirsimServer:
         if method == "moveByVelocity":
             self._move(peer, number, arguments)
             return
+        if method == "simGetImages" and not self.cameras.renders:
+            self._pending += 1  # its thread waits for the picture
+            self._unrendered.append((peer, number, arguments))
+            return
         if method not in self._methods:
             words = f"rpclib: server could not find function '{method}' with argument count 1."
             self._answer(peer, number, words, None)
             return
         try:
             result = self._methods[method](*arguments)
+        except CrashedError:
+            self._is_closing = True
+        except RefusedError as error:
+            self._answer(peer, number, str(error), None)
         except KeyError:
             words = f"Vehicle API for '{arguments[-1]}' is not available."
             prefix = f"rpclib: function '{method}' threw an exception. The exception contained this information: "
@@ -269,7 +291,7 @@ class AirsimServer:
         return 4
 
     def _get_settings_string(self) -> str:
-        return json.dumps({"SettingsVersion": 2.0, "ClockSpeed": self._clock_speed})
+        return json.dumps({"SettingsVersion": 2.0, "ClockSpeed": self._clock_speed, **self.cameras.settings})
 
     def _sim_pause(self, is_paused: bool) -> None:
         self.is_paused = is_paused

@@ -43,7 +43,11 @@ NOT_HERE = {
     *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
-"""What may be skipped: its daemon may arm, it takes no poses, and its limit of 5 m/s needs more room than there is."""
+"""What may be skipped: its daemon may arm, it takes no poses, and its limit of 5 m/s needs more room than there is.
+
+A simulator without a renderer has no pictures: see `test_pictures_come_or_it_is_told_why_not`.
+"""
+NO_RENDERER = "not offered without Unreal"
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +118,21 @@ def flight(request: pytest.FixtureRequest, url: str, tmp_path_factory: pytest.Te
 def test_conformance(flight: Flight, check: Check) -> None:
     try:
         conformance.run_check(flight, check)
+    except RejectedByAutopilotError as error:
+        assert check.name in WITHOUT_CAMERAS
+        assert NO_RENDERER in str(error)
+        pytest.skip(str(error))
     except CannotRunError as error:
         assert check.name in NOT_HERE
         pytest.skip(str(error))
+
+
+def test_pictures_come_or_it_is_told_why_not(flight: Flight) -> None:
+    cameras = flight.uav.cameras
+    assert [each.name for each in cameras.get_all()][:2] == ["front_center", "front_right"]
+    try:
+        image = cameras[0].image()
+    except RejectedByAutopilotError as error:
+        assert NO_RENDERER in error.metadata["text"]
+        pytest.skip(str(error))
+    assert image.camera is not None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import TypeVar
 
 from typing_extensions import override
 
@@ -12,8 +13,10 @@ from ual.errors import RejectedByAutopilotError
 from ual.interface import Simulation
 from ual.types import Capability, Limits
 from ual_daemon.backends import futures
+from ual_daemon.backends.airsim.cameras import AirsimCameras, Place
 from ual_daemon.backends.airsim.clock import SimulatorClock
 from ual_daemon.backends.airsim.commands import Action, CommandQueue
+from ual_daemon.backends.airsim.fetching import PictureFetcher
 from ual_daemon.backends.airsim.link import Simulator, SimulatorLink
 from ual_daemon.backends.airsim.pilot import Pilot
 from ual_daemon.backends.airsim.procedures import Procedures
@@ -22,13 +25,15 @@ from ual_daemon.backends.airsim.session import LINK_S, Request, Session, nothing
 from ual_daemon.backends.airsim.setpoints import SetpointSender
 from ual_daemon.backends.airsim.settings import DEFAULT_URL, SECTION, Address, AirsimSettings, parse_address
 from ual_daemon.backends.airsim.simulation import AirsimSimulation
-from ual_daemon.backends.airsim.snapshots import API, HOVER, REMOTE_CONTROL
+from ual_daemon.backends.airsim.snapshots import API, HOVER, REMOTE_CONTROL, projection_of
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import Freshness, Setpoint, SetpointLoss, Snapshot, Takes, VehicleInfo, VelocityGains
 from ual_daemon.settings import convert
+
+T = TypeVar("T")
 
 _LIMITS = Limits(
     horizontal_speed_m_s=5.0,
@@ -72,6 +77,9 @@ class AirsimBackend(Backend):
         self._mailbox = SetpointMailbox(self._sender.send, clock, f"airsim setpoints {options.ns}")
         self._session = Session(link, self._commands, self._mailbox, clock, settings.mass_kg, self._wall_s)
         link.on_connect = self._on_connect
+        fetcher = PictureFetcher(address, f"airsim pictures {options.ns}", lambda: self._session.vehicle)
+        self._cameras = AirsimCameras(fetcher, self._place, lambda: link.trouble)
+        self._session.on_pose = self._cameras.on_report
         self._procedures = Procedures(lambda: self._session.vehicle)
         self._pilot = Pilot(address, lambda: self._session.vehicle, lambda: self._session.report)
         self._desk = CommandDesk(self._session.loop, clock, self._session.reach)
@@ -96,6 +104,7 @@ class AirsimBackend(Backend):
     def close(self) -> None:
         self._session.thread.close(self._link.close)
         self._pilot.let_go()
+        self._cameras.close()
         self._sender.close()
         self._mailbox.close()
         self._commands.close()
@@ -177,6 +186,10 @@ class AirsimBackend(Backend):
         return AirsimSimulation(self._session, self._procedures, self._pilot)
 
     @override
+    def offer(self, kind: type[T]) -> T | None:
+        return self._cameras if isinstance(self._cameras, kind) else None
+
+    @override
     def utc_s(self) -> float:
         simulated_s = self._session.utc_s
         return time.time() if simulated_s is None else simulated_s
@@ -216,6 +229,12 @@ class AirsimBackend(Backend):
         """Has the other connections made anew, as the link's was: the old ones are lost as well."""
         self._session.on_connect(has_booted)
         self._sender.disconnect()
+        assert self._link.simulator is not None
+        self._cameras.on_connect(self._link.simulator.cameras, has_booted)
+
+    def _place(self) -> Place:
+        simulator = self._link.simulator
+        return Place(self._session.boots_count, None if simulator is None else projection_of(simulator))
 
 
 def _refusal(text: str) -> Future[None]:

@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 
 from ual_daemon import logs
+from ual_daemon.backends.airsim.camera_settings import NamedCamera, cameras_of
 from ual_daemon.backends.airsim.rpc import Connection, RemoteError
 from ual_daemon.backends.airsim.settings import Address
 from ual_daemon.backends.airsim.state import Collision, Location, Report, Rotors, State
@@ -35,13 +36,14 @@ _COLLISION_S = 0.2
 
 
 class Simulator(msgspec.Struct, frozen=True):
-    """What a connection has found: all vehicles, the one to fly, its home, how fast time runs, and the version."""
+    """What a connection has found: all vehicles, the one to fly, its home, how fast time runs, the version, cameras."""
 
     vehicles: tuple[str, ...]
     vehicle: str
     home: Location
     clock_speed: float
     version: str
+    cameras: tuple[NamedCamera, ...] = ()
 
 
 class WrongVehicleError(Exception):
@@ -182,8 +184,9 @@ class SimulatorLink:
         vehicle = self._chosen(vehicles)
         home = connection.call(Location, _CALL_S, "getHomeGeoPoint", vehicle)
         version = connection.call(int, _CALL_S, "getServerVersion")
-        speed = _clock_speed(connection.call(str, _CALL_S, "getSettingsString"))
-        return Simulator(vehicles, vehicle, home, speed, f"API version {version}")
+        settings = connection.call(str, _CALL_S, "getSettingsString")
+        cameras = cameras_of(settings, vehicle)
+        return Simulator(vehicles, vehicle, home, _clock_speed(settings), f"API version {version}", cameras)
 
     def _chosen(self, vehicles: tuple[str, ...]) -> str:
         names = ", ".join(vehicles) or "none"

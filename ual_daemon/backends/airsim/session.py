@@ -11,6 +11,7 @@ from functools import partial
 from typing import NamedTuple
 
 from ual.errors import LinkLostError, RejectedByAutopilotError
+from ual.geometry import Pose
 from ual_daemon import logs
 from ual_daemon.backends.airsim.clock import SimulatorClock
 from ual_daemon.backends.airsim.collisions import CollisionWatch
@@ -77,6 +78,8 @@ class Session:
         self.thread = LoopThread(
             self.loop, clock, f"airsim {link.address}", self._receive, lambda error, _: link.lose(error), link.close
         )
+        self.on_pose: Callable[[float, Pose], object] = lambda *_: None
+        """Called with the simulator's time and where the vehicle was then. Set by the backend."""
         self._link = link
         self._queue = queue
         self._mailbox = mailbox
@@ -96,6 +99,11 @@ class Session:
     def report(self) -> Report | None:
         """What the simulator reported last; None while the link is down."""
         return self._report if self._link.is_up else None
+
+    @property
+    def boots_count(self) -> int:
+        """How often the simulator was started, as far as it was seen."""
+        return self._boots_count
 
     @property
     def utc_s(self) -> float | None:
@@ -226,13 +234,16 @@ class Session:
         is_on_ground = report.is_on_ground(self._mass_kg)
         self._note_collision(report, is_on_ground)
         self._is_disarming = self._is_disarming and is_on_ground and report.is_armed
+        is_plausible = self._plausibility.accepts_motion(report.pose, report.velocity)
+        if is_plausible:
+            self.on_pose(report.time_s, report.pose)
         snapshot = make_snapshot(
             report,
             now_s,
             self._mode(report),
             LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR,
             projection_of(self._link.simulator),
-            is_plausible=self._plausibility.accepts_motion(report.pose, report.velocity),
+            is_plausible=is_plausible,
         )
         self._snapshot = snapshot._replace(
             condition=snapshot.condition._replace(status_text=self._status_text),

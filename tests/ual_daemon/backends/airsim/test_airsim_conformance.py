@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import pytest
 
 from tests.patient_checks import (
-    WITHOUT_CAMERAS,
     WITHOUT_CORRECTIONS,
     WITHOUT_GRIPPER,
     WITHOUT_MISSIONS,
@@ -33,7 +32,6 @@ NOT_HERE = {
     "arming_belongs_to_the_pilot",
     "bad_poses_from_outside_are_refused",
     *WITHOUT_PARAMETERS,
-    *WITHOUT_CAMERAS,
     *WITHOUT_CORRECTIONS,
     *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,

@@ -1,0 +1,47 @@
+"""Where the vehicle was a moment ago: a picture comes later than it was rendered."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import deque
+
+from ual.geometry import Pose, Quaternion
+
+MOST_POSES = 256
+LONGEST_GAP_S = 0.25
+"""Between two poses that are further apart, and so far beyond the last one, it is not known where the vehicle was."""
+
+
+class Trail:
+    """The last poses by the simulator's time. For one thread that adds, and any that look."""
+
+    def __init__(self) -> None:
+        self._poses: deque[tuple[float, Pose]] = deque(maxlen=MOST_POSES)
+
+    def add(self, time_s: float, pose: Pose) -> None:
+        """Adds a pose. Where time goes back, another simulator has begun: the earlier ones are forgotten."""
+        if self._poses and time_s < self._poses[-1][0]:
+            self._poses.clear()
+        self._poses.append((time_s, pose))
+
+    def at(self, time_s: float) -> Pose | None:
+        """Returns the pose at a time, between the two around it; None where that is not known."""
+        poses = list(self._poses)
+        after = bisect_left([each[0] for each in poses], time_s)
+        if after == len(poses):
+            return poses[-1][1] if poses and time_s - poses[-1][0] <= LONGEST_GAP_S else None
+        end_s, end = poses[after]
+        if time_s == end_s:
+            return end
+        if not after or end_s - poses[after - 1][0] > LONGEST_GAP_S:
+            return None
+        begin_s, begin = poses[after - 1]
+        return between(begin, end, (time_s - begin_s) / (end_s - begin_s))
+
+
+def between(begin: Pose, end: Pose, share: float) -> Pose:
+    """Returns the pose that is a share of the way from one to another, which is near."""
+    position = begin.position + (end.position - begin.position) * share
+    sign = 1.0 if sum(a * b for a, b in zip(begin.orientation, end.orientation, strict=True)) >= 0.0 else -1.0
+    mixed = (a + (sign * b - a) * share for a, b in zip(begin.orientation, end.orientation, strict=True))
+    return Pose(position, Quaternion(*mixed).normalized())
