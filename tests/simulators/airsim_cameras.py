@@ -1,4 +1,4 @@
-"""The cameras of a small AirSim, as its sources say (Cosys-AirSim, January 2026): pictures of the ground and its grid."""
+"""The cameras of a small AirSim, as the sources of Cosys-AirSim say (January 2026): pictures of the ground's grid."""
 
 from __future__ import annotations
 

@@ -119,8 +119,8 @@ def test_conformance(flight: Flight, check: Check) -> None:
     try:
         conformance.run_check(flight, check)
     except RejectedByAutopilotError as error:
-        assert check.name in WITHOUT_CAMERAS
-        assert NO_RENDERER in str(error)
+        if check.name not in WITHOUT_CAMERAS or NO_RENDERER not in str(error):
+            raise
         pytest.skip(str(error))
     except CannotRunError as error:
         assert check.name in NOT_HERE
@@ -133,6 +133,7 @@ def test_pictures_come_or_it_is_told_why_not(flight: Flight) -> None:
     try:
         image = cameras[0].image()
     except RejectedByAutopilotError as error:
-        assert NO_RENDERER in error.metadata["text"]
+        if NO_RENDERER not in error.metadata["text"]:
+            raise
         pytest.skip(str(error))
     assert image.camera is not None
