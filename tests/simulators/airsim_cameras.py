@@ -7,11 +7,13 @@ import struct
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
+import numpy as np
 
 from tests.simulators.airsim import Vehicle, vector
 from ual.cameras import CameraIntrinsics
 from ual.geometry import Pose, Quaternion, Vector3
 from ual_daemon.backends.light import painting, png
+from ual_daemon.backends.light.scene import Scene
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -123,15 +125,14 @@ class AirsimCameras:
 
     def _render(self, request: dict[str, Any], camera: Pose, width: int, height: int) -> tuple[bytes, list[float]]:
         """Renders the ground as a light UAV's camera sees it."""
-        kind, scene = request["image_type"], painting.Scene(0.0)
+        kind, scene = request["image_type"], Scene(0.0)
         focal_px = max(width, height) / 2.0 / math.tan(math.radians(self.view_deg) / 2.0)
         view = CameraIntrinsics(width, height, focal_px, focal_px, (width - 1) / 2.0, (height - 1) / 2.0)
         if request["pixels_as_float"]:
             measure = {DEPTH: painting.depths, RANGE: painting.ranges}[kind]
-            numbers = struct.unpack(f"<{width * height}f", measure(camera, view, scene))
-            return b"", [min(each, SKY_M) for each in numbers]
+            return b"", np.minimum(measure(camera, view, scene).ravel(), SKY_M).tolist()
         paint = {SCENE: painting.paint, SEGMENTATION: painting.segments}[kind]
-        return png.encode(width, height, paint(camera, view, scene)), []
+        return png.encode(paint(camera, view, scene)), []
 
 
 def _threw(method: str, text: str) -> RefusedError:
