@@ -19,6 +19,7 @@ PROTOS := proto/ual/v1/ual.proto \
 	proto/ual/v1/network.proto \
 	proto/ual/v1/parameters.proto \
 	proto/ual/v1/camera.proto \
+	proto/ual/v1/gimbal.proto \
 	proto/ual/v1/fence.proto \
 	proto/ual/v1/gripper.proto \
 	proto/ual/v1/logs.proto \

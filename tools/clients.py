@@ -20,6 +20,8 @@ from ual import (
     _camera_calls,
     _cameras_calls,
     _fence_calls,
+    _gimbal_calls,
+    _gimbals_calls,
     _gripper_calls,
     _log_calls,
     _mission_calls,
@@ -52,6 +54,8 @@ _WAYS = {
 PARTS: Mapping[str, ModuleType] = {
     "Camera": _camera_calls,
     "Cameras": _cameras_calls,
+    "Gimbal": _gimbal_calls,
+    "Gimbals": _gimbals_calls,
     "Parameters": _parameter_calls,
     "Mission": _mission_calls,
     "Fence": _fence_calls,

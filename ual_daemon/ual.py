@@ -54,6 +54,7 @@ from ual_daemon.extensions.loaded import Extensions
 from ual_daemon.extensions.shipped.cameras import Cameras
 from ual_daemon.extensions.shipped.corrections import Corrections
 from ual_daemon.extensions.shipped.fence import Fence
+from ual_daemon.extensions.shipped.gimbals import Gimbals
 from ual_daemon.extensions.shipped.gripper import Gripper
 from ual_daemon.extensions.shipped.logs import Logs
 from ual_daemon.extensions.shipped.missions import Mission
@@ -374,6 +375,11 @@ class UAL(Uav):
     @override
     def cameras(self) -> Cameras:
         return Cameras(self.vehicle)
+
+    @property
+    @override
+    def gimbals(self) -> Gimbals:
+        return Gimbals(self.vehicle)
 
     @property
     @override

@@ -32,6 +32,7 @@ BY_HAND = {
     "gripper",
     "logs",
     "cameras",
+    "gimbals",
     "corrections",
 }
 """What is more than one call, or another thing for asyncio."""

@@ -43,6 +43,7 @@ NOT_OF_A_TEAM = {
     "extension",
     "parameters",
     "cameras",
+    "gimbals",
     "corrections",
     "fence",
     "gripper",

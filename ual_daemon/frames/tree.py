@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -51,6 +51,7 @@ class _Link:
         transform: From the frame to its parent; None if not known yet, and for the body.
         motion: How it moves; None until a client has moved it.
         updated_s: When it was last updated.
+        turned: Of a frame that is attached: how it is turned now.
 
     """
 
@@ -58,9 +59,18 @@ class _Link:
     transform: Transform | None
     motion: FrameMotion | None = None
     updated_s: float = 0.0
+    turned: Callable[[], Quaternion | None] | None = None
+
+    @property
+    def is_still(self) -> bool:
+        """Whether it stays where it is."""
+        return self.motion is None and self.turned is None
 
     def at(self, now_s: float | None) -> Transform | None:
         """Returns the transform at a time; None: as it was last updated."""
+        if self.turned is not None and self.transform is not None:
+            rotation = self.turned()
+            return None if rotation is None else replace(self.transform, rotation=rotation)
         if self.motion is None or self.transform is None or now_s is None:
             return self.transform
         return self.motion.extrapolate(self.transform, now_s)
@@ -153,8 +163,9 @@ class FrameTree:
         return transform
 
     def is_fixed(self, name: str) -> bool:
-        """Returns whether a frame never moves: it is built in or configured, and not the body."""
-        return name in self._fixed and name != self.body
+        """Returns whether a frame never moves: it is built in or configured, and not the body or attached to it."""
+        link = self.links.get(name)
+        return name in self._fixed and name != self.body and (link is None or link.turned is None)
 
     def is_below_odom(self, name: str) -> bool:
         """Returns whether a frame is ``<ns>/odom``, or below it."""
@@ -203,6 +214,17 @@ class FrameTree:
             link = Transform(transform.translation, transform.rotation, parent, child, transform.stamp_s)
             self._replace(link, _estimated_motion(self.links.get(child), link, now_s), now_s)
 
+    def attach(self, name: str, place: Vector3, turned: Callable[[], Quaternion | None]) -> None:
+        """Adds a frame below the body that turns by itself, as a gimbal does. Callers can neither move nor remove it.
+
+        `turned` is called with each look at the frame, from any thread, and returns None while that is not known. So
+        the links stay the same while it turns. A frame of this name that was added before is replaced.
+        """
+        with self._lock:
+            self._fixed.add(name)
+            link = _Link(self.body, Transform(place, IDENTITY, self.body, name), turned=turned)
+            self.links = MappingProxyType({**self.links, name: link})
+
     def remove(self, name: str) -> None:
         """Removes a frame that was added.
 
@@ -236,8 +258,8 @@ class FrameTree:
         """Returns all frames with their parents."""
         result = [Frame(MAP, "", None, True)]
         for name, link in self.links.items():
-            transform = self._body_transform(body) if name == self.body else link.transform
-            result.append(Frame(name, link.parent, transform, name != self.body and link.motion is None))
+            transform = self._body_transform(body) if name == self.body else link.at(None)
+            result.append(Frame(name, link.parent, transform, name != self.body and link.is_still))
         return result
 
     def lookup(self, target: str, source: str, body: Pose | None, now_s: float | None = None) -> Transform:

@@ -33,6 +33,7 @@ from ual_daemon.vehicle.equipment import Equipment
 from ual_daemon.vehicle.external_poses import ExternalPoses
 from ual_daemon.vehicle.fence_notice import FenceNotice
 from ual_daemon.vehicle.figures import Figures
+from ual_daemon.vehicle.gimbals import Gimbals
 from ual_daemon.vehicle.in_map import geofence_in_map, route_in_map
 from ual_daemon.vehicle.mission_file import MissionFile
 from ual_daemon.vehicle.missions import Missions
@@ -83,6 +84,8 @@ class Vehicle(ReportedVehicle):
         """The missions that the autopilot flies by itself."""
         self.equipment = Equipment(settings.payload)
         """What the UAV carries, and may move."""
+        self.gimbals = Gimbals(backend, resolver)
+        """The gimbals that it carries."""
         self._jumps = JumpDetector()
         self._heading_jumps = HeadingJumpDetector()
         self.external_poses = ExternalPoses(
@@ -323,7 +326,8 @@ class Vehicle(ReportedVehicle):
 
     def _is_update_needed(self) -> bool:
         """See `Backend.is_update_needed`."""
-        return self._flight.is_busy or self._flight.lease.id != NOBODY or self._is_sample_due()
+        is_flying = self._flight.is_busy or self._flight.lease.id != NOBODY
+        return is_flying or self._is_sample_due() or self.gimbals.is_busy
 
     @override
     def _update(self, snapshot: Snapshot) -> None:
@@ -332,6 +336,7 @@ class Vehicle(ReportedVehicle):
         if self._flight.lease.id != NOBODY:
             self._expire_lease()
         self.missions.update(snapshot)
+        self.gimbals.update(snapshot)
         if not self._follow_jumps(snapshot):
             self._flight.step(snapshot)
         self._publish(snapshot, self._flight.estimate(snapshot))

@@ -95,6 +95,7 @@ class Service(Enum):
     PARAMETERS = "ParameterService"
     MISSION = "MissionService"
     CAMERAS = "CameraService"
+    GIMBALS = "GimbalService"
     FENCE = "FenceService"
     GRIPPER = "GripperService"
     LOGS = "LogService"

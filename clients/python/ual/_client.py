@@ -14,6 +14,7 @@ from ual._connection import Connection
 from ual._corrections import Corrections
 from ual._derived import SimulationMembers, UavMembers
 from ual._derived_parts import Fence, Gripper, Logs, Mission, Parameters
+from ual._gimbals import Gimbals
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
@@ -68,6 +69,7 @@ class Uav(UavMembers):
         self._parameters = Parameters(self._connection)
         self._mission = Mission(self._connection)
         self._cameras = Cameras(self._connection)
+        self._gimbals = Gimbals(self._connection)
         self._fence = Fence(self._connection)
         self._gripper = Gripper(self._connection)
         self._logs = Logs(self._connection)
@@ -157,6 +159,11 @@ class Uav(UavMembers):
     @override
     def cameras(self) -> Cameras:
         return self._cameras
+
+    @property
+    @override
+    def gimbals(self) -> Gimbals:
+        return self._gimbals
 
     @property
     @override

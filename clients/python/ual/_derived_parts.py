@@ -10,6 +10,8 @@ from ual import (
     _camera_calls,
     _cameras_calls,
     _fence_calls,
+    _gimbal_calls,
+    _gimbals_calls,
     _gripper_calls,
     _log_calls,
     _mission_calls,
@@ -19,6 +21,8 @@ from ual import (
 from ual._connection import Connection
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
+from ual.geometry import PointStamped, Vector3
+from ual.gimbals import GimbalInfo, GimbalReference, GimbalStatus
 from ual.gripper import Equipment, WinchAction
 from ual.logs.values import Log, LogChunk
 from ual.missions.items import Item
@@ -100,6 +104,84 @@ class Cameras(interface.Cameras):
     @override
     def get_all(self) -> list[CameraInfo]:
         return self._connection.run(_cameras_calls.get_all())
+
+
+class Gimbal(interface.Gimbal):
+    """`ual.interface.Gimbal`, over gRPC."""
+
+    def __init__(self, connection: Connection, number: int) -> None:
+        self._connection = connection
+        self._number = number
+
+    def __repr__(self) -> str:
+        return f"<Gimbal {self._number} of {self._connection.described}>"
+
+    @override
+    def status(self) -> GimbalStatus:
+        return self._connection.run(_gimbal_calls.status(self._number))
+
+    @override
+    def watch(self, rate_hz: float = 10.0) -> Iterator[GimbalStatus]:
+        return self._connection.iterate(_gimbal_calls.watch(self._number, rate_hz))
+
+    @override
+    def set_angles(
+        self,
+        pitch_rad: float,
+        yaw_rad: float = 0.0,
+        roll_rad: float = 0.0,
+        *,
+        reference: GimbalReference = GimbalReference.HORIZON,
+        frame_id: str = "",
+    ) -> None:
+        self._connection.run(
+            _gimbal_calls.set_angles(
+                self._number,
+                pitch_rad=pitch_rad,
+                yaw_rad=yaw_rad,
+                roll_rad=roll_rad,
+                reference=reference,
+                frame_id=frame_id,
+            )
+        )
+
+    @override
+    def set_rates(self, pitch_rad_s: float, yaw_rad_s: float = 0.0) -> None:
+        self._connection.run(_gimbal_calls.set_rates(self._number, pitch_rad_s=pitch_rad_s, yaw_rad_s=yaw_rad_s))
+
+    @override
+    def point_at(self, point: PointStamped | Vector3) -> None:
+        self._connection.run(_gimbal_calls.point_at(self._number, point))
+
+    @override
+    def move_to_neutral(self) -> None:
+        self._connection.run(_gimbal_calls.move_to_neutral(self._number))
+
+    @override
+    def retract(self) -> None:
+        self._connection.run(_gimbal_calls.retract(self._number))
+
+    @override
+    def take_control(self) -> None:
+        self._connection.run(_gimbal_calls.take_control(self._number))
+
+    @override
+    def release_control(self) -> None:
+        self._connection.run(_gimbal_calls.release_control(self._number))
+
+
+class Gimbals(interface.Gimbals):
+    """`ual.interface.Gimbals`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Gimbals of {self._connection.described}>"
+
+    @override
+    def get_all(self) -> list[GimbalInfo]:
+        return self._connection.run(_gimbals_calls.get_all())
 
 
 class Parameters(interface.Parameters):

@@ -32,6 +32,7 @@ from ual.geometry import (
     stamped_pose,
     stamped_twist,
 )
+from ual.gimbals import GimbalInfo, GimbalReference, GimbalStatus
 from ual.gripper import Equipment, WinchAction
 from ual.logs.values import Log, LogChunk
 from ual.missions.items import Item
@@ -589,6 +590,105 @@ class Gripper(Protocol):
 
     def set_relay(self, state: str, *, relay: str = "") -> None:
         """Switches a relay to the state of a name, such as "on"."""
+        ...
+
+
+class Gimbal(Protocol):
+    """One gimbal of a UAV. The manual is ``docs/gimbals.md``.
+
+    Each order replaces the one before. A gimbal that no program on the link controls is taken with the first order.
+    Angles follow REP 103: a positive pitch looks down, a positive yaw is to the left.
+
+    Raises:
+        InvalidArgumentError: There is no gimbal of this number, or an angle is beyond a limit of it, which is named.
+        NotSupportedError: It cannot do that.
+        WrongStateError: Another program on the link has the control of it.
+        LinkLostError: It is not heard.
+        RejectedByAutopilotError: It refuses, in its own words.
+        UalTimeoutError: It does not answer. It is not known whether it did what it was ordered.
+
+    """
+
+    def status(self) -> GimbalStatus:
+        """Returns where it looks, and what it does."""
+        ...
+
+    def watch(self, rate_hz: float = 10.0) -> Iterator[GimbalStatus]:
+        """Yields its status so many times a second, 0.1 to 50."""
+        ...
+
+    def set_angles(
+        self,
+        pitch_rad: float,
+        yaw_rad: float = 0.0,
+        roll_rad: float = 0.0,
+        *,
+        reference: GimbalReference = GimbalReference.HORIZON,
+        frame_id: str = "",
+    ) -> None:
+        """Turns to angles, and returns once it has accepted them.
+
+        Args:
+            pitch_rad: Positive looks down.
+            yaw_rad: Positive is to the left.
+            roll_rad: Of gimbals with this axis.
+            reference: From what the angles count.
+            frame_id: With EARTH: from the x axis of which frame yaw counts, as it lies now. Empty: ``<ns>/odom``.
+
+        """
+        ...
+
+    def set_rates(self, pitch_rad_s: float, yaw_rad_s: float = 0.0) -> None:
+        """Turns at rates until the next order, or a limit. Zeros hold where it looks."""
+        ...
+
+    def point_at(self, point: PointStamped | Vector3) -> None:
+        """Looks at a position in any frame, and follows it while the UAV or the frame moves, until the next order.
+
+        At what it cannot turn to, it looks as near as its limits let it.
+
+        Raises:
+            UnknownFrameError: There is no such frame.
+            WrongStateError: It is not known where the frame, or the UAV, is.
+
+        """
+        ...
+
+    def move_to_neutral(self) -> None:
+        """Turns to its neutral angles."""
+        ...
+
+    def retract(self) -> None:
+        """Retracts it, as for a landing."""
+        ...
+
+    def take_control(self) -> None:
+        """Takes the control of it, also from another program on the link."""
+        ...
+
+    def release_control(self) -> None:
+        """Gives the control up, and ends what was ordered. Does nothing where it is not ours."""
+        ...
+
+
+class Gimbals(Protocol):
+    """The gimbals of a UAV, by their numbers: ``uav.gimbals[0]`` is the first that was found.
+
+    Raises:
+        NotSupportedError: The backend has no gimbals.
+
+    """
+
+    def get_all(self) -> list[GimbalInfo]:
+        """Returns all gimbals that were found, also those that are not heard any more."""
+        ...
+
+    def __getitem__(self, number: int) -> Gimbal:
+        """Returns the gimbal of a number. Asks nothing: whether there is one shows when it is used."""
+        ...
+
+    def __iter__(self) -> Iterator[Gimbal]:
+        """Yields each gimbal that was found."""
         ...
 
 
@@ -1504,6 +1604,11 @@ class Uav(TaskCommands[Task]):
     @abstractmethod
     def cameras(self) -> Cameras:
         """The cameras that it carries."""
+
+    @property
+    @abstractmethod
+    def gimbals(self) -> Gimbals:
+        """The gimbals that it carries."""
 
     @property
     @abstractmethod

@@ -22,6 +22,7 @@ from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.light.camera import LightCameras, Seen
 from ual_daemon.backends.light.corrections import LightCorrections
 from ual_daemon.backends.light.faults import Faults
+from ual_daemon.backends.light.gimbal import GimbalMoment, LightGimbals
 from ual_daemon.backends.light.gripper import LightGripper
 from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
 from ual_daemon.backends.light.settings import LightSettings
@@ -117,7 +118,10 @@ class LightBackend(Backend):
         self._corrections = LightCorrections(self.world.now_s)
         self._gripper = LightGripper(self.world.now_s, lambda: self._faults.is_link_lost)
         self._snapshot = Snapshot(0.0)
-        self._cameras = LightCameras(settings.cameras, settings.seed, self._seen, self.world.painter)
+        self._gimbals = LightGimbals(settings.gimbals, self._moment)
+        self._cameras = LightCameras(
+            settings.cameras, settings.seed, self._seen, self.world.painter, self._gimbals.gimbals
+        )
         with self.world.lock:
             self._update_snapshot()
 
@@ -210,7 +214,7 @@ class LightBackend(Backend):
 
     @override
     def offer(self, kind: type[T]) -> T | None:
-        offers: tuple[object, ...] = (self._corrections, self._cameras, self._gripper)
+        offers: tuple[object, ...] = (self._corrections, self._cameras, self._gimbals, self._gripper)
         return next((each for each in offers if isinstance(each, kind)), None)
 
     @override
@@ -357,6 +361,9 @@ class LightBackend(Backend):
             fleet, i = self.world.fleet, self._index
             body = Pose(Vector3(*map(float, fleet.position[i])), Quaternion.from_yaw(float(fleet.yaw[i])))
             return Seen(body, float(fleet.ground[i]), self._snapshot, self.world.steps, self._faults.is_link_lost)
+
+    def _moment(self) -> GimbalMoment:
+        return GimbalMoment(self.world.now_s(), float(self.world.fleet.yaw[self._index]), self._faults.is_link_lost)
 
     def _after_step(self) -> None:
         now_s = self.world.now_s()

@@ -29,10 +29,18 @@ from ual_daemon._version import __version__
 from ual_daemon.backends.chain import then
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.photo_log import PhotoLog
+from ual_daemon.backends.light.gimbal import GimbalMoment, LightGimbal
 from ual_daemon.backends.light.painter import Painter
 from ual_daemon.backends.light.scene import Marker, Order, Scene
 from ual_daemon.backends.light.settings import LightCameraSettings
-from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
+from ual_daemon.backends.offers.cameras import (
+    EncodedImage,
+    OfferedCamera,
+    OfferedCameras,
+    TakenPhoto,
+    Viewpoint,
+    mounted,
+)
 from ual_daemon.backends.values import Snapshot
 
 T = TypeVar("T")
@@ -60,6 +68,11 @@ class Seen(NamedTuple):
     step: int
     is_link_lost: bool
 
+    @property
+    def moment(self) -> GimbalMoment:
+        """What its gimbals need to know of it."""
+        return GimbalMoment(self.snapshot.time_s, self.body.yaw_rad, self.is_link_lost)
+
 
 class _Shot(NamedTuple):
     """A picture that can be painted: now, or later."""
@@ -70,7 +83,10 @@ class _Shot(NamedTuple):
 
 
 class LightCamera(OfferedCamera):
-    """One camera. `look` returns what is so now; `paint` has a picture painted, as PNG."""
+    """One camera. `look` returns what is so now; `paint` has a picture painted, as PNG.
+
+    With `carrier` it is mounted on what that returns the pose of in the body, at a moment.
+    """
 
     def __init__(
         self,
@@ -79,9 +95,11 @@ class LightCamera(OfferedCamera):
         seed: int,
         look: Callable[[], Seen],
         paint: Callable[[Order], Future[bytes]],
+        carrier: Callable[[Seen], Pose] | None = None,
     ) -> None:
         self._number = number
         self._settings = settings
+        self._carrier = carrier
         self._seed = seed
         self._look = look
         self._paint = paint
@@ -290,7 +308,10 @@ class LightCamera(OfferedCamera):
         snapshot = seen.snapshot
         pose = snapshot.motion.pose
         viewpoint = Viewpoint(
-            None if pose is None else pose.value, snapshot.link.boots_count, self._mounting, snapshot.position_geo()
+            None if pose is None else pose.value,
+            snapshot.link.boots_count,
+            self._mounting if self._carrier is None else mounted(self._carrier(seen), self._mounting),
+            snapshot.position_geo(),
         )
         taken = TakenPhoto(number, snapshot.motion.stamp_s, viewpoint)
         return _Shot(seen, self._intrinsics(self._zoom_percent), taken)
@@ -303,12 +324,12 @@ class LightCamera(OfferedCamera):
 
     def _order(self, shot: _Shot, kind: ImageKind) -> Order:
         """Returns what is to be painted."""
-        body, mounting = shot.seen.body, self._mounting
-        place = body.position + body.orientation.rotate(mounting.position)
+        mounting = shot.taken.viewpoint.mounting
+        assert mounting is not None
         markers = [Marker(*each.position, each.size_m, each.yaw_rad, each.cells) for each in self._settings.markers]
         seed = (self._seed * _SEED_DISTANCE + shot.seen.step) * _MOST_CAMERAS + self._number
         return Order(
-            Pose(place, body.orientation * mounting.orientation),
+            mounted(shot.seen.body, mounting),
             shot.intrinsics,
             Scene(shot.seen.ground_z_m, markers),
             kind,
@@ -321,9 +342,17 @@ class LightCameras(OfferedCameras):
     """The cameras of one UAV."""
 
     def __init__(
-        self, settings: Sequence[LightCameraSettings], seed: int, look: Callable[[], Seen], painter: Painter
+        self,
+        settings: Sequence[LightCameraSettings],
+        seed: int,
+        look: Callable[[], Seen],
+        painter: Painter,
+        gimbals: Sequence[LightGimbal],
     ) -> None:
-        self._cameras = [LightCamera(number, each, seed, look, self._paint) for number, each in enumerate(settings)]
+        self._cameras = [
+            LightCamera(number, each, seed, look, self._paint, _carrier(each, gimbals))
+            for number, each in enumerate(settings)
+        ]
         self._lock = threading.Lock()
         self._painter = painter
         self._waiting: set[Future[bytes]] = set()
@@ -380,6 +409,13 @@ def _failed(error: BaseException) -> Future[Any]:
     future: Future[Any] = Future()
     future.set_exception(error)
     return future
+
+
+def _carrier(settings: LightCameraSettings, gimbals: Sequence[LightGimbal]) -> Callable[[Seen], Pose] | None:
+    if settings.gimbal is None:
+        return None
+    gimbal = gimbals[settings.gimbal]
+    return lambda seen: gimbal.pose(seen.moment)
 
 
 def _mounting(settings: LightCameraSettings) -> Pose:

@@ -38,18 +38,43 @@ class LightMarkerSettings(Settings, frozen=True, kw_only=True):
         return tuple(tuple(each == "1" for each in row) for row in self.rows)
 
 
+AngleLimits = tuple[Angle, Angle]
+
+
+class LightGimbalSettings(Settings, frozen=True, kw_only=True):
+    """A simulated gimbal at a `position` in the body (m).
+
+    Each axis turns at no more than `speed_rad_s`, within its limits, the lower one first. A positive pitch looks down.
+    """
+
+    name: Annotated[str, Meta(min_length=1, max_length=64)] = "light gimbal"
+    position: Position = (0.0, 0.0, 0.0)
+    speed_rad_s: Annotated[float, Meta(ge=0.01, le=1000.0)] = 1.5
+    roll_limits_rad: AngleLimits = (-0.5, 0.5)
+    pitch_limits_rad: AngleLimits = (-0.5, math.pi / 2.0)
+    yaw_limits_rad: AngleLimits = (-math.pi, math.pi)
+
+    def __post_init__(self) -> None:
+        for name in ("roll_limits_rad", "pitch_limits_rad", "yaw_limits_rad"):
+            least_rad, most_rad = getattr(self, name)
+            if not least_rad <= 0.0 <= most_rad:
+                raise ValueError(f"{name}: its neutral angle, 0, is not from {least_rad:g} to {most_rad:g}")
+
+
 class LightCameraSettings(Settings, frozen=True, kw_only=True):
     """A simulated camera: a pinhole without distortion.
 
     `horizontal_view_rad` is the angle from the left edge of its picture to the right one. It is mounted in the body at
     `mount_position` (m), and turned there by roll, pitch and yaw: with zeros it looks forward, with a pitch of pi / 2
-    straight down. `noise` is the standard deviation of each colour, of 255.
+    straight down. With a `gimbal` it is mounted on that one, in its axes: with zeros it looks where that looks. `noise`
+    is the standard deviation of each colour, of 255.
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=64)] = "light camera"
     width_px: Annotated[int, Meta(ge=16, le=4096)] = 640
     height_px: Annotated[int, Meta(ge=16, le=4096)] = 480
     horizontal_view_rad: Annotated[float, Meta(ge=0.05, le=2.8)] = 1.2
+    gimbal: Annotated[int, Meta(ge=0, le=7)] | None = None
     mount_position: Position = (0.0, 0.0, 0.0)
     mount_roll_rad: Angle = 0.0
     mount_pitch_rad: Angle = math.pi / 2.0
@@ -66,7 +91,7 @@ class LightSettings(Settings, frozen=True, kw_only=True):
     "max" is as fast as the computer can. `origin_geo` is the origin of the local frame on Earth (latitude, longitude,
     metres above mean sea level). The ground is level, at the height of `start`. `takes` says which setpoints the
     simulated autopilot takes (see `ual_daemon.backends.values.Takes`). `cameras` are those that it carries: one that
-    looks down, unless others are given.
+    looks down, unless others are given. So are `gimbals`: one, on which nothing is mounted.
     """
 
     speed_factor: Annotated[float, Meta(ge=0.0, le=100.0)] | Literal["max"] = 1.0
@@ -90,3 +115,11 @@ class LightSettings(Settings, frozen=True, kw_only=True):
     wind_m_s: Position = (0.0, 0.0, 0.0)
     seed: int = 0
     cameras: Annotated[tuple[LightCameraSettings, ...], Meta(max_length=8)] = (LightCameraSettings(),)
+    gimbals: Annotated[tuple[LightGimbalSettings, ...], Meta(max_length=8)] = (LightGimbalSettings(),)
+
+    def __post_init__(self) -> None:
+        for camera in self.cameras:
+            if camera.gimbal is not None and camera.gimbal >= len(self.gimbals):
+                raise ValueError(
+                    f"cameras: {camera.name} is on gimbal {camera.gimbal}, and there are {len(self.gimbals)}"
+                )

@@ -12,6 +12,12 @@ from ual.geometry import Pose
 from ual.types import GeoPoint
 
 
+def mounted(carrier: Pose, mounting: Pose) -> Pose:
+    """Returns where something is that is mounted on a carrier."""
+    position = carrier.position + carrier.orientation.rotate(mounting.position)
+    return Pose(position, carrier.orientation * mounting.orientation)
+
+
 class Viewpoint(NamedTuple):
     """From where a picture was taken. None is what is not known.
 

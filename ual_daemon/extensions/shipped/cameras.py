@@ -25,10 +25,17 @@ from ual.cameras import (
     VideoStream,
 )
 from ual.errors import InvalidArgumentError, NotSupportedError
-from ual.geometry import Pose, PoseStamped
+from ual.geometry import PoseStamped
 from ual_daemon import validation
 from ual_daemon.backends.chain import shared, then
-from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
+from ual_daemon.backends.offers.cameras import (
+    EncodedImage,
+    OfferedCamera,
+    OfferedCameras,
+    TakenPhoto,
+    Viewpoint,
+    mounted,
+)
 from ual_daemon.extensions.shipped.vehicle import LocatedVehicle, offered, wait
 from ual_daemon.flight.refusals import only_watching
 
@@ -204,7 +211,7 @@ class VehicleCameras:
         body = self._vehicle.in_odom(viewpoint.body, viewpoint.boots_count)
         if body is None or viewpoint.mounting is None:
             return body, None
-        return body, PoseStamped(_mounted(body.pose, viewpoint.mounting), body.frame_id)
+        return body, PoseStamped(mounted(body.pose, viewpoint.mounting), body.frame_id)
 
 
 class Camera(interface.Camera):
@@ -294,11 +301,6 @@ def _require_kind(info: CameraInfo, kind: ImageKind) -> None:
         gives = ", ".join(sorted(each.name.lower() for each in info.image_kinds)) or "none"
         text = f"camera {info.number} ({info.name}) gives no {kind.name.lower()} (it gives: {gives})"
         raise NotSupportedError(text, {"kind": kind.name.lower()})
-
-
-def _mounted(body: Pose, mounting: Pose) -> Pose:
-    position = body.position + body.orientation.rotate(mounting.position)
-    return Pose(position, body.orientation * mounting.orientation)
 
 
 def _within(value: float, field: str, least: float, most: float) -> float:

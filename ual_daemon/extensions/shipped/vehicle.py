@@ -6,11 +6,12 @@ from concurrent.futures import Future
 from typing import Protocol, TypeVar
 
 from ual.errors import NotSupportedError, UalError, UalTimeoutError, WrongStateError
-from ual.geometry import Pose, PoseStamped
+from ual.geometry import Pose, PoseStamped, Transform
 from ual.types import State
 from ual_daemon.backends import futures
 from ual_daemon.flight.refusals import only_watching
 from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.gimbals import Gimbals
 from ual_daemon.vehicle.missions import Missions
 
 T = TypeVar("T")
@@ -49,6 +50,17 @@ class LocatedVehicle(ServedVehicle, Protocol):
 
     def in_odom(self, local: Pose, boots_count: int) -> PoseStamped | None:
         """Returns a pose of the backend's local frame in ``<ns>/odom``; None where that is not known any more."""
+
+
+class GimbalVehicle(ServedVehicle, Protocol):
+    """One that knows its frames, and what its gimbals do."""
+
+    @property
+    def gimbals(self) -> Gimbals:
+        """What its gimbals do; raises `NotSupportedError` where there can be none."""
+
+    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
+        """Returns the transform from the source frame to the target frame."""
 
 
 class CommandedVehicle(ServedVehicle, Protocol):

@@ -41,6 +41,7 @@ _FLYING = (
     "ReleaseLease",
 )
 _SEEING = ("ListCameras", "GetCameraStatus", "ListPhotos", "ListVideoStreams", "GetImage")
+_SEEING_GIMBALS = ("ListGimbals", "GetGimbalStatus", "WatchGimbal")
 _COMMANDING = ("Arm", "Disarm", "SetHome")
 
 _READING_MISSIONS = ("PlanMission", "DownloadMission", "GetMissionProgress", "WatchMission")
@@ -57,6 +58,7 @@ _OF_METHOD: Mapping[str, Role] = {
     **{f"ual.v1.MissionService/{name}": Role.OBSERVER for name in _READING_MISSIONS},
     **{f"ual.v1.MissionService/{name}": Role.PILOT for name in _FLYING_MISSIONS},
     **{f"ual.v1.CameraService/{name}": Role.OBSERVER for name in _SEEING},
+    **{f"ual.v1.GimbalService/{name}": Role.OBSERVER for name in _SEEING_GIMBALS},
     "ual.v1.FenceService/GetFence": Role.OBSERVER,
     "ual.v1.GripperService/GetEquipment": Role.OBSERVER,
     "ual.v1.LogService/ListLogs": Role.OBSERVER,
@@ -72,6 +74,7 @@ _OF_SERVICE: Mapping[str, Role] = {
     "ual.v1.CorrectionsService": Role.PILOT,  # false ones move the position by which it flies
     "ual.v1.CameraService": Role.PILOT,
     "ual.v1.GripperService": Role.PILOT,
+    "ual.v1.GimbalService": Role.PILOT,
     "ual.v1.MissionService": Role.COMMANDER,  # what is new and was forgotten above
     "grpc.health.v1.Health": Role.OBSERVER,
     "grpc.reflection.v1alpha.ServerReflection": Role.OBSERVER,

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple, Protocol
 from ual.access.roles import Role
 from ual_daemon.extensions.shipped.fence import FencedVehicle
 from ual_daemon.extensions.shipped.gripper import EquippedVehicle
-from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, LocatedVehicle
+from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, GimbalVehicle, LocatedVehicle
 from ual_daemon.server.shipped.cameras import camera_service
 from ual_daemon.server.shipped.corrections import corrections_service
 from ual_daemon.server.shipped.fence import fence_service
+from ual_daemon.server.shipped.gimbals import gimbal_service
 from ual_daemon.server.shipped.gripper import gripper_service
 from ual_daemon.server.shipped.logs import log_service
 from ual_daemon.server.shipped.missions import mission_service
@@ -30,6 +31,7 @@ _MAKERS = (
     parameter_service,
     mission_service,
     camera_service,
+    gimbal_service,
     fence_service,
     gripper_service,
     log_service,
@@ -38,7 +40,7 @@ _MAKERS = (
 """What makes each of them for a UAV: its full name, and what registers its servicer."""
 
 
-class ShippedVehicle(FencedVehicle, LocatedVehicle, CommandedVehicle, EquippedVehicle, Protocol):
+class ShippedVehicle(FencedVehicle, LocatedVehicle, GimbalVehicle, CommandedVehicle, EquippedVehicle, Protocol):
     """What all of them need of their UAV."""
 
 

@@ -18,6 +18,7 @@ from ual.aio._connection import Connection
 from ual.aio._corrections import Corrections
 from ual.aio._derived import SimulationMembers, UavMembers
 from ual.aio._derived_parts import Fence, Gripper, Logs, Mission, Parameters
+from ual.aio._gimbals import Gimbals
 from ual.aio._lease import Lease
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
@@ -67,6 +68,7 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         self._parameters = Parameters(self._connection)
         self._mission = Mission(self._connection)
         self._cameras = Cameras(self._connection)
+        self._gimbals = Gimbals(self._connection)
         self._fence = Fence(self._connection)
         self._gripper = Gripper(self._connection)
         self._logs = Logs(self._connection)
@@ -220,6 +222,11 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
     def cameras(self) -> Cameras:
         """The cameras that it carries."""
         return self._cameras
+
+    @property
+    def gimbals(self) -> Gimbals:
+        """The gimbals that it carries."""
+        return self._gimbals
 
     @property
     def fence(self) -> Fence:

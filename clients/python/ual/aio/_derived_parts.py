@@ -8,6 +8,8 @@ from ual import (
     _camera_calls,
     _cameras_calls,
     _fence_calls,
+    _gimbal_calls,
+    _gimbals_calls,
     _gripper_calls,
     _log_calls,
     _mission_calls,
@@ -16,6 +18,8 @@ from ual import (
 from ual.aio._connection import Connection
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence
+from ual.geometry import PointStamped, Vector3
+from ual.gimbals import GimbalInfo, GimbalReference, GimbalStatus
 from ual.gripper import Equipment, WinchAction
 from ual.logs.values import Log, LogChunk
 from ual.missions.items import Item
@@ -118,6 +122,101 @@ class Cameras:
     async def get_all(self) -> list[CameraInfo]:
         """Returns all cameras that were found, also those that are not heard any more."""
         return await self._connection.run(_cameras_calls.get_all())
+
+
+class Gimbal:
+    """`ual.interface.Gimbal`, over gRPC."""
+
+    def __init__(self, connection: Connection, number: int) -> None:
+        self._connection = connection
+        self._number = number
+
+    def __repr__(self) -> str:
+        return f"<Gimbal {self._number} of {self._connection.described}>"
+
+    async def status(self) -> GimbalStatus:
+        """Returns where it looks, and what it does."""
+        return await self._connection.run(_gimbal_calls.status(self._number))
+
+    def watch(self, rate_hz: float = 10.0) -> AsyncIterator[GimbalStatus]:
+        """Yields its status so many times a second, 0.1 to 50."""
+        return self._connection.iterate(_gimbal_calls.watch(self._number, rate_hz))
+
+    async def set_angles(
+        self,
+        pitch_rad: float,
+        yaw_rad: float = 0.0,
+        roll_rad: float = 0.0,
+        *,
+        reference: GimbalReference = GimbalReference.HORIZON,
+        frame_id: str = "",
+    ) -> None:
+        """Turns to angles, and returns once it has accepted them.
+
+        Args:
+            pitch_rad: Positive looks down.
+            yaw_rad: Positive is to the left.
+            roll_rad: Of gimbals with this axis.
+            reference: From what the angles count.
+            frame_id: With EARTH: from the x axis of which frame yaw counts, as it lies now. Empty: ``<ns>/odom``.
+
+        """
+        await self._connection.run(
+            _gimbal_calls.set_angles(
+                self._number,
+                pitch_rad=pitch_rad,
+                yaw_rad=yaw_rad,
+                roll_rad=roll_rad,
+                reference=reference,
+                frame_id=frame_id,
+            )
+        )
+
+    async def set_rates(self, pitch_rad_s: float, yaw_rad_s: float = 0.0) -> None:
+        """Turns at rates until the next order, or a limit. Zeros hold where it looks."""
+        await self._connection.run(_gimbal_calls.set_rates(self._number, pitch_rad_s=pitch_rad_s, yaw_rad_s=yaw_rad_s))
+
+    async def point_at(self, point: PointStamped | Vector3) -> None:
+        """Looks at a position in any frame, and follows it while the UAV or the frame moves, until the next order.
+
+        At what it cannot turn to, it looks as near as its limits let it.
+
+        Raises:
+            UnknownFrameError: There is no such frame.
+            WrongStateError: It is not known where the frame, or the UAV, is.
+
+        """
+        await self._connection.run(_gimbal_calls.point_at(self._number, point))
+
+    async def move_to_neutral(self) -> None:
+        """Turns to its neutral angles."""
+        await self._connection.run(_gimbal_calls.move_to_neutral(self._number))
+
+    async def retract(self) -> None:
+        """Retracts it, as for a landing."""
+        await self._connection.run(_gimbal_calls.retract(self._number))
+
+    async def take_control(self) -> None:
+        """Takes the control of it, also from another program on the link."""
+        await self._connection.run(_gimbal_calls.take_control(self._number))
+
+    async def release_control(self) -> None:
+        """Gives the control up, and ends what was ordered. Does nothing where it is not ours."""
+        await self._connection.run(_gimbal_calls.release_control(self._number))
+
+
+class Gimbals:
+    """`ual.interface.Gimbals`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Gimbals of {self._connection.described}>"
+
+    async def get_all(self) -> list[GimbalInfo]:
+        """Returns all gimbals that were found, also those that are not heard any more."""
+        return await self._connection.run(_gimbals_calls.get_all())
 
 
 class Parameters:

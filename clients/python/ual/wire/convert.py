@@ -277,7 +277,7 @@ def _follow_path_to_proto(request: FollowPathRequest, non_blocking: bool) -> pb.
         max_speed_m_s=_max_speed_to_proto(request.max_speed_m_s),
         leg_speeds_m_s=request.leg_speeds_m_s,
         heading=_path_heading_to_proto(request.heading),
-        point_of_interest=None if interest is None else _point_stamped_to_proto(interest),
+        point_of_interest=None if interest is None else point_stamped_to_proto(interest),
         holds_s=request.holds_s,
         non_blocking=non_blocking,
     )
@@ -343,7 +343,7 @@ def _geo_waypoint_from_proto(message: pb.GeoWaypoint | pb.GoToWaypointGeoRequest
     )
 
 
-def _point_stamped_to_proto(point: PointStamped) -> pb.PointStamped:
+def point_stamped_to_proto(point: PointStamped) -> pb.PointStamped:
     """A point to look at. Its stamp is left out: the daemon ignores it."""
     message = pb.PointStamped(point=vector3_to_proto(point.point))
     if point.frame_id:
@@ -354,9 +354,13 @@ def _point_stamped_to_proto(point: PointStamped) -> pb.PointStamped:
 def _point_of_interest_from_proto(request: pb.FollowPathRequest) -> PointStamped | None:
     if not request.HasField("point_of_interest"):
         return None
-    message = request.point_of_interest
+    return point_stamped_from_proto(request.point_of_interest, "point_of_interest")
+
+
+def point_stamped_from_proto(message: pb.PointStamped, field: str) -> PointStamped:
+    """A point to look at. Raises `InvalidArgumentError` where it is not set."""
     if not message.HasField("point"):
-        raise _not_set("point_of_interest.point")
+        raise _not_set(f"{field}.point")
     return PointStamped(vector3_from_proto(message.point), message.header.frame_id)
 
 

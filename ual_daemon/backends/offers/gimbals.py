@@ -1,0 +1,94 @@
+"""What a backend offers for its gimbals; see `ual_daemon.extensions.shipped.gimbals`."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from concurrent.futures import Future
+from typing import NamedTuple
+
+from ual.geometry import Quaternion, Vector3
+from ual.gimbals import GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
+
+
+class GimbalAttitude(NamedTuple):
+    """Where a gimbal looks.
+
+    Attributes:
+        orientation: x along its view, y left, z up.
+        reference: In which axes that is: those of the body, level ones that turn with the nose, or those of the
+            backend's local frame.
+        time_s: When, by the backend's clock.
+
+    """
+
+    orientation: Quaternion
+    reference: GimbalReference
+    time_s: float
+
+
+class OfferedGimbal(ABC):
+    """One gimbal. From any thread; no method waits.
+
+    Each future ends by itself, also where nothing answers: with a `LinkLostError`, or with a `UalTimeoutError`. What
+    the gimbal refuses ends it with a `RejectedByAutopilotError`. A method is called only if `info` has its ability.
+    Angles with the reference EARTH count from the x axis of the backend's local frame.
+    """
+
+    @property
+    @abstractmethod
+    def info(self) -> GimbalInfo:
+        """What it is, and can do, as far as it has said so. The `frame_id` is set above."""
+
+    @property
+    @abstractmethod
+    def place(self) -> Vector3:
+        """Where it is in the body; zeros where that is not known."""
+
+    @abstractmethod
+    def attitude(self) -> GimbalAttitude | None:
+        """Where it looks now; None where it has not said so lately."""
+
+    @abstractmethod
+    def control(self) -> tuple[GimbalControl | None, str]:
+        """Which program on the link has the control of it: None where it does not say. In words, where one has it."""
+
+    @abstractmethod
+    def problems(self) -> Sequence[str]:
+        """What is wrong with it, for people."""
+
+    @abstractmethod
+    def set_angles(self, angles: GimbalAngles, reference: GimbalReference) -> Future[None]:
+        """Turns to angles. The future ends once that was accepted."""
+
+    @abstractmethod
+    def set_rates(self, pitch_rad_s: float, yaw_rad_s: float) -> Future[None]:
+        """Turns at rates until the next order."""
+
+    @abstractmethod
+    def aim(self, angles: GimbalAngles, reference: GimbalReference) -> None:
+        """As `set_angles`, for angles that are sent often: nothing answers, and a lost one is not sent again."""
+
+    @abstractmethod
+    def move_to_neutral(self) -> Future[None]:
+        """Turns to its neutral angles."""
+
+    @abstractmethod
+    def retract(self) -> Future[None]:
+        """Retracts it."""
+
+    @abstractmethod
+    def take_control(self) -> Future[None]:
+        """Takes the control of it, from whatever program has it."""
+
+    @abstractmethod
+    def release_control(self) -> Future[None]:
+        """Gives the control up."""
+
+
+class OfferedGimbals(ABC):
+    """The gimbals of one UAV. From any thread."""
+
+    @abstractmethod
+    def all(self) -> Sequence[OfferedGimbal]:
+        """All that were found: each has its number as its place. None is ever removed."""

@@ -1,0 +1,296 @@
+"""The gimbals of a UAV in motion: where each looks, its frame, and what it follows."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+from ual.errors import UalError, WrongStateError
+from ual.geometry import PointStamped, Pose, Quaternion, Vector3, wrap_angle
+from ual.gimbals import (
+    AngleRange,
+    GimbalAbility,
+    GimbalActivity,
+    GimbalAngles,
+    GimbalControl,
+    GimbalInfo,
+    GimbalReference,
+    GimbalStatus,
+)
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.frames.resolver import FrameResolver, Goal
+
+_log = logging.getLogger(__name__)
+
+FOLLOW_S = 0.05
+"""A gimbal that follows is aimed so often."""
+_STRAIGHT_RAD = 1e-3
+"""So near to straight down or up, roll and yaw are one turn: all of it counts as yaw."""
+_FORWARD = Vector3(1.0, 0.0, 0.0)
+
+
+class Followed(NamedTuple):
+    """What a gimbal follows: as it was given, and as a goal."""
+
+    point: PointStamped
+    goal: Goal
+
+
+@dataclass(slots=True)
+class _Order:
+    """The order to a gimbal that counts: the newest one that it has accepted."""
+
+    number: int = 0
+    activity: GimbalActivity | None = None
+    followed: Followed | None = None
+    problem: str = ""
+
+
+class Aim(NamedTuple):
+    """How a gimbal has to be turned to look at something: as far as it can, and the way to it in the local frame."""
+
+    angles: GimbalAngles
+    reference: GimbalReference
+    way: Vector3
+    limit: str = ""
+
+
+class Gimbals:
+    """The gimbals of one UAV. `update` belongs to the update thread; any thread may call the other members."""
+
+    def __init__(self, backend: Backend, resolver: FrameResolver) -> None:
+        self._backend = backend
+        self._resolver = resolver
+        self._lock = threading.Lock()
+        self._orders: dict[int, _Order] = {}
+        self._attached_count = 0
+        self._next_s = -math.inf
+        self._attach()
+
+    def frame_id(self, number: int) -> str:
+        """Returns the name of the frame that turns with a gimbal."""
+        return f"{self._backend.options.ns}/gimbal_{number}"
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether `update` is needed."""
+        return any(order.followed is not None for order in list(self._orders.values()))
+
+    def goal(self, point: PointStamped) -> Goal:
+        """Validates a position to look at; see `FrameResolver.point`, also for what is raised."""
+        return self._resolver.point(point, "point")
+
+    def aim_now(self, gimbal: OfferedGimbal, goal: Goal) -> Aim:
+        """Returns how a gimbal has to be turned to look at a goal; see `aim`, also for what is raised."""
+        return self.aim(gimbal, goal, self._backend.snapshot())
+
+    # --- Orders -------------------------------------------------------------------------------------------------------
+
+    def begin(self, number: int) -> int:
+        """Ends what a gimbal was ordered before. Returns the number of the order that begins, for `did`."""
+        with self._lock:
+            begun = self._orders.get(number, _Order()).number + 1
+            self._orders[number] = _Order(begun)
+        return begun
+
+    def did(self, number: int, begun: int, activity: GimbalActivity, followed: Followed | None = None) -> None:
+        """Notes that a gimbal has accepted an order, unless a newer one has begun."""
+        with self._lock:
+            if self._orders[number].number == begun:
+                self._orders[number] = _Order(begun, activity, followed)
+
+    # --- What follows from it -----------------------------------------------------------------------------------------
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Adds the frames of gimbals that are new, and aims those that follow."""
+        self._attach()
+        if not self._orders or snapshot.time_s < self._next_s:
+            return
+        self._next_s = snapshot.time_s + FOLLOW_S
+        for number, order in list(self._orders.items()):
+            self._step(self._all()[number], order, snapshot)
+
+    def _step(self, gimbal: OfferedGimbal, order: _Order, snapshot: Snapshot) -> None:
+        control, words = gimbal.control()
+        if control is GimbalControl.OTHER and order.activity is not None:
+            order.activity, order.followed = None, None
+            order.problem = f"{words} has taken the control of it: what this daemon ordered has ended"
+            _log.warning("gimbal %d: %s", gimbal.info.number, order.problem)
+        if order.followed is not None:
+            self._follow(gimbal, order, order.followed.goal, snapshot)
+
+    def _follow(self, gimbal: OfferedGimbal, order: _Order, goal: Goal, snapshot: Snapshot) -> None:
+        try:
+            aim = self.aim(gimbal, goal, snapshot)
+        except UalError as error:
+            problem = f"it stays as it is: {error.message}"
+        else:
+            gimbal.aim(aim.angles, aim.reference)
+            problem = aim.limit
+        if problem and not order.problem:
+            _log.warning("gimbal %d does not see what it follows: %s", gimbal.info.number, problem)
+        order.problem = problem
+
+    def aim(self, gimbal: OfferedGimbal, goal: Goal, snapshot: Snapshot) -> Aim:
+        """Returns how a gimbal has to be turned now to look at a goal.
+
+        Raises:
+            UnknownFrameError: There is no such frame.
+            WrongStateError: It is not known where the UAV, or the frame, is.
+            FrameLostError: It is not known any more.
+
+        """
+        body = self._require_body(snapshot)
+        eye = body.position + body.orientation.rotate(gimbal.place)
+        return aimed(gimbal.info, body, self._place_of(goal, snapshot) - eye)
+
+    def _place_of(self, goal: Goal, snapshot: Snapshot) -> Vector3:
+        """Returns where a goal is in the local frame."""
+        resolver = self._resolver
+        resolver.tree.require(goal.frame_id)
+        if resolver.is_moving(goal):
+            return resolver.moving_to_local(goal, snapshot.time_s, 0.0).position
+        return resolver.to_local(goal, snapshot).position
+
+    # --- Where it looks -----------------------------------------------------------------------------------------------
+
+    def heading_rad(self) -> float:
+        """Returns the heading of the UAV in the local frame.
+
+        Raises:
+            WrongStateError: It is not known.
+
+        """
+        return self._require_body(self._backend.snapshot()).yaw_rad
+
+    def status(self, gimbal: OfferedGimbal) -> GimbalStatus:
+        """Returns where a gimbal looks, and what it does."""
+        number, snapshot, attitude = gimbal.info.number, self._backend.snapshot(), gimbal.attitude()
+        body = self._body(snapshot)
+        order = self._orders.get(number, _Order())
+        followed, (control, words) = order.followed, gimbal.control()
+        in_local = None if attitude is None else _in_local(attitude, body)
+        problems = [*gimbal.problems(), *([order.problem] if order.problem else [])]
+        return GimbalStatus(
+            stamp_s=None if attitude is None else self._backend.utc_s() - (snapshot.time_s - attitude.time_s),
+            angles=None if attitude is None else _angles(attitude, body),
+            in_body=None if attitude is None else _in_body(attitude, body),
+            in_odom=None if self._resolver.odom_loss is not None else in_local,
+            activity=order.activity,
+            target=None if followed is None else followed.point,
+            off_target_rad=None
+            if followed is None or in_local is None
+            else self._off_target_rad(gimbal, followed.goal, in_local, snapshot),
+            control=control,
+            controller=words,
+            problems=tuple(problems),
+        )
+
+    def _off_target_rad(
+        self, gimbal: OfferedGimbal, goal: Goal, in_local: Quaternion, snapshot: Snapshot
+    ) -> float | None:
+        try:
+            way = self.aim(gimbal, goal, snapshot).way
+        except UalError:  # `update` has told it
+            return None
+        return 0.0 if way.norm() == 0.0 else _angle_between(in_local.rotate(_FORWARD), way)
+
+    def _attach(self) -> None:
+        found = self._all()
+        for number in range(self._attached_count, len(found)):
+            turned = partial(self._turned, found[number])
+            self._resolver.tree.attach(self.frame_id(number), found[number].place, turned)
+        self._attached_count = len(found)
+
+    def _turned(self, gimbal: OfferedGimbal) -> Quaternion | None:
+        attitude = gimbal.attitude()
+        return None if attitude is None else _in_body(attitude, self._body(self._backend.snapshot()))
+
+    def _all(self) -> Sequence[OfferedGimbal]:
+        offer = self._backend.offer(OfferedGimbals)  # type: ignore[type-abstract]  # it is only looked for
+        return () if offer is None else offer.all()
+
+    def _body(self, snapshot: Snapshot) -> Pose | None:
+        """Returns the pose of the body in the local frame, while that is known."""
+        pose = snapshot.motion.pose
+        is_fresh = pose is not None and snapshot.time_s - pose.time_s <= self._backend.freshness.pose_s
+        return pose.value if pose is not None and is_fresh else None
+
+    def _require_body(self, snapshot: Snapshot) -> Pose:
+        body = self._body(snapshot)
+        if body is None:
+            raise WrongStateError("it is not known where the UAV is, and how it is turned")
+        return body
+
+
+def aimed(info: GimbalInfo, body: Pose, way: Vector3) -> Aim:
+    """Returns how a gimbal has to be turned to look along a way in the local frame, as near as its limits let it."""
+    across = way.horizontal_norm()
+    pitch_rad = math.atan2(-way.z, across) if way.norm() > 0.0 else 0.0
+    # Straight below there is no direction: along the nose.
+    yaw_rad = wrap_angle(math.atan2(way.y, way.x) - body.yaw_rad) if across > 0.0 else 0.0
+    pitch, pitch_limit = _within(pitch_rad, info.pitch, "pitch", has_axis=GimbalAbility.PITCH in info.abilities)
+    yaw, yaw_limit = _within(yaw_rad, info.yaw, "yaw", has_axis=GimbalAbility.YAW in info.abilities)
+    limit = pitch_limit or yaw_limit
+    if GimbalAbility.EARTH in info.abilities and GimbalAbility.YAW in info.abilities:
+        angles = GimbalAngles(0.0, pitch, wrap_angle(yaw + body.yaw_rad))
+        return Aim(angles, GimbalReference.EARTH, way, limit)
+    return Aim(GimbalAngles(0.0, pitch, yaw), GimbalReference.HORIZON, way, limit)
+
+
+def _within(wanted_rad: float, range_: AngleRange | None, axis: str, *, has_axis: bool) -> tuple[float, str]:
+    """Returns the nearest angle that an axis can turn to, and what limits it, in words."""
+    if not has_axis:
+        return 0.0, "" if abs(wanted_rad) < _STRAIGHT_RAD else f"it has no {axis} axis"
+    nearest_rad = wanted_rad if range_ is None else range_.nearest(wanted_rad)
+    if abs(nearest_rad - wanted_rad) < _STRAIGHT_RAD:
+        return nearest_rad, ""
+    return nearest_rad, f"its {axis} ends at {nearest_rad:.2f} rad, and {wanted_rad:.2f} rad are needed"
+
+
+def _in_local(attitude: GimbalAttitude, body: Pose | None) -> Quaternion | None:
+    """Returns where it looks in the local frame; None where the pose of the body is needed and not known."""
+    if attitude.reference is GimbalReference.EARTH:
+        return attitude.orientation
+    if body is None:
+        return None
+    if attitude.reference is GimbalReference.BODY:
+        return body.orientation * attitude.orientation
+    return Quaternion.from_yaw(body.yaw_rad) * attitude.orientation
+
+
+def _in_body(attitude: GimbalAttitude, body: Pose | None) -> Quaternion | None:
+    if attitude.reference is GimbalReference.BODY:
+        return attitude.orientation
+    in_local = _in_local(attitude, body)
+    return None if body is None or in_local is None else body.orientation.inverse() * in_local
+
+
+def _angles(attitude: GimbalAttitude, body: Pose | None) -> GimbalAngles | None:
+    """Returns roll and pitch from the horizon, and yaw from the nose."""
+    if attitude.reference is GimbalReference.HORIZON:
+        return angles_of(attitude.orientation)
+    in_local = _in_local(attitude, body)
+    if body is None or in_local is None:
+        return None
+    return angles_of(Quaternion.from_yaw(-body.yaw_rad) * in_local)
+
+
+def angles_of(orientation: Quaternion) -> GimbalAngles:
+    """Returns the angles of an orientation. One that looks straight down, or up, has no roll."""
+    roll_rad, pitch_rad, yaw_rad = orientation.to_euler()
+    if abs(pitch_rad) < math.pi / 2.0 - _STRAIGHT_RAD:
+        return GimbalAngles(roll_rad, pitch_rad, yaw_rad)
+    left = orientation.rotate(Vector3(0.0, 1.0, 0.0))
+    return GimbalAngles(0.0, pitch_rad, math.atan2(-left.x, left.y))
+
+
+def _angle_between(first: Vector3, second: Vector3) -> float:
+    return math.atan2(first.cross(second).norm(), first.dot(second))
