@@ -20,6 +20,9 @@ from ual.conformance import (
     own_gripper,
     own_logs,
     own_missions,
+    own_fence,
+    own_gimbals,
+    own_gripper,
     own_parameters,
 )
 from ual.conformance.flight import CannotRunError
@@ -30,8 +33,8 @@ _ATTEMPTS = 5
 OF_PARAMETERS = {each.name for each in (*own_parameters.ON_GROUND, *own_parameters.IN_FLIGHT)}
 WITHOUT_PARAMETERS = {each.name for room in (own_parameters, own_fence) for each in (*room.ON_GROUND, *room.IN_FLIGHT)}
 """The checks that cannot run where the backend offers neither the autopilot's parameters nor its fence."""
-WITHOUT_CAMERAS = {each.name for each in own_cameras.ON_GROUND}
-"""The same where the UAV carries none."""
+WITHOUT_CAMERAS = {each.name for room in (own_cameras, own_gimbals) for each in room.ON_GROUND}
+"""The same where the UAV carries neither cameras nor gimbals."""
 WITHOUT_GRIPPER = {each.name for each in own_gripper.ON_GROUND}
 WITHOUT_CORRECTIONS = {each.name for each in own_corrections.ON_GROUND}
 WITHOUT_MISSIONS = {

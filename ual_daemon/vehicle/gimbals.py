@@ -72,7 +72,7 @@ class Gimbals:
         self._orders: dict[int, _Order] = {}
         self._attached_count = 0
         self._next_s = -math.inf
-        self._attach()
+        self.attach()
 
     def frame_id(self, number: int) -> str:
         """Returns the name of the frame that turns with a gimbal."""
@@ -110,7 +110,7 @@ class Gimbals:
 
     def update(self, snapshot: Snapshot) -> None:
         """Adds the frames of gimbals that are new, and aims those that follow."""
-        self._attach()
+        self.attach()
         if not self._orders or snapshot.time_s < self._next_s:
             return
         self._next_s = snapshot.time_s + FOLLOW_S
@@ -202,7 +202,8 @@ class Gimbals:
             return None
         return 0.0 if way.norm() == 0.0 else _angle_between(in_local.rotate(_FORWARD), way)
 
-    def _attach(self) -> None:
+    def attach(self) -> None:
+        """Adds the frames of gimbals that are new."""
         found = self._all()
         for number in range(self._attached_count, len(found)):
             turned = partial(self._turned, found[number])

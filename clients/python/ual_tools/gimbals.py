@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timezone
-
 import click
 
 from ual.geometry import PointStamped, Vector3
-from ual.gimbals import AngleRange, GimbalInfo, GimbalReference, GimbalStatus
+from ual.gimbals import AngleRange, GimbalAngles, GimbalInfo, GimbalReference, GimbalStatus
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.session import Session, pass_session
@@ -184,7 +182,7 @@ def _range_text(range_: AngleRange) -> str:
 
 def _status_text(status: GimbalStatus) -> str:
     parts = [
-        "it is not known where it looks" if status.angles is None else _angles_text(status),
+        "it is not known where it looks" if status.angles is None else _angles_text(status.angles),
         "" if status.activity is None else status.activity.name.lower(),
         "" if status.off_target_rad is None else f"{status.off_target_rad:.2f} rad beside its target",
         "" if status.control is None else f"control: {status.controller or status.control.name.lower()}",
@@ -193,10 +191,8 @@ def _status_text(status: GimbalStatus) -> str:
     return ", ".join(filter(None, parts))
 
 
-def _angles_text(status: GimbalStatus) -> str:
-    assert status.angles is not None
-    stamp = "" if status.stamp_s is None else datetime.fromtimestamp(status.stamp_s, timezone.utc).strftime("%H:%M:%S ")
-    return f"{stamp}pitch {status.angles.pitch_rad:.2f} yaw {status.angles.yaw_rad:.2f} roll {status.angles.roll_rad:.2f} rad"
+def _angles_text(angles: GimbalAngles) -> str:
+    return f"pitch {angles.pitch_rad:.2f} yaw {angles.yaw_rad:.2f} roll {angles.roll_rad:.2f} rad"
 
 
 COMMANDS = (gimbal,)

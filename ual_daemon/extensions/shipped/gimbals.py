@@ -56,7 +56,9 @@ class VehicleGimbals:
 
     def get_all(self) -> list[GimbalInfo]:
         """See `ual.interface.Gimbals`."""
-        return [self._named(each.info) for each in self._offer().all()]
+        found = self._offer().all()
+        self._vehicle.gimbals.attach()
+        return [self._named(each.info) for each in found]
 
     def status(self, number: int) -> GimbalStatus:
         """See `ual.interface.Gimbal`."""

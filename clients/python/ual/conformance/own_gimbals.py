@@ -25,7 +25,7 @@ def lists_the_gimbals(flight: Flight) -> None:
     require([each.number for each in listed] == list(range(len(listed))), f"the numbers are no places: {listed}")
     frames = {frame.frame_id for frame in flight.uav.frames()}
     require({each.frame_id for each in listed} <= frames, f"their frames are not listed: {listed}")
-    for info, gimbal in _connected(flight):
+    for info, gimbal in _found(flight, GimbalAbility.HORIZON):
         if GimbalAbility.ROLL not in info.abilities:
             flight.refuses(NotSupportedError, partial(gimbal.set_angles, 0.0, 0.0, 0.1), "a roll")
         flight.refuses(InvalidArgumentError, partial(gimbal.set_angles, math.nan), "a pitch that is no number")
@@ -90,14 +90,18 @@ def _all(flight: Flight) -> list[GimbalInfo]:
         raise CannotRunError(error.message) from None
 
 
-def _connected(flight: Flight, *abilities: GimbalAbility) -> list[tuple[GimbalInfo, Gimbal]]:
-    found = [
+def _found(flight: Flight, *abilities: GimbalAbility) -> list[tuple[GimbalInfo, Gimbal]]:
+    return [
         (each, flight.uav.gimbals[each.number])
         for each in _all(flight)
         if each.abilities.issuperset(abilities) and each.is_connected
     ]
+
+
+def _connected(flight: Flight, *abilities: GimbalAbility) -> list[tuple[GimbalInfo, Gimbal]]:
+    found = _found(flight, *abilities)
     if not found:
-        raise CannotRunError("no gimbal offers that")
+        raise CannotRunError(f"no gimbal offers {', '.join(each.name.lower() for each in abilities)}")
     return found
 
 

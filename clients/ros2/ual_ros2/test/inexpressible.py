@@ -33,6 +33,7 @@ _NO_GEOFENCE = Inexpressible("where the UAV may fly is not told", "^geofence$")
 _NO_INFO = Inexpressible("who the UAV is, what it can do, and its limits are not told", "^info has no backend$")
 _NO_CAMERAS = Inexpressible("cameras are not offered", "^cameras$")
 _NO_GRIPPER = Inexpressible("grippers are not offered", "^gripper$")
+_NO_GIMBALS = Inexpressible("gimbals are not offered", "^gimbals$")
 _NO_FENCE = Inexpressible("the autopilot's fence is not offered", "^fence$")
 _NO_RATE = Inexpressible("the node has one `rate_hz` for all subscribers", "^rate_hz$")
 
@@ -64,6 +65,9 @@ INEXPRESSIBLE: Mapping[str, Inexpressible] = {
     "shows_what_the_camera_sees": _NO_CAMERAS,
     "lists_what_it_carries": _NO_GRIPPER,
     "moves_only_what_is_configured": _NO_GRIPPER,
+    "lists_the_gimbals": _NO_GIMBALS,
+    "turns_a_gimbal": _NO_GIMBALS,
+    "points_a_gimbal": _NO_GIMBALS,
     "reads_the_autopilots_fence": _NO_FENCE,
     "uploads_no_fence_in_flight": _NO_FENCE,
 }

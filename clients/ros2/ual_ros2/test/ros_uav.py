@@ -223,6 +223,10 @@ class RosUav(Uav):
         inexpressible("cameras")
 
     @property
+    def gimbals(self) -> ual.interface.Gimbals:
+        inexpressible("gimbals")
+
+    @property
     def mission(self) -> ual.interface.Mission:
         inexpressible("mission")
 
