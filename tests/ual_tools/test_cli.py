@@ -259,7 +259,7 @@ def completed(*words: str) -> list[str]:
 def test_names_of_frames_are_completed(daemon: DaemonProcess) -> None:
     del daemon
     done("frames", "add", "pad", "1", "2", "0")
-    names = ["map", "uav_1/odom", "uav_1/base_link", "pad"]
+    names = ["map", "uav_1/odom", "uav_1/base_link", "uav_1/gimbal_0", "pad"]
     for words in (["goto", "1", "2", "3", "--frame"], ["velocity", "--frame"], ["waypoints", "save", "--frame"]):
         assert completed(*words, "") == names
     assert completed("--ns", "uav_1", "pose", "--frame", "uav_1/b") == ["uav_1/base_link"]

@@ -156,7 +156,7 @@ def retract(session: Session, gimbal_number: int) -> None:
 @_gimbal
 @pass_session
 def control(session: Session, action: str, gimbal_number: int) -> None:
-    """Take the control of it from another program on the link, or give it up."""
+    """Take the control of it from another program, or give it up."""
     with session.connect() as uav:
         chosen = uav.gimbals[gimbal_number]
         (chosen.take_control if action == "take" else chosen.release_control)()

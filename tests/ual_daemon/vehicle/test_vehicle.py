@@ -733,6 +733,7 @@ def test_frames_of_the_configuration_are_there() -> None:
             "map",
             "uav_1/odom",
             "uav_1/base_link",
+            "uav_1/gimbal_0",
             "uav_1/camera",
         }
 
