@@ -36,6 +36,7 @@ from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
 from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
 from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
+from ual_daemon.backends.mavlink.offers.gimbals import MavlinkGimbals
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.missions import MavlinkMissions
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
@@ -44,6 +45,7 @@ from ual_daemon.backends.mavlink.offers.trigger_camera import TriggerCamera
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
+from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLink
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
@@ -101,6 +103,8 @@ class MavlinkBackend(Backend):
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
             MavlinkGripper(reach, lambda what, command: self._command(what, lambda _: command), self._payload_messages),
             MavlinkCameras(self._cameras_found, self._now_s, reach, self._pictures, self._camera_trigger()),
+            MavlinkCameras(self._cameras_found, self._now_s, reach, self._camera_trigger()),
+            MavlinkGimbals(self._gimbals_found, self._now_s, reach),
         )
 
     @classmethod
@@ -233,6 +237,9 @@ class MavlinkBackend(Backend):
 
     def _cameras_found(self) -> Sequence[CameraLink]:
         return () if self._discovery is None else self._discovery.protocols.cameras.found
+
+    def _gimbals_found(self) -> Sequence[GimbalLink]:
+        return () if self._discovery is None else self._discovery.protocols.gimbals.found
 
     def _viewpoint(self) -> Viewpoint:
         """Returns from where a picture is taken now."""

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from typing_extensions import override
 
+from ual.gimbals import GimbalAbility
 from ual_daemon.backends.engine.command import FLYING, shows_landed
 from ual_daemon.backends.firmwares import ardupilot
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
@@ -49,6 +50,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     keeps_items = True
     tells_baseline = True
     missions = ArduCopterMissions()
+    lacking_gimbal_abilities = frozenset({GimbalAbility.BODY})  # its gimbals are level, whatever was ordered
 
     @override
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ual.errors import NotSupportedError
+from ual.gimbals import GimbalAbility
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Autopilot, version_text
 from ual_daemon.backends.firmwares.mission_codec import MissionCodec
 from ual_daemon.backends.firmwares.px4_events import Event
@@ -55,6 +56,12 @@ class Dialect(Autopilot):
 
     missions: MissionCodec | None = None
     """How it keeps missions; None where UAL brings it none."""
+    tells_gimbal_manager = False
+    """Whether AUTOPILOT_VERSION says that it manages gimbals. Another one is asked a few times."""
+    says_gimbal_joints = False
+    """Whether the attitude of a gimbal that it turns by itself is in the axes of the body, whatever its flags say."""
+    lacking_gimbal_abilities: frozenset[GimbalAbility] = frozenset()
+    """What it says that its gimbals can do, and they do not."""
 
     @abstractmethod
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:

@@ -39,6 +39,8 @@ class Px4(px4.Px4, Dialect):
     """PX4 multirotors, from 1.13, over MAVLink."""
 
     names_intended_mode = True
+    tells_gimbal_manager = True
+    says_gimbal_joints = True
     # Sent on each change and else twice a second, whatever rate was requested (20 Hz); without a request every 2 s.
     sparse_messages = frozenset({mavlink.MAVLINK_MSG_ID_CURRENT_MODE})
     optional_messages = frozenset({mavlink.MAVLINK_MSG_ID_RC_CHANNELS})  # without a transmitter there are none

@@ -13,6 +13,7 @@ from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMe
 from ual_daemon.backends.mavlink.protocols.corrections_injection import CorrectionsInjection
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp
 from ual_daemon.backends.mavlink.protocols.gripper_reports import GripperReports
+from ual_daemon.backends.mavlink.protocols.gimbals import Gimbals, Means
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
 from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgress
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
@@ -31,6 +32,7 @@ class Protocols(Protocol):
         is_gentle: Says whether it may be flying, so that nothing may delay what flies it.
         has_room: Says whether nothing that is urgent has to wait for what is sent now.
         speed_up: Asks for all streams so many times as often as usual.
+        of_gimbals: What the gimbals need of the session.
 
     """
 
@@ -41,6 +43,7 @@ class Protocols(Protocol):
         is_gentle: Callable[[], bool] = lambda: True,
         has_room: Callable[[], bool] = lambda: True,
         speed_up: Callable[[float], object] = lambda _: None,
+        of_gimbals: Means | None = None,
     ) -> None:
         self.parameters = ParameterTransfers(send, is_up)
         self.missions = MissionTransfers(send, is_up)
@@ -49,6 +52,7 @@ class Protocols(Protocol):
         self.component_metadata = ComponentMetadata(send)
         self.corrections = CorrectionsInjection(send, is_up, has_room)
         self.cameras = Cameras(send)
+        self.gimbals = Gimbals(of_gimbals or Means(send))
         self.progress = MissionProgress(send, is_up)
         self.gripper = GripperReports(is_up)
         self._all: tuple[Protocol, ...] = (
@@ -61,6 +65,7 @@ class Protocols(Protocol):
             self.corrections,
             self.cameras,
             self.gripper,
+            self.gimbals,
         )
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:

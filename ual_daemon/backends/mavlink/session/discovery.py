@@ -11,10 +11,12 @@ from typing_extensions import override
 from ual_daemon import logs
 from ual_daemon.backends.engine.link_watch import LinkState, LinkWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.dialects.detection import Kind, dialect_of, kind_of, kind_text
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
-from ual_daemon.backends.mavlink.protocols import cameras
+from ual_daemon.backends.mavlink.protocols import cameras, gimbals
+from ual_daemon.backends.mavlink.protocols.gimbals import Means
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
@@ -36,6 +38,7 @@ ODD_WAIT_S = 1.5
 """An autopilot with odd ids (system 0, or not component 1) is taken once none with usual ids has been heard for so long
 beside it. A heartbeat comes each second."""
 _AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
+_OF_ANY = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_COMMAND_ACK})
 _CALLER_SYSTEM_ID = 245
 """Our system until the autopilot is found, whose system we then join."""
 
@@ -64,7 +67,12 @@ class Discovery(Selector):
         self.supervision = Supervision(self.watch)
         self.session: Session | None = None
         self.protocols = Protocols(
-            self.sender.send, self.watch.is_up, self._may_be_flying, lambda: link.has_room, self._speed_up
+            self.sender.send,
+            self.watch.is_up,
+            self._may_be_flying,
+            lambda: link.has_room,
+            self._speed_up,
+            Means(self.sender.send, self._submit, self._own_ids, self._says_gimbal_manager),
         )
         self._settings = settings
         self._link = link
@@ -91,6 +99,20 @@ class Discovery(Selector):
     def _speed_up(self, factor: float) -> None:
         if self.session is not None:
             self.session.speed_up(factor)
+
+    def _submit(self, request: LongCommand, now_s: float) -> None:
+        if self.session is not None:
+            self.session.submit(request, now_s)
+
+    def _own_ids(self) -> Source:
+        return Source(
+            _CALLER_SYSTEM_ID if self.session is None else self.session.system_id, self._settings.component_id
+        )
+
+    def _says_gimbal_manager(self) -> bool:
+        version = None if self.session is None else self.session.telemetry.version
+        flag = mavlink.MAV_PROTOCOL_CAPABILITY_COMPONENT_IMPLEMENTS_GIMBAL_MANAGER
+        return version is not None and bool(version.capabilities & flag)
 
     def _request_anew(self) -> None:
         if self.session is not None:
@@ -167,14 +189,19 @@ class Discovery(Selector):
 
     @override
     def is_component_wanted(self, frame: Frame) -> bool:
-        return frame.component_id in cameras.COMPONENTS and frame.message_id in cameras.MESSAGE_IDS
+        if frame.message_id in gimbals.MESSAGE_IDS:
+            return True
+        is_of_gimbal = frame.message_id in _OF_ANY and self.protocols.gimbals.is_wanted(frame.component_id)
+        return is_of_gimbal or (frame.component_id in cameras.COMPONENTS and frame.message_id in cameras.MESSAGE_IDS)
 
     @override
     def on_component(self, source: Source, message: Message, now_s: float, utc_now_s: float) -> None:
         system_id = getattr(message, "target_system", 0)
         component_id = getattr(message, "target_component", 0)
         if system_id in (0, source.system_id) and component_id in (0, self._settings.component_id):
-            self.protocols.cameras.on_component(source, message, now_s, utc_now_s)
+            if source.component_id in cameras.COMPONENTS:
+                self.protocols.cameras.on_component(source, message, now_s, utc_now_s)
+            self.protocols.gimbals.on_component(source, message, now_s)
 
     def _is_odd(self, source: Source) -> bool:
         """Whether it has ids that an autopilot seldom has, and that were not chosen."""

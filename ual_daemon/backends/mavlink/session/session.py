@@ -440,6 +440,7 @@ class Session:
             if (message.command, message.result) in self.dialect.busy_answers:
                 verdict = Verdict.IN_PROGRESS
             self._commands.on_answer(message.command, verdict, now_s, _result_name(message.result))
+            self._protocols.gimbals.on_ack(self.source.component_id, message, now_s)
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
         self._heartbeats.on_heartbeat(now_s)

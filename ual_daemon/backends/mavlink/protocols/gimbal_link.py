@@ -1,0 +1,251 @@
+"""One gimbal of the vehicle: a device, and the manager that takes orders for it."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import NamedTuple
+
+from ual.errors import LinkLostError, TaskAbortedError, UalError
+from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
+from ual_daemon.backends.mavlink.protocols import gimbal_values
+from ual_daemon.backends.mavlink.protocols.camera_exchanges import CameraLine, Order
+from ual_daemon.backends.mavlink.protocols.gimbal_values import Identity
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.offers.gimbals import GimbalAttitude
+
+_log = logging.getLogger(__name__)
+
+LOST_S = 5.0
+"""A gimbal that is silent for so long is not connected."""
+OLD_S = 1.0
+"""Where it looks is not known any more so long after it has said so, ..."""
+ASK_S = 2.0
+"""... and then it is asked so often to say it."""
+ATTITUDE_HZ, STATUS_HZ = 20.0, 2.0
+QUIET_S = 0.7
+"""An order waits so long after one of its kind that was repeated: late answers to that would be taken for its own."""
+_ATTITUDE, _STATUS = (
+    mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
+    mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS,
+)
+_TURN, _CONFIGURE = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
+_UNCHANGED, _RELEASE = -1.0, -3.0
+
+
+class GimbalLine(NamedTuple):
+    """What reaches the manager of a gimbal.
+
+    Attributes:
+        send: Sends a message.
+        stream: Asks for a stream: of which message, and how often.
+        own_ids: Returns our system and component.
+
+    """
+
+    send: Callable[[Message], object]
+    stream: Callable[[int, float, float], object]
+    own_ids: Callable[[], Source]
+
+
+class GimbalLink:
+    """Belongs to the thread that receives; what is asked for as a value is for any thread.
+
+    One order of a kind runs at a time. A newer one takes the place of the one before. `says_joints`: where the device
+    belongs to the manager, its attitude is in the axes of the body, whatever its flags say.
+    """
+
+    def __init__(
+        self, number: int, manager: Source, device_id: int, line: GimbalLine, *, says_joints: bool = False
+    ) -> None:
+        self.number = number
+        self.manager = manager
+        self.device_id = device_id
+        self.heard_s = -math.inf
+        self.attitude: GimbalAttitude | None = None
+        self.identity: Identity | None = None
+        self.is_identified = False
+        """Whether it has said what it is since it was heard first, or again."""
+        self.failures: tuple[str, ...] = ()
+        self._line = line
+        self._says_joints = says_joints
+        self._controller: Source | None = None
+        self._orders: dict[int, Order] = {}
+        self._next: dict[int, Order] = {}
+        self._quiet_until_s: dict[int, float] = {}
+        self._next_ask_s = -math.inf
+        self._is_odd = False
+
+    # --- What is known ------------------------------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """What it is, for people."""
+        where = "the autopilot" if self.manager.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 else ""
+        return f"gimbal {self.device_id} of {where or f'component {self.manager.component_id}'}"
+
+    def info(self, now_s: float) -> GimbalInfo:
+        """Returns what it is."""
+        identity, is_connected = self.identity, now_s - self.heard_s <= LOST_S
+        if identity is None:
+            return GimbalInfo(self.number, self.name, frozenset(), is_connected, note="it has not said what it is")
+        roll, pitch, yaw = identity.roll, identity.pitch, identity.yaw
+        odd = "it says an orientation that cannot be" if self._is_odd else ""
+        note = "; ".join(filter(None, (identity.note, odd)))
+        return GimbalInfo(self.number, self.name, identity.abilities, is_connected, "", roll, pitch, yaw, note)
+
+    def attitude_at(self, now_s: float) -> GimbalAttitude | None:
+        """Returns where it looks, if it has said so lately."""
+        attitude = self.attitude
+        return attitude if attitude is not None and now_s - attitude.time_s <= OLD_S else None
+
+    @property
+    def control(self) -> tuple[GimbalControl | None, str]:
+        """Which program has the control of it."""
+        controller = self._controller
+        if controller is None:
+            return None, ""
+        if controller.system_id == 0:
+            return GimbalControl.FREE, ""
+        if controller == self._line.own_ids():
+            return GimbalControl.OURS, "this daemon"
+        return GimbalControl.OTHER, f"system {controller.system_id}, component {controller.component_id}"
+
+    # --- What is ordered ----------------------------------------------------------------------------------------------
+
+    def turn(self, angles: GimbalAngles, reference: GimbalReference, future: Future[None]) -> None:
+        """Turns to angles. A roll has no command, so it is sent after the others were accepted."""
+        if angles.roll_rad:
+            future.add_done_callback(
+                lambda done: None if done.cancelled() or done.exception() is not None else self.aim(angles, reference)
+            )
+        self._add(_TURN, gimbal_values.turning_params(angles, reference, self.device_id), future)
+
+    def turn_at_rates(self, pitch_rad_s: float, yaw_rad_s: float, future: Future[None]) -> None:
+        """Turns at rates."""
+        self._add(_TURN, gimbal_values.rates_params(pitch_rad_s, yaw_rad_s, self.device_id), future)
+
+    def rest(self, future: Future[None], *, is_retracted: bool) -> None:
+        """Turns to neutral, or is retracted."""
+        flag = mavlink.GIMBAL_MANAGER_FLAGS_RETRACT if is_retracted else mavlink.GIMBAL_MANAGER_FLAGS_NEUTRAL
+        self._add(_TURN, gimbal_values.resting_params(flag, self.device_id), future)
+
+    def aim(self, angles: GimbalAngles, reference: GimbalReference) -> None:
+        """Turns to angles, without an answer. From any thread."""
+        self._line.send(gimbal_values.aiming(self.manager, angles, reference, self.device_id))
+
+    def take(self, future: Future[None]) -> None:
+        """Takes the control. By our ids: PX4 would take -2, "the sender", for itself."""
+        self._configure(self._line.own_ids(), future)
+
+    def release(self, future: Future[None]) -> None:
+        """Gives the control up."""
+        self._configure((_RELEASE, _RELEASE), future)
+
+    def _configure(self, primary: Sequence[float], future: Future[None]) -> None:
+        system_id, component_id = map(float, primary)
+
+        def on_done(done: Future[None]) -> None:
+            if not done.cancelled() and done.exception() is None:
+                is_ours = system_id >= 0.0
+                self._controller = self._line.own_ids() if is_ours else Source(0, 0)
+
+        future.add_done_callback(on_done)
+        params = (system_id, component_id, _UNCHANGED, _UNCHANGED, 0.0, 0.0, float(self.device_id))
+        self._add(_CONFIGURE, params, future)
+
+    def _add(self, command_id: int, params: Sequence[float], future: Future[None]) -> None:
+        line = CameraLine(self._command, self.name)
+        replaced = self._next.pop(command_id, None)
+        if replaced is not None:
+            replaced.fail(TaskAbortedError(f"a newer order to {self.name} has replaced this one"))
+        self._next[command_id] = Order(future, line, command_id, params)
+
+    def _command(self, command_id: int, params: Sequence[float], sent_count: int) -> None:
+        self._line.send(mavlink.MAVLink_command_long_message(*self.manager, command_id, min(sent_count, 255), *params))
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether an order is under way."""
+        return bool(self._orders or self._next)
+
+    def drop(self, error: UalError) -> None:
+        """Ends what is under way, and what waits."""
+        for order in (*self._orders.values(), *self._next.values()):
+            order.fail(error)
+        self._orders.clear()
+        self._next.clear()
+
+    # --- What comes, and what is due ----------------------------------------------------------------------------------
+
+    def on_information(self, message: Message, now_s: float, lacks: frozenset[GimbalAbility]) -> None:
+        """Takes what it is. It lacks what its autopilot only says that it has."""
+        self._hear(now_s)
+        self.is_identified = True
+        identity = gimbal_values.identity_of(message)
+        identity = identity._replace(abilities=identity.abilities - lacks)
+        if identity != self.identity:
+            can = ", ".join(sorted(each.name.lower() for each in identity.abilities))
+            _log.info("gimbal %d (%s) can: %s%s", self.number, self.name, can, identity.note and f"; {identity.note}")
+        self.identity = identity
+
+    def on_status(self, message: Message, now_s: float) -> None:
+        """Takes a GIMBAL_MANAGER_STATUS."""
+        self._hear(now_s)
+        self._controller = Source(message.primary_control_sysid, message.primary_control_compid)
+
+    def on_attitude(self, message: Message, now_s: float, *, is_of_manager: bool) -> None:
+        """Takes a GIMBAL_DEVICE_ATTITUDE_STATUS."""
+        self._hear(now_s)
+        self.failures = gimbal_values.failures_of(message)
+        found = gimbal_values.attitude_of(message, is_in_body=self._says_joints and is_of_manager)
+        self._is_odd = found is None
+        self.attitude = None if found is None else GimbalAttitude(*found, now_s)
+
+    def _hear(self, now_s: float) -> None:
+        if now_s - self.heard_s > LOST_S and self.heard_s > -math.inf:
+            _log.info("%s is heard again", self.name)
+            self.is_identified = False
+        self.heard_s = now_s
+
+    def on_ack(self, message: Message, now_s: float) -> None:
+        """Takes an answer to a command."""
+        order = self._orders.get(message.command)
+        if order is not None:
+            order.on_ack(message.command, message.result, now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Sends what is due; to be called often."""
+        if now_s - self.heard_s > LOST_S:
+            silent_s = now_s - self.heard_s
+            self.drop(LinkLostError(f"{self.name} is not heard: its last message came {silent_s:.0f} s ago"))
+        self._ask(now_s)
+        for command_id in (_CONFIGURE, _TURN):
+            self._tick_order(command_id, now_s)
+
+    def _tick_order(self, command_id: int, now_s: float) -> None:
+        running = self._orders.get(command_id)
+        if running is not None and command_id in self._next and not running.is_over:
+            running.fail(TaskAbortedError(f"a newer order to {self.name} has replaced this one"))
+        if running is not None and running.is_over:
+            if running.was_repeated:
+                self._quiet_until_s[command_id] = now_s + QUIET_S
+            del self._orders[command_id]
+            running = None
+        if running is None and now_s >= self._quiet_until_s.get(command_id, -math.inf):
+            waiting = self._next.pop(command_id, None)
+            if waiting is not None and not waiting.is_over:
+                self._orders[command_id] = running = waiting
+        if running is not None:
+            running.tick(now_s)
+
+    def _ask(self, now_s: float) -> None:
+        """Asks for its streams where they do not come."""
+        if now_s < self._next_ask_s or (self.attitude_at(now_s) is not None and self._controller is not None):
+            return
+        self._next_ask_s = now_s + ASK_S
+        self._line.stream(_ATTITUDE, ATTITUDE_HZ, now_s)
+        self._line.stream(_STATUS, STATUS_HZ, now_s)

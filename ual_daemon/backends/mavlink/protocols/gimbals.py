@@ -1,0 +1,211 @@
+"""The gimbals of a vehicle: those that its autopilot manages, and those with a manager in a component of its own.
+
+https://mavlink.io/en/services/gimbal_v2.html.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError
+from ual.gimbals import GimbalAbility
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, request_message, set_message_interval
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLine, GimbalLink
+from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+
+_log = logging.getLogger(__name__)
+
+_INFORMATION = mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION
+_STATUS = mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS
+_ATTITUDE = mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS
+MESSAGE_IDS = frozenset({_INFORMATION, _STATUS, _ATTITUDE})
+"""What is taken of any component of the vehicle's system, ..."""
+COMPONENTS = frozenset(
+    {
+        mavlink.MAV_COMP_ID_GIMBAL,
+        *range(mavlink.MAV_COMP_ID_GIMBAL2, mavlink.MAV_COMP_ID_GIMBAL6 + 1),
+        *range(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER4 + 1),
+    }
+)
+"""... and of these their heartbeats, too: they are asked whether they manage one. Others are found by their status."""
+ASKS = (3.0, 4.0, 8.0)
+"""So long after it was found, and after each request, a component is asked what it manages."""
+LARGEST_ATTACHED_ID = 6
+"""Devices up to this id are attached to their manager; the id of another one is its component."""
+MOST_GIMBALS = 12
+_AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
+
+
+class Means(NamedTuple):
+    """What the protocol needs of the session with the autopilot.
+
+    Attributes:
+        send: Sends a message.
+        submit: Sends a request for data to the autopilot, in its turn with the other requests.
+        own_ids: Returns our system and component.
+        says_manager: Whether the autopilot says that it manages gimbals.
+
+    """
+
+    send: Callable[[Message], object]
+    submit: Callable[[LongCommand, float], object] = lambda _command, _now_s: None
+    own_ids: Callable[[], Source] = lambda: Source(0, 0)
+    says_manager: Callable[[], bool] = lambda: False
+
+
+class _Asked(NamedTuple):
+    """How often a component was asked what it manages, and when it is asked next."""
+
+    count: int
+    next_s: float
+
+
+class Gimbals(Protocol):
+    """Belongs to the thread that receives; `found` is for any thread.
+
+    A gimbal keeps its number while the daemon runs, also if it is not heard any more.
+    """
+
+    def __init__(self, means: Means) -> None:
+        self.found: tuple[GimbalLink, ...] = ()
+        self._means = means
+        self._target: Source | None = None
+        self._dialect: Dialect | None = None
+        self._asked: dict[int, _Asked] = {}
+
+    @property
+    @override
+    def handlers(self) -> dict[int, Handler]:
+        return dict.fromkeys(MESSAGE_IDS, self._on_autopilot)
+
+    @property
+    @override
+    def is_urgent(self) -> bool:
+        return any(each.is_busy for each in self.found)
+
+    @override
+    def attach(self, target: Source, dialect: Dialect) -> None:
+        if self._target is not None and self._target != target:
+            self.drop("another autopilot was found")
+        self._target, self._dialect = target, dialect
+        self._asked = {}
+        for each in self.found:
+            each.is_identified = False  # its limits may be others now
+
+    @override
+    def drop(self, why: str) -> None:
+        for each in self.found:
+            each.drop(LinkLostError(f"{each.name} was given up: {why}"))
+
+    @override
+    def tick(self, now_s: float) -> None:
+        if self._target is not None:
+            self._ask(self._target.component_id, now_s)
+        for each in self.found:
+            each.tick(now_s)
+
+    def is_wanted(self, component_id: int) -> bool:
+        """Whether the heartbeats of a component, and its answers, are worth decoding."""
+        return component_id in COMPONENTS or any(each.manager.component_id == component_id for each in self.found)
+
+    # --- What comes ---------------------------------------------------------------------------------------------------
+
+    def on_ack(self, component_id: int, message: Message, now_s: float) -> None:
+        """Takes the answer of a component to a command."""
+        for each in self.found:
+            if each.manager.component_id == component_id:
+                each.on_ack(message, now_s)
+
+    def on_component(self, source: Source, message: Message, now_s: float) -> None:
+        """Takes a message of another component of the vehicle."""
+        message_id = message.get_msgId()
+        if message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
+            self.on_ack(source.component_id, message, now_s)
+        elif message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self._ask(source.component_id, now_s)
+        elif message_id in MESSAGE_IDS:
+            self._on_message(source, message, now_s)
+
+    def _on_autopilot(self, message: Message, now_s: float) -> None:
+        if self._target is not None:
+            self._on_message(self._target, message, now_s)
+
+    def _on_message(self, source: Source, message: Message, now_s: float) -> None:
+        message_id, device_id = message.get_msgId(), message.gimbal_device_id
+        if message_id == _ATTITUDE:
+            self._on_attitude(source, message, now_s)
+        elif device_id > 0:
+            link = self._found(source, device_id)
+            if message_id == _INFORMATION:
+                (link or self._add(source, device_id)).on_information(message, now_s, self._lacks(source))
+            elif link is not None:
+                link.on_status(message, now_s)
+            else:  # it manages one that has not said what it is
+                self._ask(source.component_id, now_s, again_s=2.0)
+
+    def _on_attitude(self, source: Source, message: Message, now_s: float) -> None:
+        for each in self.found:
+            is_attached = each.device_id <= LARGEST_ATTACHED_ID
+            if is_attached and each.manager == source and message.gimbal_device_id in (0, each.device_id):
+                each.on_attitude(message, now_s, is_of_manager=True)
+            elif not is_attached and each.device_id == source.component_id:
+                each.on_attitude(message, now_s, is_of_manager=False)
+
+    def _found(self, source: Source, device_id: int) -> GimbalLink | None:
+        return next((each for each in self.found if (each.manager, each.device_id) == (source, device_id)), None)
+
+    def _add(self, source: Source, device_id: int) -> GimbalLink:
+        line = GimbalLine(self._means.send, partial(self._stream, source), self._means.own_ids)
+        says_joints = source == self._target and self._dialect is not None and self._dialect.says_gimbal_joints
+        link = GimbalLink(len(self.found), source, device_id, line, says_joints=says_joints)
+        if len(self.found) < MOST_GIMBALS:
+            self.found = (*self.found, link)
+            _log.info("gimbal %d was found: %s", link.number, link.name)
+        return link
+
+    def _lacks(self, source: Source) -> frozenset[GimbalAbility]:
+        is_of_autopilot = source == self._target and self._dialect is not None
+        return self._dialect.lacking_gimbal_abilities if is_of_autopilot and self._dialect else frozenset()
+
+    # --- What is asked for --------------------------------------------------------------------------------------------
+
+    def _ask(self, component_id: int, now_s: float, again_s: float | None = None) -> None:
+        """Asks a component what it manages, from time to time, until it has said so."""
+        target = self._target
+        known = [each for each in self.found if each.manager.component_id == component_id]
+        if known and all(each.is_identified for each in known):
+            self._asked.pop(component_id, None)
+            return
+        if target is None:
+            return
+        asked = self._asked.setdefault(component_id, _Asked(0, now_s + ASKS[0]))
+        if again_s is not None and asked.next_s == math.inf:
+            asked = self._asked[component_id] = _Asked(1, now_s + again_s)
+        if now_s < asked.next_s or not self._may_ask(component_id):
+            return
+        count = asked.count + 1
+        self._asked[component_id] = _Asked(count, now_s + ASKS[count] if count < len(ASKS) else math.inf)
+        self._request(Source(target.system_id, component_id), request_message(_INFORMATION), now_s)
+
+    def _may_ask(self, component_id: int) -> bool:
+        is_told = self._dialect is not None and self._dialect.tells_gimbal_manager
+        return component_id != _AUTOPILOT or not is_told or self._means.says_manager()
+
+    def _stream(self, source: Source, message_id: int, rate_hz: float, now_s: float) -> None:
+        self._request(source, set_message_interval(message_id, rate_hz), now_s)
+
+    def _request(self, source: Source, command: LongCommand, now_s: float) -> None:
+        """Sends a request. Those to the autopilot take their turn, as answers do not say which one they are for."""
+        if source == self._target:
+            self._means.submit(command, now_s)
+        else:
+            self._means.send(command.request.encode(source, 0))
