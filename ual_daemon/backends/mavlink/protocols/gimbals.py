@@ -6,7 +6,6 @@ https://mavlink.io/en/services/gimbal_v2.html.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
@@ -37,12 +36,15 @@ COMPONENTS = frozenset(
     }
 )
 """... and of these their heartbeats, too: they are asked whether they manage one. Others are found by their status."""
-ASKS = (3.0, 4.0, 8.0)
-"""So long after it was found, and after each request, a component is asked what it manages."""
+FIRST_ASK_S = 3.0
+"""So long after it was heard first, a component is asked what it manages, ..."""
+ASK_S, ASKS_COUNT = 2.0, 12
+"""... and again, so often: on a link that loses 30 % each way, one in 10,000 is not found then."""
+AUTOPILOT_ASKS_COUNT = 3
+"""The same for the autopilot, to which each request is repeated by itself."""
 LARGEST_ATTACHED_ID = 6
 """Devices up to this id are attached to their manager; the id of another one is its component."""
 MOST_GIMBALS = 12
-_AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 
 
 class Means(NamedTuple):
@@ -131,7 +133,8 @@ class Gimbals(Protocol):
         if message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
             self.on_ack(source.component_id, message, now_s)
         elif message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-            self._ask(source.component_id, now_s)
+            if source.component_id in COMPONENTS:
+                self._ask(source.component_id, now_s)
         elif message_id in MESSAGE_IDS:
             self._on_message(source, message, now_s)
 
@@ -150,7 +153,7 @@ class Gimbals(Protocol):
             elif link is not None:
                 link.on_status(message, now_s)
             else:  # it manages one that has not said what it is
-                self._ask(source.component_id, now_s, again_s=2.0)
+                self._ask(source.component_id, now_s)
 
     def _on_attitude(self, source: Source, message: Message, now_s: float) -> None:
         for each in self.found:
@@ -178,7 +181,7 @@ class Gimbals(Protocol):
 
     # --- What is asked for --------------------------------------------------------------------------------------------
 
-    def _ask(self, component_id: int, now_s: float, again_s: float | None = None) -> None:
+    def _ask(self, component_id: int, now_s: float) -> None:
         """Asks a component what it manages, from time to time, until it has said so."""
         target = self._target
         known = [each for each in self.found if each.manager.component_id == component_id]
@@ -187,18 +190,17 @@ class Gimbals(Protocol):
             return
         if target is None:
             return
-        asked = self._asked.setdefault(component_id, _Asked(0, now_s + ASKS[0]))
-        if again_s is not None and asked.next_s == math.inf:
-            asked = self._asked[component_id] = _Asked(1, now_s + again_s)
-        if now_s < asked.next_s or not self._may_ask(component_id):
+        asked = self._asked.setdefault(component_id, _Asked(0, now_s + FIRST_ASK_S))
+        most_count = AUTOPILOT_ASKS_COUNT if component_id == target.component_id else ASKS_COUNT
+        if now_s < asked.next_s or asked.count >= most_count or not self._may_ask(component_id):
             return
-        count = asked.count + 1
-        self._asked[component_id] = _Asked(count, now_s + ASKS[count] if count < len(ASKS) else math.inf)
+        self._asked[component_id] = _Asked(asked.count + 1, now_s + ASK_S)
         self._request(Source(target.system_id, component_id), request_message(_INFORMATION), now_s)
 
     def _may_ask(self, component_id: int) -> bool:
         is_told = self._dialect is not None and self._dialect.tells_gimbal_manager
-        return component_id != _AUTOPILOT or not is_told or self._means.says_manager()
+        is_autopilot = self._target is not None and component_id == self._target.component_id
+        return not (is_autopilot and is_told) or self._means.says_manager()
 
     def _stream(self, source: Source, message_id: int, rate_hz: float, now_s: float) -> None:
         self._request(source, set_message_interval(message_id, rate_hz), now_s)

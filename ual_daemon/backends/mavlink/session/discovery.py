@@ -105,9 +105,8 @@ class Discovery(Selector):
             self.session.submit(request, now_s)
 
     def _own_ids(self) -> Source:
-        return Source(
-            _CALLER_SYSTEM_ID if self.session is None else self.session.system_id, self._settings.component_id
-        )
+        system_id = _CALLER_SYSTEM_ID if self.session is None else self.session.system_id
+        return Source(system_id, self._settings.component_id)
 
     def _says_gimbal_manager(self) -> bool:
         version = None if self.session is None else self.session.telemetry.version

@@ -1,0 +1,379 @@
+"""The gimbals of a vehicle: a manager may be anywhere, lose messages, lie, vanish, and be another program's."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Future
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.ual_daemon.backends.mavlink.protocols.simulated_gimbal import (
+    AUTOPILOT,
+    BUSY,
+    CAPABILITIES,
+    DENIED,
+    OURS,
+    OWN,
+    Bench,
+)
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
+from ual.geometry import Quaternion, Vector3, wrap_angle
+from ual.gimbals import AngleRange, GimbalAbility, GimbalAngles, GimbalControl, GimbalReference
+from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.px4 import Px4
+from ual_daemon.backends.mavlink.protocols import gimbal_values
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+BODY, HORIZON, EARTH = GimbalReference.BODY, GimbalReference.HORIZON, GimbalReference.EARTH
+TURN, CONFIGURE = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
+IN_VEHICLE, FROM_NORTH = (
+    mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME,
+    mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME,
+)
+LOCKED = mavlink.GIMBAL_DEVICE_FLAGS_YAW_LOCK
+DOWN = GimbalAngles(0.0, 0.4, 0.2)
+
+
+# --- Finding ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dialect", [Px4(), ArduCopter()], ids=["px4", "ardupilot"])
+@pytest.mark.parametrize("source", [AUTOPILOT, OWN, Source(7, 191 + 1)])
+def test_it_is_found_wherever_its_manager_is(source: Source, dialect: Dialect) -> None:
+    bench = Bench(source, dialect)
+    link = bench.found()
+    info = link.info(bench.now_s)
+    assert (info.number, info.is_connected, info.note) == (0, True, "")
+    assert info.pitch == AngleRange(-0.5, pytest.approx(1.6))  # up and down change places
+    assert info.yaw == AngleRange(pytest.approx(-3.2), pytest.approx(3.2))
+    assert info.roll is None
+    assert {GimbalAbility.PITCH, GimbalAbility.YAW, GimbalAbility.EARTH, GimbalAbility.RETRACT} <= info.abilities
+    assert GimbalAbility.ROLL not in info.abilities
+    assert (GimbalAbility.BODY in info.abilities) is (source != AUTOPILOT or isinstance(dialect, Px4))
+
+
+def test_it_is_found_on_a_link_that_loses_every_third_message() -> None:
+    for seed in range(10):
+        Bench(loss=0.3, seed=seed).found()
+
+
+def test_a_px4_that_says_that_it_manages_none_is_not_asked() -> None:
+    bench = Bench(AUTOPILOT, Px4())
+    bench.gimbals._means = bench.gimbals._means._replace(says_manager=lambda: False)
+    bench.step(40.0)
+    assert bench.requests == []
+
+
+def test_one_that_has_none_is_asked_three_times() -> None:
+    bench = Bench(AUTOPILOT)
+    bench.manager.is_there = False
+    bench.step(60.0)
+    assert len(bench.requests) == 3
+
+
+def test_a_camera_with_a_gimbal_is_found_by_its_status() -> None:
+    """Cameras are not asked, as they would take the refusal for one of their own requests."""
+    bench = Bench(Source(7, 100))
+    bench.step(20.0)
+    assert bench.gimbals.found == ()
+    bench.manager.streamed[mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS] = 1.0
+    assert bench.found().manager.component_id == 100
+
+
+def test_the_attitude_of_a_device_with_a_component_of_its_own_is_taken_from_that() -> None:
+    bench = Bench(AUTOPILOT)
+    bench.manager.device_id = 154
+    bench.step(8.0)
+    (link,) = bench.gimbals.found
+    assert link.attitude is None  # what the manager says is of another one
+    nan = math.nan
+    status = mavlink.MAVLink_gimbal_device_attitude_status_message(
+        0, 0, 1, IN_VEHICLE, (1.0, 0.0, 0.0, 0.0), nan, nan, nan, 0
+    )
+    bench.receive(OWN, status)
+    assert link.attitude is not None
+
+
+def test_two_of_one_manager_have_numbers_of_their_own() -> None:
+    bench = Bench(AUTOPILOT)
+    bench.found()
+    bench.manager.device_id = 2
+    bench.manager.inform()
+    bench.step()
+    assert [(each.number, each.device_id) for each in bench.gimbals.found] == [(0, 1), (1, 2)]
+
+
+# --- Where it looks ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("flags", "reference", "looks"),
+    [
+        (IN_VEHICLE, HORIZON, (0.0, 30.0, -20.0)),
+        (IN_VEHICLE | LOCKED, HORIZON, (0.0, 30.0, -20.0)),
+        (0, HORIZON, (0.0, 30.0, -20.0)),
+        (FROM_NORTH, EARTH, (0.0, 30.0, 70.0)),
+        (LOCKED, EARTH, (0.0, 30.0, 70.0)),
+    ],
+)
+def test_its_flags_say_from_what_its_yaw_counts(
+    flags: int, reference: GimbalReference, looks: tuple[float, float, float]
+) -> None:
+    """It looks 30 degrees down, and 20 degrees to the right of the nose or of north."""
+    bench = Bench()
+    bench.manager.looks(0.0, -30.0, 20.0, flags)
+    link = bench.found()
+    attitude = link.attitude_at(bench.now_s)
+    assert attitude is not None
+    assert attitude.reference is reference
+    assert tuple(map(math.degrees, attitude.orientation.to_euler())) == pytest.approx(looks)
+
+
+def test_px4_says_the_angles_of_its_servos_whatever_its_flags_say() -> None:
+    bench = Bench(AUTOPILOT, Px4())
+    bench.manager.looks(0.0, -30.0, 20.0, LOCKED)
+    attitude = bench.found().attitude
+    assert attitude is not None
+    assert attitude.reference is BODY
+
+
+def test_where_it_looks_is_forgotten_when_it_does_not_say_it_and_asked_for() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.streamed.clear()
+    bench.step(1.5)
+    assert link.attitude_at(bench.now_s) is None
+    bench.step(2.5)
+    assert link.attitude_at(bench.now_s) is not None
+
+
+@pytest.mark.parametrize("q", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0), (9.0, 0.0, 0.0, 0.0)])
+def test_an_orientation_that_cannot_be_is_not_told(q: tuple[float, float, float, float]) -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.q = q
+    bench.step()
+    assert link.attitude_at(bench.now_s) is None
+    assert link.info(bench.now_s).note == "it says an orientation that cannot be"
+
+
+def test_its_failures_are_told() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.failures = (
+        mavlink.GIMBAL_DEVICE_ERROR_FLAGS_AT_PITCH_LIMIT | mavlink.GIMBAL_DEVICE_ERROR_FLAGS_MOTOR_ERROR
+    )
+    bench.step()
+    assert link.failures == ("its pitch is at a limit", "its motor fails")
+
+
+@pytest.mark.parametrize(
+    ("pitch", "words"),
+    [
+        ((-90.0, 90.0), "pitch -90 to 90 rad"),
+        ((0.0, 0.0), "pitch -0 to -0 rad"),
+        ((math.nan, 1.0), "pitch -1 to nan rad"),
+    ],
+)
+def test_limits_that_cannot_be_are_not_used_and_that_is_said(pitch: tuple[float, float], words: str) -> None:
+    bench = Bench()
+    bench.manager.limits = (0.0, 0.0, *pitch, -1.0, 2.0)
+    info = bench.found().info(bench.now_s)
+    assert info.pitch is None
+    assert info.yaw == AngleRange(-2.0, 1.0)
+    assert info.note == f"its limits cannot be, and are not used: {words}"
+
+
+# --- Orders -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("reference", "yaw_deg", "flags"),
+    [
+        (HORIZON, math.degrees(-0.2), 4 + 8 + 32),
+        (EARTH, math.degrees(math.pi / 2.0 - 0.2), 4 + 8 + 16 + 64),
+        (BODY, math.degrees(-0.2), 32),
+    ],
+)
+def test_angles_are_sent_as_mavlink_means_them(reference: GimbalReference, yaw_deg: float, flags: int) -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.ended(lambda future: link.turn(DOWN, reference, future))
+    ((command, params),) = bench.manager.orders
+    assert command == TURN
+    assert params[:2] == pytest.approx((math.degrees(-0.4), yaw_deg))
+    assert all(map(math.isnan, params[2:4]))
+    assert params[4:] == (flags, 0.0, 1.0)
+
+
+def test_rates_neutral_and_retracted() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.ended(lambda future: link.turn_at_rates(0.1, 0.2, future))
+    bench.ended(lambda future: link.rest(future, is_retracted=False))
+    bench.ended(lambda future: link.rest(future, is_retracted=True))
+    rates, neutral, retracted = (params for _, params in bench.manager.orders)
+    assert all(map(math.isnan, rates[:2]))
+    assert rates[2:4] == pytest.approx((math.degrees(-0.1), math.degrees(-0.2)))
+    assert (neutral[4], retracted[4]) == (2.0, 1.0)
+
+
+def test_a_roll_is_sent_once_the_other_angles_were_accepted() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.ended(lambda future: link.turn(GimbalAngles(0.3, 0.4, 0.0), HORIZON, future))
+    bench.step()
+    (aim,) = bench.manager.aims
+    w, x, y, z = aim.q
+    assert Quaternion(x, y, z, w).to_euler() == pytest.approx((0.3, -0.4, 0.0))
+    bench.manager.result = DENIED
+    with pytest.raises(RejectedByAutopilotError):
+        bench.ended(lambda future: link.turn(GimbalAngles(0.3, 0.4, 0.0), HORIZON, future))
+    bench.step()
+    assert len(bench.manager.aims) == 1
+
+
+@given(
+    roll=st.floats(-1.0, 1.0),
+    pitch=st.floats(-1.5, 1.5),
+    yaw=st.floats(-3.0, 3.0),
+    reference=st.sampled_from([HORIZON, EARTH]),
+)
+def test_what_is_aimed_at_is_what_is_seen(roll: float, pitch: float, yaw: float, reference: GimbalReference) -> None:
+    """A device that does as it is told says the angles that it was told."""
+    angles = GimbalAngles(roll, pitch, yaw)
+    aim = gimbal_values.aiming(OWN, angles, reference, 1)
+    nan = math.nan
+    flags = FROM_NORTH if reference is EARTH else IN_VEHICLE
+    said = mavlink.MAVLink_gimbal_device_attitude_status_message(0, 0, 1, flags, aim.q, nan, nan, nan, 0)
+    found = gimbal_values.attitude_of(said, is_in_body=False)
+    assert found is not None
+    orientation, said_reference = found
+    assert said_reference is reference
+    for axis in (Vector3(1.0), Vector3(0.0, 1.0)):
+        assert tuple(orientation.rotate(axis)) == pytest.approx(tuple(angles.orientation.rotate(axis)), abs=1e-6)
+
+
+def test_it_is_acknowledged_on_a_link_that_loses_every_third_message() -> None:
+    for seed in range(20):
+        bench = Bench(loss=0.3, seed=seed)
+        link = bench.found()
+        bench.ended(lambda future, link=link: link.turn(DOWN, HORIZON, future))  # type: ignore[misc]
+
+
+def test_one_that_answers_twice_answers_no_other_order() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.answers_twice = True
+    bench.ended(lambda future: link.turn(DOWN, HORIZON, future))
+    bench.manager.ignored = {TURN}
+    with pytest.raises(UalTimeoutError, match="did not answer to DO_GIMBAL_MANAGER_PITCHYAW in 10 tries"):
+        bench.ended(lambda future: link.turn(DOWN, HORIZON, future))
+
+
+def test_a_late_answer_to_an_order_that_was_repeated_answers_no_other_one() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.answers_after_s = 0.6  # later than the first repetition
+    bench.ended(lambda future: link.turn(DOWN, HORIZON, future))
+    bench.manager.ignored = {TURN}
+    with pytest.raises(UalTimeoutError):
+        bench.ended(lambda future: link.turn(DOWN, HORIZON, future))
+
+
+def test_one_that_is_busy_without_an_end_is_given_up() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.result = BUSY
+    with pytest.raises(UalTimeoutError, match="was busy"):
+        bench.ended(lambda future: link.turn(DOWN, HORIZON, future))
+
+
+def test_a_newer_order_replaces_the_one_that_waits() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.ignored = {TURN}
+    first: Future[None] = Future()
+    link.turn(DOWN, HORIZON, first)
+    bench.step(0.2)
+    bench.manager.ignored = set()
+    bench.ended(lambda future: link.rest(future, is_retracted=False))
+    with pytest.raises(TaskAbortedError, match="a newer order to gimbal 1 of component 154 has replaced this one"):
+        first.result(0)
+
+
+# --- Control ----------------------------------------------------------------------------------------------------------
+
+
+def test_its_control_is_taken_by_our_ids_and_given_up() -> None:
+    """PX4 takes -2, which means the sender, for itself."""
+    bench = Bench()
+    link = bench.found()
+    assert link.control == (GimbalControl.FREE, "")
+    bench.ended(link.take)
+    assert bench.manager.orders[-1] == (CONFIGURE, (*map(float, OURS), -1.0, -1.0, 0.0, 0.0, 1.0))
+    assert link.control == (GimbalControl.OURS, "this daemon")
+    bench.ended(link.release)
+    assert bench.manager.orders[-1][1][:2] == (-3.0, -3.0)
+    assert link.control == (GimbalControl.FREE, "")
+    bench.manager.controller = (255, 190)
+    bench.step()
+    assert link.control == (GimbalControl.OTHER, "system 255, component 190")
+
+
+# --- Vanishing --------------------------------------------------------------------------------------------------------
+
+
+def test_one_that_vanishes_is_told_and_not_waited_for() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.is_there = False
+    with pytest.raises(LinkLostError, match="is not heard: its last message came"):
+        bench.ended(lambda future: link.turn(DOWN, HORIZON, future))
+    assert not link.info(bench.now_s).is_connected
+    assert link.attitude_at(bench.now_s) is None
+
+
+def test_one_that_comes_back_has_its_number_and_is_asked_anew() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.is_there = False
+    bench.step(10.0)
+    bench.manager.is_there = True
+    bench.manager.limits = (0.0, 0.0, -1.0, 1.0, -1.0, 1.0)
+    bench.step(10.0)
+    assert bench.gimbals.found == (link,)
+    info = link.info(bench.now_s)
+    assert info.is_connected
+    assert info.pitch == AngleRange(-1.0, 1.0)
+
+
+def test_what_is_under_way_ends_with_the_daemon() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.ignored = {TURN}
+    ordered: Future[None] = Future()
+    link.turn(DOWN, HORIZON, ordered)
+    bench.step(0.2)
+    assert bench.gimbals.is_urgent
+    bench.gimbals.drop("the daemon ends")
+    with pytest.raises(LinkLostError, match="was given up: the daemon ends"):
+        ordered.result(0)
+
+
+@given(st.integers(0, 2**16 - 1), st.lists(st.floats(width=32), min_size=4, max_size=4), st.integers(0, 2**32 - 1))
+def test_whatever_it_says_is_no_defect(flags: int, q: list[float], capabilities: int) -> None:
+    nan = math.nan
+    said = mavlink.MAVLink_gimbal_device_attitude_status_message(0, 0, 1, flags, q, nan, nan, nan, flags)
+    found = gimbal_values.attitude_of(said, is_in_body=False)
+    assert found is None or found[0].norm() == pytest.approx(1.0)
+    gimbal_values.failures_of(said)
+    told = mavlink.MAVLink_gimbal_manager_information_message(1, capabilities, 1, *q, *q[:2])
+    identity = gimbal_values.identity_of(told)
+    for found_range in (identity.roll, identity.pitch, identity.yaw):
+        assert found_range is None or wrap_angle(found_range.least_rad) is not None
+    assert CAPABILITIES
