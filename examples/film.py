@@ -4,8 +4,8 @@
 
 The car is a frame that moves in map: here a simulated one that drives a curve, in the field what its receiver says.
 Each shot is a path in the car's frame, flown by poses in it; the nose points at the car, and so does a camera that is
-fixed to it. With ``--gimbal`` the cameras are those of the extension `gimbal`, which look at the car by themselves, on
-the way from shot to shot, too. The two fly at two heights. In the end each returns to where it took off, and lands.
+fixed to it. With ``--gimbal`` the cameras are on gimbals, which look at the car by themselves, on the way from shot to
+shot, too. The two fly at two heights. In the end each returns to where it took off, and lands.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ async def film(uav: ual.aio.Uav, shot: Shot, height_m: float, duration_s: float)
 
 async def look_at_the_car(_name: str, uav: ual.aio.Uav) -> None:
     """Points its gimbal at the car, from now on."""
-    await uav.extension("gimbal").point_at(ual.PointStamped(ual.Vector3(), "car"))
+    await uav.gimbals[0].point_at(ual.PointStamped(ual.Vector3(), "car"))
 
 
 async def shoot(team: ual.aio.Team, names: list[str], duration_s: float, car: Car, *, has_gimbal: bool) -> None:
@@ -116,7 +116,7 @@ async def film_all(names: list[str], duration_s: float, *, is_arming: bool, has_
 def main() -> None:
     options = parser(__doc__, names_count=2)
     options.add_argument("--shot-s", type=float, default=12.0, help="how long a shot takes")
-    options.add_argument("--gimbal", action="store_true", help="the cameras are those of the extension gimbal")
+    options.add_argument("--gimbal", action="store_true", help="the cameras are on gimbals")
     given = options.parse_args()
     tracks = Tracks()
     flown = film_all(given.names, given.shot_s, is_arming=given.arm, has_gimbal=given.gimbal, tracks=tracks)

@@ -134,22 +134,21 @@ def test_it_flies_by_tls_with_a_token_and_a_lease(
 
 
 @pytest.mark.timeout(BUILD_LIMIT_S + MISSION_LIMIT_S + 60.0)
-def test_go_calls_the_extensions_of_the_examples(
+def test_go_calls_the_extension_of_the_examples(
     language: Language, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     if language.folder != "go":
         pytest.skip("one other language is enough to show that an extension's service is one of gRPC")
-    for package in ("arm_extension", "gimbal_extension"):
-        (tmp_path / package).mkdir()
-        monkeypatch.setenv("PYTHONPATH", search_path_with(install(package, tmp_path / package)))
+    (tmp_path / "arm_extension").mkdir()
+    monkeypatch.setenv("PYTHONPATH", search_path_with(install("arm_extension", tmp_path / "arm_extension")))
     start_daemon: StartDaemon = request.getfixturevalue("start_daemon")  # with this environment
-    uav = start_daemon("--extension", "arm", "--extension", "gimbal")
+    uav = start_daemon("--extension", "arm")
     uav.wait_for("listening")
     done = subprocess.run(
         ["build/payload", "--address", uav.address], cwd=language.path, capture_output=True, text=True, timeout=LIMIT_S
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == ["arm at 0.50 -1.00 rad", "gimbal at -0.50 0.30 rad"]
+    assert done.stdout.splitlines() == ["arm at 0.50 -1.00 rad"]
 
 
 @pytest.mark.timeout(BUILD_LIMIT_S + MISSION_LIMIT_S + 60.0)

@@ -1,4 +1,4 @@
-// Payload moves what a UAV carries, through two extensions of its daemon: the arm and the gimbal of the examples.
+// Payload moves what a UAV carries, through an extension of its daemon: the arm of the examples.
 package main
 
 import (
@@ -10,10 +10,8 @@ import (
 
 	"google.golang.org/grpc"
 	"google.golang.org/grpc/credentials/insecure"
-	"google.golang.org/protobuf/proto"
 
 	armv1 "example.org/ual/mission/gen/ual_arm/v1"
-	gimbalv1 "example.org/ual/mission/gen/ual_gimbal/v1"
 )
 
 const limit = 20 * time.Second // for all of it
@@ -35,10 +33,7 @@ func run(ctx context.Context, address string) error {
 		return err
 	}
 	defer connection.Close()
-	if err := moveArm(ctx, armv1.NewArmServiceClient(connection)); err != nil {
-		return err
-	}
-	return pointGimbal(ctx, gimbalv1.NewGimbalServiceClient(connection))
+	return moveArm(ctx, armv1.NewArmServiceClient(connection))
 }
 
 // moveArm moves both joints, and shows where they are then.
@@ -50,26 +45,4 @@ func moveArm(ctx context.Context, arm armv1.ArmServiceClient) error {
 	joints := moved.GetJoints()
 	fmt.Printf("arm at %.2f %.2f rad\n", joints.GetShoulderRad(), joints.GetElbowRad())
 	return nil
-}
-
-// pointGimbal points down and to the left, and waits in the stream of attitudes until the gimbal says so.
-func pointGimbal(ctx context.Context, gimbal gimbalv1.GimbalServiceClient) error {
-	goal := &gimbalv1.Attitude{PitchRad: -0.5, YawRad: 0.3}
-	if _, err := gimbal.Point(ctx, &gimbalv1.PointRequest{Attitude: goal}); err != nil {
-		return err
-	}
-	watched, err := gimbal.WatchAttitude(ctx, &gimbalv1.WatchAttitudeRequest{RateHz: 20})
-	if err != nil {
-		return err
-	}
-	for {
-		said, err := watched.Recv()
-		if err != nil {
-			return err
-		}
-		if attitude := said.GetAttitude(); proto.Equal(attitude, goal) {
-			fmt.Printf("gimbal at %.2f %.2f rad\n", attitude.GetPitchRad(), attitude.GetYawRad())
-			return nil
-		}
-	}
 }

@@ -1,7 +1,0 @@
-"""A gimbal below a UAV, simulated or by MAVLink: an extension of UAL."""
-
-from __future__ import annotations
-
-from ual_gimbal.interface import Attitude, Gimbal
-
-__all__ = ["Attitude", "Gimbal"]
