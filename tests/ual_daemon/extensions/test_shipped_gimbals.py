@@ -362,7 +362,7 @@ def test_it_follows_a_frame_that_moves_until_the_next_order(lab: Lab) -> None:
     assert 33 <= len(aims) <= 41  # 20 times a second, at the next step
     lab.gimbal.set_rates(0.0)
     lab.step(1.0)
-    assert lab.last == ("rates", 0.0, 0.0)
+    assert lab.made_up.orders[-1] == ("rates", 0.0, 0.0)
     assert lab.gimbal.status().target is None
 
 

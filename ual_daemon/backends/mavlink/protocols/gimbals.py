@@ -67,7 +67,7 @@ class Means(NamedTuple):
 class _Asked(NamedTuple):
     """How often a component was asked what it manages, and when it is asked next."""
 
-    count: int
+    asks_count: int
     next_s: float
 
 
@@ -192,9 +192,9 @@ class Gimbals(Protocol):
             return
         asked = self._asked.setdefault(component_id, _Asked(0, now_s + FIRST_ASK_S))
         most_count = AUTOPILOT_ASKS_COUNT if component_id == target.component_id else ASKS_COUNT
-        if now_s < asked.next_s or asked.count >= most_count or not self._may_ask(component_id):
+        if now_s < asked.next_s or asked.asks_count >= most_count or not self._may_ask(component_id):
             return
-        self._asked[component_id] = _Asked(asked.count + 1, now_s + ASK_S)
+        self._asked[component_id] = _Asked(asked.asks_count + 1, now_s + ASK_S)
         self._request(Source(target.system_id, component_id), request_message(_INFORMATION), now_s)
 
     def _may_ask(self, component_id: int) -> bool:
