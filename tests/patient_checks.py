@@ -17,12 +17,10 @@ from ual.conformance import (
     own_cameras,
     own_corrections,
     own_fence,
+    own_gimbals,
     own_gripper,
     own_logs,
     own_missions,
-    own_fence,
-    own_gimbals,
-    own_gripper,
     own_parameters,
 )
 from ual.conformance.flight import CannotRunError

@@ -303,6 +303,7 @@ def test_it_flies_by_reflection_alone(start_daemon: StartDaemon) -> None:
         "ual.v1.MissionService",
         "ual.v1.CameraService",
         "ual.v1.GimbalService",
+        "ual.v1.GripperService",
         "ual.v1.FenceService",
         "ual.v1.LogService",
         "ual.v1.CorrectionsService",

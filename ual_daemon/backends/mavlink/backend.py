@@ -37,6 +37,7 @@ from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
 from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.mavlink.offers.gimbals import MavlinkGimbals
+from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.missions import MavlinkMissions
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
@@ -103,7 +104,6 @@ class MavlinkBackend(Backend):
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
             MavlinkGripper(reach, lambda what, command: self._command(what, lambda _: command), self._payload_messages),
             MavlinkCameras(self._cameras_found, self._now_s, reach, self._pictures, self._camera_trigger()),
-            MavlinkCameras(self._cameras_found, self._now_s, reach, self._camera_trigger()),
             MavlinkGimbals(self._gimbals_found, self._now_s, reach),
         )
 
