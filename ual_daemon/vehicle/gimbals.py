@@ -176,12 +176,12 @@ class Gimbals:
         body = self._body(snapshot)
         order = self._orders.get(number, _Order())
         followed, (control, words) = order.followed, gimbal.control()
-        in_local = None if attitude is None else _in_local(attitude, body)
+        in_local = None if attitude is None else attitude.in_local(body)
         problems = [*gimbal.problems(), *([order.problem] if order.problem else [])]
         return GimbalStatus(
             stamp_s=None if attitude is None else self._backend.utc_s() - (snapshot.time_s - attitude.time_s),
-            angles=None if attitude is None else _angles(attitude, body),
-            in_body=None if attitude is None else _in_body(attitude, body),
+            angles=None if attitude is None else angles_from_nose(attitude, body),
+            in_body=None if attitude is None else attitude.in_body(body),
             in_odom=None if self._resolver.odom_loss is not None else in_local,
             activity=order.activity,
             target=None if followed is None else followed.point,
@@ -212,7 +212,7 @@ class Gimbals:
 
     def _turned(self, gimbal: OfferedGimbal) -> Quaternion | None:
         attitude = gimbal.attitude()
-        return None if attitude is None else _in_body(attitude, self._body(self._backend.snapshot()))
+        return None if attitude is None else attitude.in_body(self._body(self._backend.snapshot()))
 
     def _all(self) -> Sequence[OfferedGimbal]:
         offer = self._backend.offer(OfferedGimbals)  # type: ignore[type-abstract]  # it is only looked for
@@ -256,29 +256,11 @@ def _within(wanted_rad: float, range_: AngleRange | None, axis: str, *, has_axis
     return nearest_rad, f"its {axis} ends at {nearest_rad:.2f} rad, and {wanted_rad:.2f} rad are needed"
 
 
-def _in_local(attitude: GimbalAttitude, body: Pose | None) -> Quaternion | None:
-    """Returns where it looks in the local frame; None where the pose of the body is needed and not known."""
-    if attitude.reference is GimbalReference.EARTH:
-        return attitude.orientation
-    if body is None:
-        return None
-    if attitude.reference is GimbalReference.BODY:
-        return body.orientation * attitude.orientation
-    return Quaternion.from_yaw(body.yaw_rad) * attitude.orientation
-
-
-def _in_body(attitude: GimbalAttitude, body: Pose | None) -> Quaternion | None:
-    if attitude.reference is GimbalReference.BODY:
-        return attitude.orientation
-    in_local = _in_local(attitude, body)
-    return None if body is None or in_local is None else body.orientation.inverse() * in_local
-
-
-def _angles(attitude: GimbalAttitude, body: Pose | None) -> GimbalAngles | None:
+def angles_from_nose(attitude: GimbalAttitude, body: Pose | None) -> GimbalAngles | None:
     """Returns roll and pitch from the horizon, and yaw from the nose."""
     if attitude.reference is GimbalReference.HORIZON:
         return angles_of(attitude.orientation)
-    in_local = _in_local(attitude, body)
+    in_local = attitude.in_local(body)
     if body is None or in_local is None:
         return None
     return angles_of(Quaternion.from_yaw(-body.yaw_rad) * in_local)

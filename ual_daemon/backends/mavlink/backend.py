@@ -13,7 +13,7 @@ from msgspec import structs
 from typing_extensions import override
 
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
-from ual.geometry import Vector3
+from ual.geometry import Pose, Vector3
 from ual.types import Limits
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
@@ -241,6 +241,13 @@ class MavlinkBackend(Backend):
     def _gimbals_found(self) -> Sequence[GimbalLink]:
         return () if self._discovery is None else self._discovery.protocols.gimbals.found
 
+    def _carried(self, device_id: int, body: Pose | None) -> Pose | None:
+        """Returns where the gimbal of a device id looks now. Where it is in the body is not known: at its origin."""
+        link = next((each for each in self._gimbals_found() if each.device_id == device_id), None)
+        attitude = None if link is None else link.attitude_at(self._now_s())
+        orientation = None if attitude is None else attitude.in_body(body)
+        return None if orientation is None else Pose(Vector3(), orientation)
+
     def _viewpoint(self) -> Viewpoint:
         """Returns from where a picture is taken now."""
         snapshot = self.snapshot()
@@ -266,6 +273,7 @@ class MavlinkBackend(Backend):
         cameras = discovery.protocols.cameras
         cameras.look = cameras.trigger.look = self._viewpoint
         cameras.trigger.utc_s = self.utc_s
+        cameras.carried = self._carried
         cameras.first_number = int(self._settings.has_camera_trigger)
         name = f"mavlink {self.options.ns}"
         loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update, name)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from typing import NamedTuple
 
-from ual.geometry import Quaternion, Vector3
+from ual.geometry import Pose, Quaternion, Vector3
 from ual.gimbals import GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
 
 
@@ -25,6 +25,23 @@ class GimbalAttitude(NamedTuple):
     orientation: Quaternion
     reference: GimbalReference
     time_s: float
+
+    def in_local(self, body: Pose | None) -> Quaternion | None:
+        """Returns it in the axes of the local frame; None where the pose of the body is needed, and not known."""
+        if self.reference is GimbalReference.EARTH:
+            return self.orientation
+        if body is None:
+            return None
+        if self.reference is GimbalReference.BODY:
+            return body.orientation * self.orientation
+        return Quaternion.from_yaw(body.yaw_rad) * self.orientation
+
+    def in_body(self, body: Pose | None) -> Quaternion | None:
+        """Returns it in the axes of the body; None where the pose of that is needed, and not known."""
+        if self.reference is GimbalReference.BODY:
+            return self.orientation
+        in_local = self.in_local(body)
+        return None if body is None or in_local is None else body.orientation.inverse() * in_local
 
 
 class OfferedGimbal(ABC):

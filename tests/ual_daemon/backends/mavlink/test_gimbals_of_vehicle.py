@@ -14,6 +14,7 @@ from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat, packer
 from tests.ual_daemon.backends.mavlink.test_backend import PATIENCE_S, Autopilot, Pair, opened
 from tests.waiting import until
 from ual.errors import LinkLostError, RejectedByAutopilotError
+from ual.geometry import Pose
 from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalReference
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
@@ -94,6 +95,10 @@ def test_it_is_found_ordered_and_seen(pair: Pair, component_id: int) -> None:
     attitude = gimbal.attitude()
     assert attitude is not None
     assert attitude.orientation.to_euler()[1] == pytest.approx(math.radians(30.0))
+    carried = backend._carried(device_id, Pose.at(0.0, 0.0, 5.0, yaw_rad=1.0))
+    assert carried is not None
+    assert carried.orientation.to_euler() == pytest.approx((0.0, math.radians(30.0), 0.0), abs=1e-6)
+    assert backend._carried(99, Pose()) is None
     until(lambda: gimbal.control() == (GimbalControl.OTHER, "system 1, component 190"), "who controls it")
 
 

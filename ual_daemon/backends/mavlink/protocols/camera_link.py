@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from ual.cameras import CameraInfo, CameraStatus, VideoStream
 from ual.errors import LinkLostError, ResourceExhaustedError, UalError
+from ual.geometry import Pose
 from ual_daemon.backends import futures
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.photo_log import PhotoLog
@@ -49,6 +50,10 @@ _CAPTURE = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
 _SHOOT = mavlink.MAV_CMD_IMAGE_START_CAPTURE
 
 
+Carried = Callable[[int, Pose | None], Pose | None]
+"""Returns where the gimbal of a device id is in the body of this pose, and where it looks. None: that is not known."""
+
+
 class _Shot(NamedTuple):
     """A picture by distance that is ordered, and not acknowledged."""
 
@@ -61,11 +66,16 @@ class CameraLink:
     """Belongs to the thread that receives; `info`, `photos`, `heard_s` and `number` are for any thread.
 
     One exchange runs at a time, in the order in which they were asked for. `look` returns from where a picture is taken
-    now, and `send` sends a message.
+    now, and `send` sends a message. `carried` returns how what is on a gimbal is mounted now; see `Cameras`.
     """
 
     def __init__(
-        self, number: int, source: Source, send: Callable[[Message], object], look: Callable[[], Viewpoint]
+        self,
+        number: int,
+        source: Source,
+        send: Callable[[Message], object],
+        look: Callable[[], Viewpoint],
+        carried: Carried = lambda _device_id, _body: None,
     ) -> None:
         self.number = number
         self.photos: PhotoLog[TakenPhoto] = PhotoLog()
@@ -74,6 +84,7 @@ class CameraLink:
         self._source = source
         self._send = send
         self._look = look
+        self._carried = carried
         self._line = CameraLine(self._command, f"camera {number}")
         self._reported = ReportedPhotos(
             lambda index, before_count: self._line.request(
@@ -265,7 +276,11 @@ class CameraLink:
         if not is_stored:
             self._missed_count += 1
         here = self._look()
-        viewpoint = here._replace(position_geo=camera_values.place_of(message) or here.position_geo)
+        device_id = 0 if self.identity is None else self.identity.gimbal_device_id
+        viewpoint = here._replace(
+            position_geo=camera_values.place_of(message) or here.position_geo,
+            mounting=self._carried(device_id, here.body) if device_id else here.mounting,
+        )
         stamp_s = camera_values.stamp_of(message) or utc_now_s
         url = camera_values.url_of(message)
         taken = self.photos.add(lambda number: TakenPhoto(number, stamp_s, viewpoint, is_stored, url))

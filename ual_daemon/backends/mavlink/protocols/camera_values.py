@@ -42,7 +42,7 @@ LEAST_FREE_MIB = 1.0
 
 
 class Identity(NamedTuple):
-    """What a CAMERA_INFORMATION says."""
+    """What a CAMERA_INFORMATION says. It is on the gimbal of this id; 0: on none."""
 
     name: str
     firmware_version: str
@@ -50,6 +50,7 @@ class Identity(NamedTuple):
     width_px: int
     height_px: int
     intrinsics: CameraIntrinsics | None
+    gimbal_device_id: int = 0
 
 
 def identity_of(message: Message) -> Identity:
@@ -60,7 +61,12 @@ def identity_of(message: Message) -> Identity:
     parts = [version >> shift & 0xFF for shift in (0, 8, 16, 24)]
     size = (message.resolution_h, message.resolution_v)
     return Identity(
-        name or "camera", ".".join(map(str, parts)) if version else "", abilities, *size, _intrinsics(message)
+        name or "camera",
+        ".".join(map(str, parts)) if version else "",
+        abilities,
+        *size,
+        _intrinsics(message),
+        message.gimbal_device_id,
     )
 
 

@@ -12,7 +12,7 @@ from typing_extensions import override
 
 from ual.errors import LinkLostError
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
+from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink, Carried
 from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import Source
@@ -52,6 +52,8 @@ class Cameras(Protocol):
         """The number of the camera that is found first. Set by the backend."""
         self.look: Callable[[], Viewpoint] = Viewpoint
         """Returns from where a picture is taken now. Set by the backend; never blocks."""
+        self.carried: Carried = lambda _device_id, _body: None
+        """Returns how what is on the gimbal of a device id is mounted now. Set by the backend; never blocks."""
         self._send = send
         self._target: Source | None = None
         self._by_component: dict[int, CameraLink] = {}
@@ -90,7 +92,7 @@ class Cameras(Protocol):
             camera.on_message(message, now_s, utc_now_s)
 
     def _add(self, source: Source) -> CameraLink:
-        camera = CameraLink(self.first_number + len(self.found), source, self._send, self.look)
+        camera = CameraLink(self.first_number + len(self.found), source, self._send, self.look, self.carried)
         self._by_component[source.component_id] = camera
         self.found = (*self.found, camera)
         _log.info("camera %d was found: component %d", camera.number, source.component_id)

@@ -38,6 +38,7 @@ class SimulatedCamera:
         self.is_there = True
         self.flags = FLAGS
         self.vendor, self.model = b"Acme", b"Eye"
+        self.gimbal_device_id = 0
         self.result = ACCEPTED
         """What it answers to orders."""
         self.takes = True
@@ -133,7 +134,8 @@ class SimulatedCamera:
         if message_id == mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION:
             names = (self.vendor.ljust(32, b"\0"), self.model.ljust(32, b"\0"))
             optics = (24.0, 36.0, 24.0, 6000, 4000, 0)
-            self._send(mavlink.MAVLink_camera_information_message(boot_ms, *names, 0x0201, *optics, self.flags, 0, b""))
+            described = (*names, 0x0201, *optics, self.flags, 0, b"", self.gimbal_device_id)
+            self._send(mavlink.MAVLink_camera_information_message(boot_ms, *described))
         elif message_id == mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS:
             self._send(mavlink.MAVLink_camera_settings_message(boot_ms, self._mode, self._zoom, self._focus))
         elif message_id == mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION:

@@ -16,7 +16,7 @@ from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from tests.ual_daemon.backends.mavlink.protocols.simulated_camera import BUSY, DENIED, Bench, decoded
 from ual.cameras import CameraAbility, CameraMode, Photo, StorageState, VideoStream
 from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalTimeoutError
-from ual.geometry import Pose
+from ual.geometry import Pose, Quaternion
 from ual.wire import cameras as convert
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols import camera_link
@@ -71,7 +71,24 @@ def test_a_picture_ends_with_its_report() -> None:
     assert taken.viewpoint.boots_count == 3
     assert taken.viewpoint.position_geo is not None
     assert taken.viewpoint.position_geo.altitude_amsl_m == 500.0
+    assert taken.viewpoint.mounting is None
     assert link.photos.since(0) == [taken]
+
+
+def test_a_picture_of_a_camera_on_a_gimbal_has_where_that_looked() -> None:
+    bench = Bench()
+    bench.camera.gimbal_device_id = 154
+    asked: list[tuple[int, Pose | None]] = []
+    down = Pose(orientation=Quaternion.from_euler(0.0, 1.5, 0.0))
+
+    def carried(device_id: int, body: Pose | None) -> Pose:
+        asked.append((device_id, body))
+        return down
+
+    bench.cameras.carried = carried
+    taken = bench.ended(bench.found().shoot).result()
+    assert taken.viewpoint.mounting == down
+    assert asked == [(154, bench.place)]
 
 
 @settings(max_examples=25, deadline=None)
