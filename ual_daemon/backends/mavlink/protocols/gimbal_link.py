@@ -23,9 +23,10 @@ LOST_S = 5.0
 """A gimbal that is silent for so long is not connected."""
 OLD_S = 1.0
 """Where it looks is not known any more so long after it has said so, ..."""
-ASK_S = 2.0
-"""... and then it is asked so often to say it."""
-ATTITUDE_HZ, STATUS_HZ = 20.0, 2.0
+ASK_S, LATER_ASK_S = 2.0, 10.0
+"""... and then it is asked so often to say it: at first, and after `SOON_COUNT` times."""
+SOON_COUNT = 10
+ATTITUDE_HZ, STATUS_HZ = 10.0, 2.0
 QUIET_S = 0.7
 """An order waits so long after one of its kind that was repeated: late answers to that would be taken for its own."""
 _ATTITUDE, _STATUS = (
@@ -41,12 +42,14 @@ class GimbalLine(NamedTuple):
 
     Attributes:
         send: Sends a message.
+        send_perishable: Sends one that is of no use when it is late.
         stream: Asks for a stream: of which message, and how often.
         own_ids: Returns our system and component.
 
     """
 
     send: Callable[[Message], object]
+    send_perishable: Callable[[Message], object]
     stream: Callable[[int, float, float], object]
     own_ids: Callable[[], Source]
 
@@ -77,6 +80,7 @@ class GimbalLink:
         self._next: dict[int, Order] = {}
         self._quiet_until_s: dict[int, float] = {}
         self._next_ask_s = -math.inf
+        self._asks_count = 0
         self._is_odd = False
 
     # --- What is known ------------------------------------------------------------------------------------------------
@@ -135,7 +139,7 @@ class GimbalLink:
 
     def aim(self, angles: GimbalAngles, reference: GimbalReference) -> None:
         """Turns to angles, without an answer. From any thread."""
-        self._line.send(gimbal_values.aiming(self.manager, angles, reference, self.device_id))
+        self._line.send_perishable(gimbal_values.aiming(self.manager, angles, reference, self.device_id))
 
     def take(self, future: Future[None]) -> None:
         """Takes the control. By our ids: PX4 would take -2, "the sender", for itself."""
@@ -149,9 +153,12 @@ class GimbalLink:
         system_id, component_id = map(float, primary)
 
         def on_done(done: Future[None]) -> None:
-            if not done.cancelled() and done.exception() is None:
-                is_ours = system_id >= 0.0
-                self._controller = self._line.own_ids() if is_ours else Source(0, 0)
+            if done.cancelled() or done.exception() is not None:
+                return
+            if system_id >= 0.0:
+                self._controller = self._line.own_ids()
+            elif self.control[0] is GimbalControl.OURS:
+                self._controller = Source(0, 0)
 
         future.add_done_callback(on_done)
         params = (system_id, component_id, _UNCHANGED, _UNCHANGED, 0.0, 0.0, float(self.device_id))
@@ -219,7 +226,7 @@ class GimbalLink:
 
     def tick(self, now_s: float) -> None:
         """Sends what is due; to be called often."""
-        if now_s - self.heard_s > LOST_S:
+        if self.is_busy and now_s - self.heard_s > LOST_S:
             silent_s = now_s - self.heard_s
             self.drop(LinkLostError(f"{self.name} is not heard: its last message came {silent_s:.0f} s ago"))
         self._ask(now_s)
@@ -244,8 +251,12 @@ class GimbalLink:
 
     def _ask(self, now_s: float) -> None:
         """Asks for its streams where they do not come."""
-        if now_s < self._next_ask_s or (self.attitude_at(now_s) is not None and self._controller is not None):
+        if now_s < self._next_ask_s:
             return
-        self._next_ask_s = now_s + ASK_S
+        if self.attitude_at(now_s) is not None and self._controller is not None:
+            self._asks_count = 0
+            return
+        self._asks_count += 1
+        self._next_ask_s = now_s + (ASK_S if self._asks_count < SOON_COUNT else LATER_ASK_S)
         self._line.stream(_ATTITUDE, ATTITUDE_HZ, now_s)
         self._line.stream(_STATUS, STATUS_HZ, now_s)

@@ -52,6 +52,7 @@ class Means(NamedTuple):
 
     Attributes:
         send: Sends a message.
+        send_perishable: Sends one that is of no use when it is late.
         submit: Sends a request for data to the autopilot, in its turn with the other requests.
         own_ids: Returns our system and component.
         says_manager: Whether the autopilot says that it manages gimbals.
@@ -59,6 +60,7 @@ class Means(NamedTuple):
     """
 
     send: Callable[[Message], object]
+    send_perishable: Callable[[Message], object] = lambda _message: None
     submit: Callable[[LongCommand, float], object] = lambda _command, _now_s: None
     own_ids: Callable[[], Source] = lambda: Source(0, 0)
     says_manager: Callable[[], bool] = lambda: False
@@ -167,7 +169,9 @@ class Gimbals(Protocol):
         return next((each for each in self.found if (each.manager, each.device_id) == (source, device_id)), None)
 
     def _add(self, source: Source, device_id: int) -> GimbalLink:
-        line = GimbalLine(self._means.send, partial(self._stream, source), self._means.own_ids)
+        line = GimbalLine(
+            self._means.send, self._means.send_perishable, partial(self._stream, source), self._means.own_ids
+        )
         says_joints = source == self._target and self._dialect is not None and self._dialect.says_gimbal_joints
         link = GimbalLink(len(self.found), source, device_id, line, says_joints=says_joints)
         if len(self.found) < MOST_GIMBALS:

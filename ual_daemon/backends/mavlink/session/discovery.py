@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import replace
+from functools import partial
 
 from typing_extensions import override
 
@@ -72,7 +73,13 @@ class Discovery(Selector):
             self._may_be_flying,
             lambda: link.has_room,
             self._speed_up,
-            Means(self.sender.send, self._submit, self._own_ids, self._says_gimbal_manager),
+            Means(
+                self.sender.send,
+                partial(self.sender.send, is_perishable=True),
+                self._submit,
+                self._own_ids,
+                self._says_gimbal_manager,
+            ),
         )
         self._settings = settings
         self._link = link

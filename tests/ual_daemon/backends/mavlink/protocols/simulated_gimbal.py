@@ -131,7 +131,7 @@ class Bench:
         self.requests: list[LongCommand] = []
         self.source = source
         self.manager = SimulatedManager(source, lambda who, message: self._to_us.append((who, message)))
-        means = Means(self._to_it.append, self._submit, lambda: OURS, lambda: True)
+        means = Means(self._to_it.append, self._to_it.append, self._submit, lambda: OURS, lambda: True)
         self.gimbals = Gimbals(means)
         self.gimbals.attach(AUTOPILOT, ArduCopter() if dialect is None else dialect)
 

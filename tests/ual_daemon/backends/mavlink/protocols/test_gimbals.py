@@ -154,6 +154,16 @@ def test_where_it_looks_is_forgotten_when_it_does_not_say_it_and_asked_for() -> 
     assert link.attitude_at(bench.now_s) is not None
 
 
+def test_one_that_never_says_it_is_asked_ever_less() -> None:
+    bench = Bench(AUTOPILOT)
+    bench.found()
+    bench.manager.is_there = False
+    bench.step(300.0)
+    before = len(bench.requests)
+    bench.step(100.0)
+    assert len(bench.requests) - before <= 2 * 11
+
+
 @pytest.mark.parametrize("q", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0), (9.0, 0.0, 0.0, 0.0)])
 def test_an_orientation_that_cannot_be_is_not_told(q: tuple[float, float, float, float]) -> None:
     bench = Bench()
@@ -325,6 +335,8 @@ def test_its_control_is_taken_by_our_ids_and_given_up() -> None:
     assert link.control == (GimbalControl.FREE, "")
     bench.manager.controller = (255, 190)
     bench.step()
+    bench.manager.streamed.pop(mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS)
+    bench.ended(link.release)  # what is another one's stays so
     assert link.control == (GimbalControl.OTHER, "system 255, component 190")
 
 
