@@ -34,9 +34,8 @@ from ual_daemon.backends.mavlink.links.endpoints import (
 from ual_daemon.backends.mavlink.offers.cameras import MavlinkCameras
 from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
 from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
-from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
-from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.mavlink.offers.gimbals import MavlinkGimbals
+from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.missions import MavlinkMissions

@@ -12,8 +12,8 @@ from ual_daemon.backends.mavlink.protocols.cameras import Cameras
 from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMetadata
 from ual_daemon.backends.mavlink.protocols.corrections_injection import CorrectionsInjection
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp
-from ual_daemon.backends.mavlink.protocols.gripper_reports import GripperReports
 from ual_daemon.backends.mavlink.protocols.gimbals import Gimbals, Means
+from ual_daemon.backends.mavlink.protocols.gripper_reports import GripperReports
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
 from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgress
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
