@@ -6,12 +6,15 @@ from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
 from std_srvs.srv import Empty, Trigger
 from ual_msgs import action, msg, srv
 
 import ual
+from ual.cameras import Photo
 from ual.parameters.values import Parameter
-from ual_ros2 import values
+from ual_ros2 import pictures, values
 from ual_ros2.messages import Entity, Message
 
 
@@ -107,6 +110,31 @@ def _told_parameters(read: list[Parameter]) -> Mapping[str, Message]:
     return {"parameters": [_parameter(each) for each in read]}
 
 
+def _told_photo(photo: Photo) -> Mapping[str, Message]:
+    body, camera = PoseStamped(), PoseStamped()
+    pictures.fill_pose_stamped(body, photo.body)
+    if photo.camera is not None:
+        there = ual.PoseStamped(pictures.optical(photo.camera.pose), photo.camera.frame_id)
+        pictures.fill_pose_stamped(camera, there)
+    stamp = Time()
+    stamp.sec, stamp.nanosec = values.split(photo.stamp_s)
+    for each in (body, camera):
+        each.header.stamp = stamp
+    return {
+        "number": photo.number,
+        "stamp": stamp,
+        "is_stored": photo.is_stored,
+        "body": body,
+        "optical": camera,
+        "file_url": photo.file_url,
+    }
+
+
+def _start_photos(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
+    interval_s, distance_m = request.interval or None, request.distance or None
+    return uav.cameras[request.camera].start_photos(interval_s=interval_s, distance_m=distance_m, count=request.count)
+
+
 SERVICES = (
     Command("take_off", srv.TakeOff, lambda uav, request: uav.take_off(request.height, blocking=request.blocking)),
     Command("land", srv.Land, lambda uav, request: uav.land(blocking=request.blocking)),
@@ -140,6 +168,13 @@ SERVICES = (
         lambda uav, request: uav.parameters.set(request.name, request.value, force=request.force),
         told=_told_parameter,
     ),
+    Command(
+        "take_photo", srv.TakePhoto, lambda uav, request: uav.cameras[request.camera].take_photo(), told=_told_photo
+    ),
+    Command("start_photos", srv.StartPhotos, _start_photos),
+    Command("stop_photos", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].stop_photos()),
+    Command("start_video", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].start_video()),
+    Command("stop_video", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].stop_video()),
 )
 
 # The names are those of the services: ROS keeps the two apart.

@@ -53,9 +53,9 @@ class Tf:
         if self._published != before:
             self._static.publish(TFMessage(transforms=[self._stamped(link) for link in self._published.values()]))
 
-    def publish_moving(self, links: Iterable[ual.Transform]) -> None:
-        """Publishes where frames are now."""
-        if stamped := [self._stamped(link) for link in links]:
+    def publish_moving(self, links: Iterable[ual.Transform], stamp_s: float | None = None) -> None:
+        """Publishes where frames are at a time, or now."""
+        if stamped := [self._stamped(link, stamp_s) for link in links]:
             self.moving.publish(TFMessage(transforms=stamped))
 
     def listened(self) -> TfBuffer:
@@ -76,10 +76,13 @@ class Tf:
             for each in message.transforms:
                 self._listened.put(values.transform_stamped(each))
 
-    def _stamped(self, link: ual.Transform) -> Message:
+    def _stamped(self, link: ual.Transform, stamp_s: float | None = None) -> Message:
         message = TransformStamped()
         values.fill_transform(message, link)
-        self._time.stamp_now(message.header.stamp)
+        if stamp_s is None:
+            self._time.stamp_now(message.header.stamp)
+        else:
+            self._time.stamp(message.header.stamp, stamp_s)
         return message
 
 

@@ -16,6 +16,7 @@ from std_srvs.srv import Empty, Trigger
 
 import ual
 from ual_ros2 import outcome, topics, values
+from ual_ros2.cameras import Cameras
 from ual_ros2.commands import ACTIONS, SERVICES, Command
 from ual_ros2.frames import Frames, Tf
 from ual_ros2.goals import Goals
@@ -72,6 +73,9 @@ class UavInterface:
         self._commands: set[Run] = set()
         self._topics = topics.Topics(shared.node, ns, shared.time, shared.tf.moving)
         self._frames = Frames(self._uav, ns, shared.tf)
+        self._cameras = Cameras(
+            shared.node, self._uav, ns, shared.time, shared.tf.publish_moving, settings.camera_rate_hz
+        )
         self._setpoints: Newest[ual.PoseStamped | ual.TwistStamped] = Newest(self._loop, self._set, self._on_refusal)
         self._external_poses: Newest[ual.types.ExternalPose] = Newest(
             self._loop, self._set_external_pose, self._on_refusal
@@ -110,6 +114,7 @@ class UavInterface:
         for subscription in self._subscriptions:
             node.destroy_subscription(subscription)
         self._topics.destroy()
+        self._cameras.destroy()
         self._run(self.close()).result()
 
     def _on_pose(self, message: Message) -> None:
@@ -147,7 +152,7 @@ class UavInterface:
         self._is_active = True
         self._said.address = self._uav.address
         self._heard_s = self._loop.time()
-        works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed()]
+        works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed(), self._cameras.follow()]
         if self._shared.settings.lease_holder is not None:
             self._not_leased = ual.LeaseLostError("the node has not acquired its lease yet", {"by": "nothing"})
             works.append(self._acquire())

@@ -22,6 +22,7 @@ DEFAULTS: dict[str, tuple[Any, str]] = {
     "lease_holder": ("ual_ros2", "how this program is called where others are refused by its lease"),
     "rate_hz": (30.0, "how often pose, velocity, odom, ref_pose and tf are published"),
     "slow_rate_hz": (2.0, "how often battery, fix and health are published, and frames are looked for"),
+    "camera_rate_hz": (5.0, "how often each picture of a camera that is heard is fetched and published"),
     "feedback_rate_hz": (10.0, "how often actions give feedback"),
     "autostart": (True, "whether the node configures and activates itself"),
 }
@@ -40,6 +41,7 @@ class Settings:
     """None: fly without a lease."""
     rate_hz: float
     slow_rate_hz: float
+    camera_rate_hz: float
     feedback_rate_hz: float
 
 
@@ -71,6 +73,7 @@ def settings_of(given: dict[str, Any]) -> Settings:
         lease_holder=str(given["lease_holder"]) if given["lease"] else None,
         rate_hz=_rate(given, "rate_hz"),
         slow_rate_hz=_rate(given, "slow_rate_hz"),
+        camera_rate_hz=_rate(given, "camera_rate_hz"),
         feedback_rate_hz=_rate(given, "feedback_rate_hz"),
     )
 

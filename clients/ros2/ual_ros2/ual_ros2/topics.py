@@ -25,6 +25,7 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 MANY_LATCHED = QoSProfile(
     depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
+SENSOR_DATA = qos_profile_sensor_data
 TF = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 
@@ -97,13 +98,13 @@ class Topics:
         odometry = sample.odometry
         if odometry is not None:
             self._publish_odometry(odometry)
-        if sample.pose is not None and _is_heard(self._pose):
+        if sample.pose is not None and is_heard(self._pose):
             self._publish_pose(self._pose, self._pose_message, sample.pose, sample)
-        if sample.velocity is not None and _is_heard(self._velocity):
+        if sample.velocity is not None and is_heard(self._velocity):
             self._stamp(self._velocity_message.header, sample.stamp_s, sample.frame_id)
             values.fill_twist(self._velocity_message.twist, sample.velocity)
             self._velocity.publish(self._velocity_message)
-        if sample.reference_pose is not None and _is_heard(self._ref_pose):
+        if sample.reference_pose is not None and is_heard(self._ref_pose):
             self._publish_pose(self._ref_pose, self._ref_pose_message, sample.reference_pose, sample)
 
     def publish_slow(self, sample: ual.Telemetry, said: health.Said) -> None:
@@ -112,14 +113,14 @@ class Topics:
             self._publish_battery(self._battery, sample.battery)
         for each in sample.batteries:
             self._publish_battery(self._batteries, each)
-        if sample.position_geo is not None and _is_heard(self._fix):
+        if sample.position_geo is not None and is_heard(self._fix):
             self._stamp(self._fix_message.header, sample.stamp_s, f"{self._ns}/base_link")
             values.fill_fix(self._fix_message, sample.position_geo, sample.gps)
             self._fix.publish(self._fix_message)
         self._publish_health(health.of(sample, said))
 
     def _publish_battery(self, publisher: Entity, battery: ual.Battery) -> None:
-        if _is_heard(publisher):
+        if is_heard(publisher):
             self._time.stamp_now(self._battery_message.header.stamp)
             values.fill_battery(self._battery_message, battery)
             publisher.publish(self._battery_message)
@@ -129,7 +130,7 @@ class Topics:
         self._publish_state(_Told(ual.State.UNINITIALIZED, reason))
         self._publish_health(health.silent(reason, said))
 
-    def _publisher(self, kind: Entity, name: str, qos: Entity = qos_profile_sensor_data) -> Entity:
+    def _publisher(self, kind: Entity, name: str, qos: Entity = SENSOR_DATA) -> Entity:
         topic = f"/{self._ns}/ual/{name}"
         return self._node.create_publisher(kind, topic, qos, qos_overriding_options=overridable())
 
@@ -150,7 +151,7 @@ class Topics:
         values.fill_transform(message, transform)
         self._time.stamp(message.header.stamp, odometry.stamp_s)
         self._tf.publish(self._tf_message)
-        if _is_heard(self._odom):
+        if is_heard(self._odom):
             self._odom_message.child_frame_id = odometry.child_frame_id
             self._stamp(self._odom_message.header, odometry.stamp_s, odometry.frame_id)
             values.fill_pose(self._odom_message.pose.pose, odometry.pose)
@@ -187,5 +188,6 @@ class Topics:
         header.frame_id = frame_id
 
 
-def _is_heard(publisher: Entity) -> bool:
+def is_heard(publisher: Entity) -> bool:
+    """Returns whether anything subscribes to a topic."""
     return bool(publisher.get_subscription_count())

@@ -1,0 +1,72 @@
+"""Pictures as messages, without ROS."""
+
+from __future__ import annotations
+
+import math
+import struct
+from types import SimpleNamespace
+
+import pytest
+
+import ual
+from tests.clients.ros2 import messages
+from ual.cameras import CameraIntrinsics, Image, ImageFormat, ImageKind
+from ual_ros2 import pictures
+
+DOWN = ual.Quaternion.from_euler(0.0, math.pi / 2.0, 0.0)
+
+
+def image(**values: object) -> Image:
+    body = ual.PoseStamped(ual.Pose.at(1.0, 2.0, 3.0, math.pi / 2.0), "uav_1/odom")
+    camera = ual.PoseStamped(ual.Pose(ual.Vector3(1.0, 2.5, 3.0), body.pose.orientation * DOWN), "uav_1/odom")
+    known = {"data": b"\1\2", "format": ImageFormat.PNG, "width_px": 2, "height_px": 1, "stamp_s": 5.0}
+    return Image(**{**known, "body": body, "camera": camera, **values})  # type: ignore[arg-type]
+
+
+def test_the_optical_frame_is_in_the_camera_and_that_in_the_body() -> None:
+    mount, optical = pictures.links("uav_1", 2, image())
+    assert (mount.frame_id, mount.child_frame_id) == ("uav_1/base_link", "uav_1/camera_2")
+    assert (optical.frame_id, optical.child_frame_id) == ("uav_1/camera_2", "uav_1/camera_2_optical")
+    assert (mount.translation - ual.Vector3(0.5)).norm() < 1e-9
+    whole = mount.compose(optical)
+    for optical_axis, body_axis in (
+        (ual.Vector3(0.0, 0.0, 1.0), ual.Vector3(0.0, 0.0, -1.0)),  # it looks down
+        (ual.Vector3(1.0), ual.Vector3(0.0, -1.0)),  # the right of its picture is the UAV's right
+        (ual.Vector3(0.0, 1.0), ual.Vector3(-1.0)),  # the bottom of its picture is behind
+    ):
+        assert (whole.rotation.rotate(optical_axis) - body_axis).norm() < 1e-9
+
+
+@pytest.mark.parametrize("unknown", ["body", "camera"])
+def test_a_mounting_that_is_not_known_is_no_frame(unknown: str) -> None:
+    assert pictures.links("uav_1", 0, image(**{unknown: None})) == []
+
+
+def test_the_matrices_are_those_of_the_pinhole_and_zeros_where_it_is_not_known() -> None:
+    message = SimpleNamespace()
+    pictures.fill_camera_info(message, 64, 48, CameraIntrinsics(64, 48, 50.0, 51.0, 31.5, 23.5))
+    assert (message.width, message.height, message.distortion_model) == (64, 48, "plumb_bob")
+    assert message.k == [50.0, 0.0, 31.5, 0.0, 51.0, 23.5, 0.0, 0.0, 1.0]
+    assert message.p == [50.0, 0.0, 31.5, 0.0, 0.0, 51.0, 23.5, 0.0, 0.0, 0.0, 1.0, 0.0]
+    assert message.d == [0.0] * 5
+    pictures.fill_camera_info(message, 64, 48, None)
+    assert (message.width, message.k, message.p, message.d) == (64, [0.0] * 9, [0.0] * 12, [])
+
+
+def test_bytes_and_distances_are_passed_as_they_are() -> None:
+    message = SimpleNamespace()
+    pictures.fill_compressed(message, image())
+    assert (message.format, bytes(message.data)) == ("png", b"\1\2")
+    data = struct.pack("<2f", 1.5, math.inf)
+    pictures.fill_distances(message, image(data=data, format=ImageFormat.FLOAT32, kind=ImageKind.DEPTH))
+    assert (message.width, message.height, message.step) == (2, 1, 8)
+    assert (message.encoding, message.is_bigendian) == ("32FC1", 0)
+    assert bytes(message.data) == data
+
+
+def test_a_place_that_is_not_known_has_no_frame() -> None:
+    message = SimpleNamespace(header=messages.header(), pose=messages.pose())
+    pictures.fill_pose_stamped(message, None)
+    assert message.header.frame_id == ""
+    pictures.fill_pose_stamped(message, image().body)
+    assert (message.header.frame_id, message.pose.position.y) == ("uav_1/odom", 2.0)
