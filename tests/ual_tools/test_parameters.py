@@ -119,3 +119,37 @@ def test_a_backend_without_them_says_so(start_daemon: StartDaemon) -> None:
     with ual.Uav(address=daemon.address) as uav, pytest.raises(NotSupportedError, match="does not offer them"):
         uav.parameters.get_all()
     assert run(daemon, "param", "list").exit_code == 1
+
+
+def test_a_file_is_loaded_as_far_as_it_differs_and_what_needs_a_boot_comes_last(
+    daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
+) -> None:
+    before = vehicle.autopilot.parameters
+    file = tmp_path / "mine.param"
+    wanted = {"EKF2_EV_CTRL": 5.0, NAME: 0.9, "MPC_XY_CRUISE": 4.0, "COM_OF_LOSS_T": before["COM_OF_LOSS_T"]}
+    file.write_text("".join(f"{name},{value:g}\n" for name, value in wanted.items()))
+    boot = "; these take effect at the next boot of the autopilot: EKF2_EV_CTRL"
+    lines = done(daemon, "param", "load", file).splitlines()
+    assert lines == [
+        f"{NAME}: 0.7 -> 0.9",
+        "MPC_XY_CRUISE: 5 -> 4",  # a flight relies on it
+        "EKF2_EV_CTRL: 0 -> 5",
+        f"3 of 3 parameters that differed were written{boot}",
+    ]
+    assert {name: before[name] for name in wanted} == pytest.approx(wanted)
+    assert done(daemon, "param", "load", file) == "0 of 0 parameters that differed were written\n"
+
+
+def test_what_cannot_be_loaded_is_told_and_the_rest_is_written(
+    daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.param"
+    file.write_text(f"EKF2_EV_CTRL,1e10\nNOT_THERE,1\nMPC_XY_CRUISE,4\n{NAME},0.9\n")
+    vehicle.autopilot.kept_parameters.add("MPC_XY_CRUISE")
+    loaded = run(daemon, "param", "load", file)
+    assert loaded.exit_code == 1
+    assert f"{NAME}: 0.7 -> 0.9" in loaded.output
+    assert "NOT_THERE: the UAV has no parameter of this name" in loaded.output
+    assert "MPC_XY_CRUISE: MPC_XY_CRUISE was not written: the autopilot keeps 5, not 4" in loaded.output
+    assert "EKF2_EV_CTRL: value: " in loaded.output
+    assert "1 of 4 parameters that differed were written" in loaded.output

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from ual.errors import InvalidArgumentError
+from ual.errors import InvalidArgumentError, RejectedByAutopilotError
+from ual.interface import Parameters
 from ual.parameters import Difference, Parameter, compare, range_text, read, write
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
@@ -29,6 +30,7 @@ _EXISTING = click.Path(path_type=Path, dir_okay=False, exists=True)
         "ual param set MPC_XY_CRUISE 5",
         "ual param save before.params",
         "ual param compare before.params",
+        "ual param load before.params",
     ),
 )
 def param() -> None:
@@ -122,6 +124,51 @@ def compare_file(session: Session, file: Path, all_names: bool) -> None:
         click.echo(f"all {len(in_file)} parameters of {file} are alike on the UAV")
     if differences:
         raise click.exceptions.Exit(REFUSED)
+
+
+@param.command("load", cls=UalCommand, examples=("ual param load before.params", "ual param load --force my.param"))
+@click.argument("file", type=_EXISTING)
+@click.option("--force", is_flag=True, help="As of `set`.")
+@pass_session
+def load(session: Session, file: Path, force: bool) -> None:
+    """Write what differs in FILE from the UAV, and read each back.
+
+    Those that take effect at the next boot come last. What the UAV has not, or refuses, is printed, and the exit
+    status is 1 then.
+    """
+    in_file = read(file)
+    with session.connect() as uav:
+        differences = compare(in_file, uav.parameters.get_all())
+        results = [_loaded(session, uav.parameters, each, force) for each in sorted(differences, key=_turn)]
+    written = [each for each in results if each is not None]
+    later = [each.name for each in written if each.needs_reboot]
+    text = f"{len(written)} of {len(differences)} parameters that differed were written"
+    boot = f"; these take effect at the next boot of the autopilot: {', '.join(later)}" if later else ""
+    values = {"done": "param load", "file": str(file), "written": len(written), "differed": len(differences)}
+    session.emit({**values, "needs_reboot": later}, text + boot)
+    if len(written) < len(differences):
+        raise click.exceptions.Exit(REFUSED)
+
+
+def _turn(difference: Difference) -> tuple[bool, bool, str]:
+    """When a parameter is written: what takes effect at the next boot last, and before it what flights rely on."""
+    found = difference.on_uav
+    return found is not None and found.needs_reboot, found is not None and found.is_relied_on, difference.name
+
+
+def _loaded(session: Session, parameters: Parameters, difference: Difference, force: bool) -> Parameter | None:
+    """Writes one that differs. Returns None where the autopilot has none of this name, or refuses this value."""
+    name, value, before = difference.name, difference.in_file, difference.on_uav
+    if before is None or value is None:
+        session.note(f"{name}: the UAV has no parameter of this name")
+        return None
+    try:
+        found = parameters.set(name, value, force=force)
+    except (InvalidArgumentError, RejectedByAutopilotError) as error:
+        session.note(f"{name}: {error.message}")
+        return None
+    session.emit(found, f"{name}: {before.text} -> {found.text}")
+    return found
 
 
 def _range(parameter: Parameter) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ual.fences import FencePlan, FenceZone, KeptFence, RallyPoint
-from ual.fences.values import leaves_out
+from ual.fences.values import crossing, leaves_out
 from ual.types import AltitudeReference
 from ual.v1 import fence_pb2 as pb
 from ual.wire import fences as convert
@@ -70,3 +71,25 @@ def test_nothing_is_lost_in_a_message(is_enabled: bool | None) -> None:
     request = pb.UploadFenceRequest(zones=convert.zones_to_proto(kept.zones))
     request.rally_points.extend(convert.rally_to_proto(points))
     assert convert.plan_from_proto(request) == FencePlan(kept.zones, points)
+
+
+@pytest.mark.parametrize(
+    ("corners", "sides"),
+    [
+        ([(0, 0), (0, 2), (2, 2), (2, 0)], None),
+        ([(0, 0), (0, 2), (2, 2), (2, 0), (0, 0)], None),  # the first corner again at the end
+        ([(0, 0), (2, 2), (0, 2), (2, 0)], (1, 3)),  # a bow tie
+        ([(0, 0), (0, 2), (1, 0), (2, 2), (2, 0)], (2, 5)),  # a corner on another side
+        ([(0, 0), (0, 2), (0, 1), (2, 1)], (1, 2)),  # a side that turns back
+        ([(0, 0), (0, 1), (0, 2)], (1, 3)),  # without an area
+    ],
+)
+def test_sides_that_cross_or_touch_are_found(corners: list[tuple[int, int]], sides: tuple[int, int] | None) -> None:
+    assert crossing([(47.0 + a * 1e-4, 8.0 + b * 1e-4) for a, b in corners]) == sides
+
+
+@given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=3, max_size=7))
+def test_a_polygon_crosses_itself_where_shapely_says_so(corners: list[tuple[int, int]]) -> None:
+    places = [each for i, each in enumerate(corners) if each != corners[i - 1]]
+    if len(places) > 2:
+        assert (crossing([(a * 1e-7, b * 1e-7) for a, b in places]) is None) == shapely.Polygon(places).is_valid

@@ -248,6 +248,7 @@ def test_px4_applies_its_zones_where_it_does_more_than_warn(
     [
         FencePlan(()),
         FencePlan((FenceZone(True, ((47.0, 8.0), (47.1, 8.0))),)),
+        FencePlan((FenceZone(True, ((47.0, 8.0), (47.002, 8.002), (47.0, 8.002), (47.002, 8.0))),)),  # a bow tie
         FencePlan((FenceZone(True, ((47.0, 8.0),) * 256),)),
         FencePlan((FenceZone(True, ((47.0, 8.0),), 0.0),)),
         FencePlan((FenceZone(True, ((47.0, 8.0),), float("nan")),)),

@@ -13,7 +13,7 @@ from typing_extensions import override
 
 from ual import interface
 from ual.errors import GeofenceError, UalError, WrongStateError
-from ual.fences.values import FencePlan, FenceZone, KeptFence, RallyPoint, leaves_out
+from ual.fences.values import FencePlan, FenceZone, KeptFence, RallyPoint, crossing, leaves_out
 from ual.parameters.values import Parameter
 from ual.types import AltitudeReference, Telemetry
 from ual_daemon import logs, validation
@@ -259,6 +259,10 @@ def _check_zone(zone: FenceZone, field: str) -> None:
             raise validation.refuse(field, f"a circle has one centre, not {len(zone.points)}")
     for place in zone.points:
         _check_place(*place, field)
+    crossed = crossing(zone.points) if zone.radius_m is None else None
+    if crossed:
+        text = "a polygon whose sides {} and {} cross or touch has no clear inside: autopilots differ about it"
+        raise validation.refuse(field, text.format(*crossed))
 
 
 def _check_rally(point: RallyPoint, field: str) -> None:

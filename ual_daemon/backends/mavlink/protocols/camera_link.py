@@ -46,7 +46,7 @@ SOON_COUNT = 10
 SHOT_RETRY_S, SHOT_TRIES_COUNT = 0.15, 3
 """An order of a picture by distance is sent so often, as long as the UAV is near its place."""
 _SETTINGS, _STORAGE = mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS, mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION
-_CAPTURE = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
+_CAPTURE, _BATTERY = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
 _SHOOT = mavlink.MAV_CMD_IMAGE_START_CAPTURE
 
 
@@ -99,6 +99,7 @@ class CameraLink:
         self._identity_count = 0
         self._status = CameraStatus()
         self._storage_note = ""
+        self._battery_id: int | None = None
         self._distance: tuple[float, DistanceTrigger] | None = None
         self._shot: _Shot | None = None
         self._missed_count = 0
@@ -191,6 +192,7 @@ class CameraLink:
             storage=said.storage,
             zoom_percent=said.zoom_percent,
             focus_percent=said.focus_percent,
+            battery_percent=said.battery_percent,
         )
 
     def _add(self, exchange: CameraExchange[Any]) -> None:
@@ -296,6 +298,8 @@ class CameraLink:
                 zoom_percent=camera_values.percent_of(message.zoomLevel),
                 focus_percent=camera_values.percent_of(message.focusLevel),
             )
+        elif message_id == _BATTERY:
+            self._on_battery(message.id, camera_values.battery_of(message))
         elif message_id == _STORAGE and message.storage_id <= 1:
             storage, self._storage_note = camera_values.storage_of(message)
             self._status = replace(said, storage=storage)
@@ -309,6 +313,12 @@ class CameraLink:
                 is_recording=message.video_status == 1,
                 recording_s=message.recording_time_ms / 1e3 if message.video_status == 1 else 0.0,
             )
+
+    def _on_battery(self, battery_id: int, percent: float | None) -> None:
+        """Takes the charge of the battery with the lowest number that it has."""
+        if self._battery_id is None or battery_id <= self._battery_id:
+            self._battery_id = battery_id
+            self._status = replace(self._status, battery_percent=percent)
 
     def _on_ack(self, message: Message, now_s: float) -> None:
         if message.command == _SHOOT and self._shot is not None and not isinstance(self._running, Shooting):

@@ -80,6 +80,11 @@ def percent_of(value: float) -> float | None:
     return value if 0.0 <= value <= 100.0 else None
 
 
+def battery_of(message: Message) -> float | None:
+    """Reads the charge of a BATTERY_STATUS, in percent; None where the camera does not know it (-1)."""
+    return percent_of(float(message.battery_remaining))
+
+
 def storage_of(message: Message) -> tuple[CameraStorage, str]:
     """Reads a STORAGE_INFORMATION. Returns also what about it cannot be, in words; empty if nothing is."""
     state = _STORED.get(message.status)

@@ -33,6 +33,7 @@ MESSAGE_IDS = frozenset(
         mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
         mavlink.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED,
         mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
+        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
     }
 )
 """What is taken of them; everything else is not even decoded."""

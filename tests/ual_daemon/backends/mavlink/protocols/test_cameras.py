@@ -268,6 +268,23 @@ def test_an_older_camera_is_asked_by_the_commands_that_it_knows() -> None:
     assert bench.ended(link.shoot).result().number == 1
 
 
+def test_the_charge_of_its_battery_is_told_where_it_says_it() -> None:
+    bench = Bench()
+    link = bench.found()
+
+    def say(battery_id: int, percent: int) -> float | None:
+        cells = [0xFFFF] * 10
+        said = mavlink.MAVLink_battery_status_message(battery_id, 0, 0, 0, cells, -1, -1, -1, percent)
+        bench.cameras.on_component(Source(7, mavlink.MAV_COMP_ID_CAMERA), decoded(said), bench.now_s, 1.9e9)
+        return link.status().battery_percent
+
+    assert link.status().battery_percent is None
+    assert say(1, 80) == 80.0
+    assert say(0, 55) == 55.0
+    assert say(1, 79) == 55.0  # another one
+    assert say(0, -1) is None
+
+
 def test_what_a_camera_does_not_have_is_left_out_of_its_status() -> None:
     bench = Bench()
     link = bench.found()
