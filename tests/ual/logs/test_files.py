@@ -90,7 +90,13 @@ def test_a_part_that_was_cut_off_anywhere_goes_on(file: Path) -> None:
 
 @pytest.mark.parametrize(
     "other",
-    [replace(LOG, size_bytes=60_000), replace(LOG, time_s=1.0), replace(LOG, time_s=None), replace(LOG, id="7")],
+    [
+        replace(LOG, size_bytes=60_000, time_s=None),
+        replace(LOG, size_bytes=49_000),
+        replace(LOG, time_s=1.0),
+        replace(LOG, time_s=None),
+        replace(LOG, id="7"),
+    ],
 )
 def test_no_other_log_is_glued_to_what_is_there(file: Path, other: Log) -> None:
     with pytest.raises(LinkLostError):
@@ -100,6 +106,17 @@ def test_no_other_log_is_glued_to_what_is_there(file: Path, other: Log) -> None:
     assert fetch(logs, other, file) == hashlib.sha256(content).hexdigest()
     assert logs.offsets == [0]
     assert file.read_bytes() == content
+
+
+def test_a_log_that_has_grown_since_it_was_cut_off_goes_on_where_it_was(file: Path) -> None:
+    with pytest.raises(LinkLostError):
+        fetch(Logs(breaks_at=30_000), LOG, file)
+    grown = CONTENT + random.Random(6).randbytes(9_000)
+    longer = replace(LOG, size_bytes=len(grown))
+    logs = Logs(grown, longer)
+    assert fetch(logs, longer, file) == hashlib.sha256(grown).hexdigest()
+    assert logs.offsets == [35_000 - OVERLAP]
+    assert file.read_bytes() == grown
 
 
 def test_another_log_of_the_same_name_size_and_time_is_found_out(file: Path) -> None:

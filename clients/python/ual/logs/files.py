@@ -122,13 +122,24 @@ class PartialFile:
         self._is_whole = True
 
     def _size_before(self) -> int:
-        """Returns how much of this very log is there; 0 where it is of another one, or has become longer."""
+        """Returns how much of this very log is there; 0 where it is of another one."""
         try:
             before = json.loads(self._about.read_text(encoding="utf-8"))
             size = self.part.stat().st_size
         except (FileNotFoundError, ValueError):
             return 0
-        return size if before == asdict(self.log) and size <= self.log.size_bytes else 0
+        return size if self._is_of(before) and size <= self.log.size_bytes else 0
+
+    def _is_of(self, before: object) -> bool:
+        """Whether what is there is of this log, which may have grown since. One without a time may be another one."""
+        now = asdict(self.log)
+        if before == now:
+            return True
+        if not isinstance(before, dict) or self.log.time_s is None:
+            return False
+        length = before.get("size_bytes")
+        is_shorter = isinstance(length, int) and length <= self.log.size_bytes
+        return is_shorter and {**before, "size_bytes": self.log.size_bytes} == now
 
 
 def fetch(
