@@ -116,8 +116,8 @@ class Loop:
         return self._watch.report()
 
     def timeout_s(self, now_s: float) -> float:
-        """Returns for how long the thread may wait for data."""
-        return max(0.0, self._next_tick_s - now_s)
+        """Returns for how long the thread may wait for data: until something is due, also to publish what time does."""
+        return max(0.0, min(self._next_tick_s, self._published_s + TICK_S) - now_s)
 
     def woke(self, now_s: float) -> float:
         """Notes that the thread looks for data now, before it takes any. Returns how long it had paused, in seconds.
@@ -141,7 +141,7 @@ class Loop:
 
     def step(self, now_s: float, *, has_news: bool = False) -> None:
         """Publishes what is new (a pose) at once, and otherwise every `TICK_S`; then does what is due."""
-        if has_news or now_s - self._published_s >= TICK_S:
+        if has_news or now_s >= self._published_s + TICK_S:
             self.publish(now_s)
         self._is_urgent = self._is_urgent or has_news or self._driven.is_urgent
         is_due = now_s - self._ticked_s >= (FAST_TICK_S if self._is_urgent else TICK_S)

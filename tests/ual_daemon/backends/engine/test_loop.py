@@ -67,6 +67,15 @@ def test_what_is_new_is_published_at_once_and_otherwise_each_twentieth_of_a_seco
     assert setup.updates[-1].updated_s == setup.clock.now
 
 
+def test_without_news_the_thread_wakes_when_it_has_to_publish_and_not_a_tick_later(setup: Setup) -> None:
+    setup.round(TICK_S)  # ticks
+    setup.round(0.6 * TICK_S, has_news=True)
+    published_s = setup.clock.now
+    while len(setup.updates) < 4:
+        setup.round(setup.loop.timeout_s(setup.clock.now))
+    assert [each.time_s - published_s for each in setup.updates[2:]] == pytest.approx([TICK_S, 2.0 * TICK_S])
+
+
 def test_it_ticks_seldom_unless_that_is_urgent_or_something_was_posted(setup: Setup) -> None:
     for _ in range(100):
         setup.round(0.01)
