@@ -50,6 +50,8 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     keeps_items = True
     tells_baseline = True
     missions = ArduCopterMissions()
+    gimbal_type_parameter = "MNT{}_TYPE"
+    gimbal_types_of_joints = frozenset({1.0})  # servos, which it steadies itself
     lacking_gimbal_abilities = frozenset({GimbalAbility.BODY})  # its gimbals are level, whatever was ordered
 
     @override

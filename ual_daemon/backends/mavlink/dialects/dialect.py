@@ -60,6 +60,10 @@ class Dialect(Autopilot):
     """Whether AUTOPILOT_VERSION says that it manages gimbals. Another one is asked a few times."""
     says_gimbal_joints = False
     """Whether the attitude of a gimbal that it turns by itself is in the axes of the body, whatever its flags say."""
+    gimbal_type_parameter = ""
+    """The parameter with the type of a gimbal, by its number, where that follows from the type: ..."""
+    gimbal_types_of_joints: frozenset[float] = frozenset()
+    """... it is so for these."""
     lacking_gimbal_abilities: frozenset[GimbalAbility] = frozenset()
     """What it says that its gimbals can do, and they do not."""
 

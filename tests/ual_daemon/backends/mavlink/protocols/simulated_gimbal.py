@@ -43,6 +43,8 @@ class SimulatedManager:
         self._send = send
         self.is_there = True
         self.device_id = 1
+        self.type: float | None = 4.0
+        """Of ArduPilot; None: it has no such parameter."""
         self.capabilities = CAPABILITIES
         self.limits = (-0.5, 0.5, -1.6, 0.5, -3.2, 3.2)
         """Least and most of roll, pitch and yaw, as MAVLink means them."""
@@ -98,7 +100,10 @@ class SimulatedManager:
         """Takes what is sent to it."""
         if not self.is_there or message.target_component != self._source.component_id:
             return
-        if message.get_type() == "GIMBAL_MANAGER_SET_ATTITUDE":
+        if message.get_type() == "PARAM_REQUEST_READ" and self.type is not None:
+            name, int8 = message.param_id.encode(), mavlink.MAV_PARAM_TYPE_INT8
+            self.say(mavlink.MAVLink_param_value_message(name, self.type, int8, 1, 65535))
+        elif message.get_type() == "GIMBAL_MANAGER_SET_ATTITUDE":
             self.aims.append(message)
         elif message.get_type() == "COMMAND_LONG" and message.command not in self.ignored:
             self._on_command(message.command, tuple(getattr(message, f"param{i}") for i in range(1, 8)))

@@ -144,6 +144,27 @@ def test_px4_says_the_angles_of_its_servos_whatever_its_flags_say() -> None:
     assert attitude.reference is BODY
 
 
+@pytest.mark.parametrize(("kind", "reference"), [(1.0, BODY), (7.0, HORIZON), (4.0, HORIZON)])
+def test_ardupilot_says_the_angles_of_servos_that_it_steadies_itself(kind: float, reference: GimbalReference) -> None:
+    """MNT1_TYPE 1 are servos, 7 gimbals that steady themselves: flown with a tilt of 15 degrees."""
+    bench = Bench(AUTOPILOT, ArduCopter())
+    bench.manager.type = kind
+    attitude = bench.found().attitude
+    assert attitude is not None
+    assert attitude.reference is reference
+
+
+def test_where_it_looks_is_not_told_while_its_type_is_not_known() -> None:
+    bench = Bench(AUTOPILOT, ArduCopter())
+    bench.manager.type = None
+    bench.step(20.0)
+    (link,) = bench.gimbals.found
+    assert link.attitude is None
+    bench.manager.type = 1.0
+    bench.step(4.0)
+    assert link.attitude is not None
+
+
 def test_where_it_looks_is_forgotten_when_it_does_not_say_it_and_asked_for() -> None:
     bench = Bench()
     link = bench.found()
