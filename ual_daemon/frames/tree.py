@@ -167,13 +167,17 @@ class FrameTree:
         link = self.links.get(name)
         return name in self._fixed and name != self.body and (link is None or link.turned is None)
 
+    def is_below(self, name: str, other: str) -> bool:
+        """Returns whether a frame is another one, or below it."""
+        return other in _chain(name, self.links)
+
     def is_below_odom(self, name: str) -> bool:
         """Returns whether a frame is ``<ns>/odom``, or below it."""
-        return self.odom in _chain(name, self.links)
+        return self.is_below(name, self.odom)
 
     def is_below_body(self, name: str) -> bool:
         """Returns whether a frame is the body, or below it."""
-        return self.body in _chain(name, self.links)
+        return self.is_below(name, self.body)
 
     def is_moving(self, name: str) -> bool:
         """Returns whether a client moves a frame, or one above it. Frames below the body do not count.

@@ -22,6 +22,7 @@ from ual.gimbals import (
     GimbalReference,
     GimbalStatus,
 )
+from ual_daemon import validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
 from ual_daemon.backends.values import Snapshot
@@ -51,6 +52,8 @@ class _Order:
     activity: GimbalActivity | None = None
     followed: Followed | None = None
     problem: str = ""
+    is_logged: bool = False
+    """Whether the log has said once that it does not see what it follows."""
 
 
 class Aim(NamedTuple):
@@ -83,9 +86,12 @@ class Gimbals:
         """Whether `update` is needed."""
         return any(order.followed is not None for order in list(self._orders.values()))
 
-    def goal(self, point: PointStamped) -> Goal:
-        """Validates a position to look at; see `FrameResolver.point`, also for what is raised."""
-        return self._resolver.point(point, "point")
+    def goal(self, number: int, point: PointStamped) -> Goal:
+        """Validates a position for a gimbal to look at. Raises as `FrameResolver.point`."""
+        goal = self._resolver.point(point, "point")
+        if self._resolver.tree.is_below(goal.frame_id, self.frame_id(number)):
+            raise validation.refuse("point.header.frame_id", f"{goal.frame_id} turns with the gimbal itself")
+        return goal
 
     def aim_now(self, gimbal: OfferedGimbal, goal: Goal) -> Aim:
         """Returns how a gimbal has to be turned to look at a goal; see `aim`, also for what is raised."""
@@ -134,7 +140,8 @@ class Gimbals:
         else:
             gimbal.aim(aim.angles, aim.reference)
             problem = aim.limit
-        if problem and not order.problem:
+        if problem and not order.is_logged:
+            order.is_logged = True
             _log.warning("gimbal %d does not see what it follows: %s", gimbal.info.number, problem)
         order.problem = problem
 

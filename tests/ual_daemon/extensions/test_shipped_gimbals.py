@@ -422,6 +422,23 @@ def test_a_point_in_no_frame_is_refused_and_what_was_ordered_goes_on(lab: Lab) -
     assert lab.gimbal.status().activity is GimbalActivity.POINT
 
 
+def test_what_turns_with_it_cannot_be_looked_at(lab: Lab) -> None:
+    lab.uav.add_frame(Transform(Vector3(1.0), IDENTITY, "uav_1/gimbal_0", "lens"))
+    for frame_id in ("uav_1/gimbal_0", "lens"):
+        with pytest.raises(InvalidArgumentError, match=f"{frame_id} turns with the gimbal itself"):
+            lab.gimbal.point_at(PointStamped(Vector3(5.0), frame_id))
+    lab.gimbal.point_at(PointStamped(Vector3(5.0), "uav_1/base_link"))
+
+
+def test_a_limit_that_is_reached_again_and_again_is_logged_once(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+    lab.uav.add_frame(Transform(Vector3(), IDENTITY, "map", "kite"))
+    lab.gimbal.point_at(PointStamped(Vector3(), "kite"))
+    for i in range(20):
+        lab.uav.add_frame(Transform(Vector3(1.5, 2.0, 5.0 * (i % 2)), IDENTITY, "map", "kite"))
+        lab.step(0.2)
+    assert caplog.text.count("does not see what it follows") == 1
+
+
 @pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -3.0])
 def test_straight_below_it_looks_down(yaw_rad: float) -> None:
     aim = aimed(MadeUp().info, Pose.at(0.0, 0.0, 5.0, yaw_rad), Vector3(0.0, 0.0, -5.0))

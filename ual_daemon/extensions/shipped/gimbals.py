@@ -92,8 +92,8 @@ class VehicleGimbals:
 
     def point_at(self, number: int, point: PointStamped) -> Future[None]:
         """See `ual.interface.Gimbal`."""
-        goal = self._vehicle.gimbals.goal(point)
         gimbal = self._ordered(number, GimbalAbility.HORIZON, "point the gimbal")
+        goal = self._vehicle.gimbals.goal(number, point)
         aim = self._vehicle.gimbals.aim_now(gimbal, goal)  # what is refused is refused now, and not silently later
 
         def begin() -> Future[None]:
