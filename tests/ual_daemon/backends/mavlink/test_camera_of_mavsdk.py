@@ -5,7 +5,8 @@ It is a component of the vehicle's system. Its bytes come over the vehicle's lin
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
@@ -30,6 +31,8 @@ class Routed(Port):
         self.address = self._port.address
         self.is_cut = False
         """Whether the component is not on the link any more."""
+        self.listen: Callable[[bytes], object] = lambda _: None
+        """Another program on the link, which hears the component."""
         component.subscribe_raw_bytes_to_be_sent(self._from_component)
 
     @override
@@ -51,6 +54,7 @@ class Routed(Port):
     def _from_component(self, data: bytes) -> None:
         if not self.is_cut:
             self._port.send(bytes(data), 0.0)
+            self.listen(bytes(data))
 
     def _to_component(self, data: bytes) -> None:
         if not self.is_cut:
@@ -77,6 +81,8 @@ class Server:
             "start_video": lambda _: camera.respond_start_video(self.feedback),
             "stop_video": lambda _: camera.respond_stop_video(self.feedback),
             "set_mode": lambda _: camera.respond_set_mode(self.feedback),
+            "zoom_range": lambda _: camera.respond_zoom_range(self.feedback),
+            "focus_range": lambda _: camera.respond_focus_range(self.feedback),
             "storage_information": self._tell_storage,
             "capture_status": self._tell_status,
         }.items():
@@ -203,3 +209,91 @@ def test_pictures_by_distance_are_counted_by_the_daemon(uav: UAL) -> None:
     assert camera.status().distance_m == 50.0
     camera.stop_photos()
     assert not camera.status().is_taking_photos
+
+
+ASKED = {"storage_information", "capture_status"}
+"""What only asks."""
+
+
+class Client:
+    """MAVSDK's own client, a ground station on the same link."""
+
+    def __init__(self, server: Server, port: Routed) -> None:
+        from mavsdk.plugins import camera
+
+        self.plugin = camera
+        station = mavsdk.ComponentType.GROUND_STATION
+        self.station = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(station))
+        self.station.add_any_connection("raw://")
+        self._to_station, self._to_server = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+        """Not on the thread that sends: each library holds its lock there, and the other one waits for it."""
+        port.listen = lambda data: self._to_station.submit(self.station.pass_received_raw_bytes, data)
+        self.station.subscribe_raw_bytes_to_be_sent(
+            lambda data: self._to_server.submit(server.component.pass_received_raw_bytes, bytes(data))
+        )
+        [system] = until(self.station.get_systems, "the system is found")
+        self.camera = camera.Camera(system)
+        until(lambda: self.camera.camera_list().cameras, "the camera is found")
+
+    def close(self) -> None:
+        for each in (self._to_station, self._to_server):
+            each.shutdown()
+        self.camera.destroy()
+        self.station.destroy()
+
+
+@pytest.fixture
+def client(server: Server, port: Routed) -> Iterator[Client]:
+    client = Client(server, port)
+    yield client
+    port.listen = lambda _: None
+    client.close()
+
+
+def test_mavsdks_own_client_does_the_same_to_it(uav: UAL, server: Server, client: Client) -> None:
+    """Each order by both: the camera is ordered the same. Each sees the pictures of both."""
+    ours, theirs, number, modes = uav.cameras[0], client.camera, 100, client.plugin.Mode
+    assert uav.cameras.get_all()[0].name == " ".join(
+        (theirs.camera_list().cameras[0].vendor_name, theirs.camera_list().cameras[0].model_name)
+    )
+
+    def done(order: Callable[[], object]) -> list[Any]:
+        server.orders.clear()
+        order()
+        return [each for each in server.orders if each[0] not in ASKED]
+
+    for name, by_us, by_them in (
+        ("start_video", ours.start_video, lambda: theirs.start_video(number)),
+        ("stop_video", ours.stop_video, lambda: theirs.stop_video(number)),
+        (
+            "set_mode",
+            lambda: ours.set_mode(CameraMode.VIDEO),
+            lambda: theirs.set_mode(number, modes.VIDEO),
+        ),
+        (
+            "set_mode",
+            lambda: ours.set_mode(CameraMode.PHOTO),
+            lambda: theirs.set_mode(number, modes.PHOTO),
+        ),
+        ("zoom_range", lambda: ours.set_zoom(40.0), lambda: theirs.zoom_range(number, 40.0)),
+        ("focus_range", lambda: ours.set_focus(60.0), lambda: theirs.focus_range(number, 60.0)),
+    ):
+        ordered = done(by_us)
+        assert [each[0] for each in ordered] == [name]
+        assert done(by_them) == ordered
+    assert [each[0] for each in done(ours.take_photo)] == ["take_photo"]
+    assert [each[0] for each in done(lambda: theirs.take_photo(number))] == ["take_photo"]
+    until(lambda: len(ours.photos()) == 2, seen=ours.photos)
+
+    def heard_by_them() -> list[str]:
+        return [each.file_url for each in theirs.list_photos(number, client.plugin.PhotosRange(0))]
+
+    until(lambda: heard_by_them() == [each.file_url for each in ours.photos()], seen=heard_by_them)
+
+
+def test_what_it_refuses_is_refused_to_both(uav: UAL, server: Server, client: Client) -> None:
+    server.feedback = server.plugin.CameraFeedback.FAILED
+    with pytest.raises(RejectedByAutopilotError):
+        uav.cameras[0].start_video()
+    with pytest.raises(client.plugin.CameraError):
+        client.camera.start_video(100)
