@@ -64,7 +64,7 @@ def test_a_page_without_control_cannot_fly(daemon: DaemonProcess, start_view: St
         page.read_until("Log")
         page.read_until_text("<td>LANDED_ARMED</td>")
         labels = {each.get("label") for each in page.elements.values()}
-        assert labels - {None, "UAV", "Show", "Frames", "Look at it", "Log"} == set()
+        assert labels - {None, "UAV", "Show", "Frames", "Pictures", "Look at it", "Log"} == set()
         assert page.enabled_clicks == []
         forge_everything(page)
         # It answers in order: so it has done with all of that once it has answered to what is sent last.
@@ -182,6 +182,24 @@ def test_the_way_of_anothers_task_and_the_fence_are_drawn(start_daemon: StartDae
         uav.take_off(2.0, blocking=False)
         above = pytest.approx((0.0, 0.0, 2.0), abs=0.3)
         page.read_until_lines("/uav/0/way", lambda ends: bool(ends) and ends[-1] == above)
+
+
+def test_where_pictures_were_taken_and_the_last_one_are_drawn(start_daemon: StartDaemon, start_view: StartView) -> None:
+    daemon = start_daemon("--set", 'light.cameras=[{"mount_position": [0.5, 0, 0]}]')
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    with forger(start_view()) as page, Uav(daemon.ns) as uav:
+        uav.cameras[0].take_photo()
+        ends = page.read_until_lines("/pictures/0/places")
+        assert len(ends) == 6
+        assert ends[0] == pytest.approx((0.35, 0.0, 0.0), abs=1e-6)
+        last = "/pictures/0/last"
+        until(lambda: last in page.nodes, last, between=lambda: page.read(60.0))
+        assert page.nodes[last]["_image_data"] is None
+        assert page.nodes[last]["aspect"] == pytest.approx(640 / 480)
+        page.send(type="GuiUpdateMessage", uuid=page.read_until("Pictures"), updates={"value": True})
+        until(lambda: page.nodes[last]["_image_data"] is not None, "the picture", between=lambda: page.read(60.0))
+        uav.cameras[0].take_photo()
+        page.read_until_lines("/pictures/0/places", lambda ends: len(ends) == 12)
 
 
 def test_a_page_of_another_site_gets_no_connection(start_view: StartView) -> None:

@@ -19,6 +19,7 @@ from ual_tools.output import error_text
 from ual_tools.selection import chosen_daemons
 from ual_tools.session import Session
 from ual_tools.view.journal import Journal
+from ual_tools.view.taken import Taken
 from ual_tools.watch_board import Board
 from ual_tools.watch_roster import Roster, kept_up_to_date
 
@@ -53,6 +54,8 @@ class Member:
     fence_due_s: float = 0.0
     route: Route | None = None
     route_due_s: float = 0.0
+    taken: Taken = field(default_factory=Taken)
+    """What its cameras have taken."""
     lease: Lease | None = None
     """What the pages hold."""
 
@@ -72,6 +75,8 @@ class Fleet:
         self.board.lost_after_s = _LOST_AFTER_S
         self.wants_frames = False
         """Whether anybody looks at the frames."""
+        self.wants_pictures = False
+        """Whether anybody wants the last picture of each UAV to be fetched."""
         self._session = session
         self._journal = journal
         self._named = [Named(address, session, self._say) for address in addresses]
@@ -135,6 +140,7 @@ class Fleet:
         if now_s >= member.fence_due_s:
             member.fence, member.fence_due_s = _answer(member.uav.geofence), now_s + _FENCE_S
         self._look_at_route(member, telemetry, now_s)
+        member.taken.look(member.uav.cameras, now_s, wants_image=self.wants_pictures)
         self._look_at_lease(ns, member)
 
     def _look_at_lease(self, ns: str, member: Member) -> None:

@@ -72,6 +72,9 @@ class Page:
             self._control.build(client)
         with gui.add_folder("Show"):
             self._wants_frames = gui.add_checkbox("Frames", initial_value=False, hint="The tree of frames of the UAV")
+            self._wants_pictures = gui.add_checkbox(
+                "Pictures", initial_value=False, hint="Fetches the last picture that each UAV has taken, for all pages"
+            )
         with gui.add_folder("Log"):
             self._log = _Text(gui.add_markdown(""))
         self._chart = _chart(gui)
@@ -81,6 +84,11 @@ class Page:
     def wants_frames(self) -> bool:
         """Whether the frames are looked at."""
         return bool(self._wants_frames.value)
+
+    @property
+    def wants_pictures(self) -> bool:
+        """Whether the last pictures are to be fetched."""
+        return bool(self._wants_pictures.value)
 
     def draw(self, moment: Moment) -> None:
         """Draws what follows the camera: with each picture, because labels must stay at their UAVs."""

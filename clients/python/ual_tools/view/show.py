@@ -24,6 +24,7 @@ from ual_tools.view.models import MODELS
 from ual_tools.view.page import Page
 from ual_tools.view.picture import Moment
 from ual_tools.view.picture import Picture as Looker
+from ual_tools.view.pictures import Pictures
 from ual_tools.view.scene import Scene
 from ual_tools.view.server import serving
 from ual_tools.view.shown import MODEL_NAMES
@@ -90,6 +91,7 @@ class Viewer:
         self._picture = Looker(fleet.board, journal)
         self._choice = choice
         self._fences = Fences(server.scene, fleet)
+        self._pictures = Pictures(server.scene, fleet)
         self._scene = Scene(server.scene, self._model_of, self._way_of)
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}
@@ -139,12 +141,14 @@ class Viewer:
             page.draw(moment)
         if with_panels:
             self._fences.update()
+            self._pictures.update(moment)
             self._update_pages(pages, moment)
 
     def _update_pages(self, pages: Sequence[Page], moment: Moment) -> None:
         for page in pages:
             page.update(moment)
         self._fleet.wants_frames = any(page.wants_frames for page in pages)
+        self._fleet.wants_pictures = any(page.wants_pictures for page in pages)
 
     def _open(self, client: viser.ClientHandle) -> None:
         command_queue = CommandQueue(self._fleet, self._journal) if self._is_control else None

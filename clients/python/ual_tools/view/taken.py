@@ -1,0 +1,63 @@
+"""What the cameras of a UAV have taken, as far as its daemon has told the page."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, Image, Photo
+from ual.errors import NotSupportedError, UalError
+from ual.interface import Cameras
+
+MOST_PLACES = 300
+"""Of one UAV: older ones are not drawn any more."""
+_LOOK_S = 1.0
+
+
+class Newest(NamedTuple):
+    """The picture that was taken last. `lens` is None where the camera does not know it, `image` where none came."""
+
+    number: int
+    photo: Photo
+    lens: CameraIntrinsics | None
+    image: Image | None
+
+
+class Taken:
+    """Asks once a second. One thread asks, and another one may read `photos` and `newest`."""
+
+    def __init__(self) -> None:
+        self.photos: tuple[Photo, ...] = ()
+        """The last ones, of all cameras, oldest first."""
+        self.newest: Newest | None = None
+        self._kept: deque[Photo] = deque(maxlen=MOST_PLACES)
+        self._next: dict[int, int] = {}
+        self._due_s = 0.0
+        self._has_cameras = True
+
+    def look(self, cameras: Cameras, now_s: float, *, wants_image: bool) -> None:
+        """Asks what was taken, and gets the last picture if it is wanted. What is not answered is asked again."""
+        if not self._has_cameras or now_s < self._due_s:
+            return
+        self._due_s = now_s + _LOOK_S
+        try:
+            for info in cameras.get_all():
+                self._look_at(info, cameras, wants_image=wants_image)
+        except NotSupportedError:  # by this backend: so it stays
+            self._has_cameras = False
+        except UalError:
+            return
+
+    def _look_at(self, info: CameraInfo, cameras: Cameras, *, wants_image: bool) -> None:
+        camera = cameras[info.number]
+        for photo in camera.photos(self._next.get(info.number, 0)):
+            self._next[info.number] = photo.number + 1
+            self._kept.append(photo)
+            self.newest = Newest(info.number, photo, info.intrinsics, None)
+            self.photos = tuple(self._kept)
+        newest = self.newest
+        if newest is None or newest.number != info.number or newest.image is not None:
+            return
+        if wants_image and CameraAbility.IMAGE in info.abilities:
+            image = camera.image(newest.photo.number)
+            self.newest = newest._replace(image=image, lens=image.intrinsics or newest.lens)

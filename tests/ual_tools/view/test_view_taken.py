@@ -1,0 +1,71 @@
+"""`ual view`: what is asked of cameras, and when, without a page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ual.cameras import CameraAbility, CameraInfo, Image, ImageFormat, Photo
+from ual.errors import LinkLostError, NotSupportedError, UalError
+from ual_tools.view.taken import MOST_PLACES, Taken
+
+
+class Cameras:
+    """One camera, which counts what it is asked."""
+
+    def __init__(self) -> None:
+        self.taken: list[Photo] = []
+        self.asked: list[str] = []
+        self.error: UalError | None = None
+
+    def get_all(self) -> list[CameraInfo]:
+        self.asked.append("cameras")
+        if self.error is not None:
+            raise self.error
+        return [CameraInfo(0, "made up", frozenset({CameraAbility.IMAGE}))]
+
+    def __getitem__(self, number: int) -> Cameras:
+        return self
+
+    def photos(self, first: int) -> list[Photo]:
+        return self.taken[first:]
+
+    def image(self, photo: int) -> Image:
+        self.asked.append(f"image {photo}")
+        return Image(b"", ImageFormat.PNG, 1, 1, 0.0)
+
+
+def look(taken: Taken, cameras: Cameras, now_s: float, *, wants_image: bool = False) -> None:
+    of_uav: Any = cameras
+    taken.look(of_uav, now_s, wants_image=wants_image)
+
+
+def test_it_is_asked_once_a_second_and_a_picture_comes_once_where_it_is_wanted() -> None:
+    taken, cameras = Taken(), Cameras()
+    cameras.taken = [Photo(number, 0.0) for number in range(3)]
+    look(taken, cameras, 10.0)
+    look(taken, cameras, 10.9, wants_image=True)
+    assert (len(taken.photos), cameras.asked) == (3, ["cameras"])
+    assert taken.newest is not None
+    assert (taken.newest.photo.number, taken.newest.image) == (2, None)
+    for now_s in (11.0, 12.0):
+        look(taken, cameras, now_s, wants_image=True)
+    assert cameras.asked == ["cameras", "cameras", "image 2", "cameras"]
+    assert taken.newest.image is not None
+
+
+def test_only_the_last_places_are_kept() -> None:
+    taken, cameras = Taken(), Cameras()
+    cameras.taken = [Photo(number, 0.0) for number in range(MOST_PLACES + 7)]
+    look(taken, cameras, 0.0)
+    assert [each.number for each in taken.photos] == list(range(7, MOST_PLACES + 7))
+
+
+def test_a_uav_without_cameras_is_asked_once_and_one_that_is_silent_again() -> None:
+    taken, cameras = Taken(), Cameras()
+    cameras.error = LinkLostError("nothing is heard")
+    for now_s in (0.0, 1.0):
+        look(taken, cameras, now_s)
+    cameras.error = NotSupportedError("it has none")
+    for now_s in (2.0, 3.0):
+        look(taken, cameras, now_s)
+    assert cameras.asked == ["cameras"] * 3
