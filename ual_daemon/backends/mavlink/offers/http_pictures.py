@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import time
-import urllib.error
-import urllib.request
+from collections.abc import Callable
 from concurrent.futures import Future
-from http.client import HTTPException, HTTPResponse, IncompleteRead
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import urlsplit
 
 from typing_extensions import override
@@ -15,6 +13,9 @@ from typing_extensions import override
 from ual.cameras import ImageFormat
 from ual.errors import LinkLostError, NotSupportedError, UalError, UalTimeoutError
 from ual_daemon.backends.engine.picture_worker import PictureWorker
+
+if TYPE_CHECKING:
+    from http.client import HTTPResponse
 
 MOST_BYTES = 64 << 20
 TIMEOUT_S = 60.0
@@ -38,12 +39,18 @@ class Picture(NamedTuple):
     height_px: int
 
 
-class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """A server may not send us to another one."""
+def _opener() -> Callable[..., Any]:
+    """Returns what opens an address."""
+    import urllib.request  # late: only those wait for it who want pictures
 
-    @override
-    def redirect_request(self, *_: object) -> None:
-        return None
+    class NoRedirect(urllib.request.HTTPRedirectHandler):
+        """A server may not send us to another one."""
+
+        @override
+        def redirect_request(self, *_: object) -> None:
+            return None
+
+    return urllib.request.build_opener(urllib.request.ProxyHandler({}), NoRedirect()).open
 
 
 class HttpPictures:
@@ -55,7 +62,6 @@ class HttpPictures:
 
     def __init__(self, hosts: tuple[str, ...]) -> None:
         self.hosts = frozenset(host.lower() for host in hosts)
-        self._open = urllib.request.build_opener(urllib.request.ProxyHandler({}), _NoRedirect()).open
         self._worker = PictureWorker("http-pictures")
         self._is_closed = False
 
@@ -86,8 +92,11 @@ class HttpPictures:
         return NotSupportedError(text, {"host": host})
 
     def _fetched(self, url: str) -> Picture:
+        import urllib.error
+        from http.client import HTTPException
+
         try:
-            with self._open(url, timeout=SILENCE_S) as response:
+            with _opener()(url, timeout=SILENCE_S) as response:
                 return _picture(self._read(response), url)
         except UalError:  # one of them is a TimeoutError, too
             raise
@@ -110,6 +119,8 @@ class HttpPictures:
             if self._is_closed:
                 raise UalError("this UAV is closed")
         if response.length:  # `read` says nothing of it
+            from http.client import IncompleteRead
+
             raise IncompleteRead(bytes(data), response.length)
         return bytes(data)
 
