@@ -95,6 +95,10 @@ def test_external_poses(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     assert any("LANDED_DISARMED not armed Vector3(x=1.0, y=2.0, z=0.0)" in line for line in lines), lines
 
 
+def test_deliver() -> None:
+    assert run("deliver.py") == ["released at 5.0, 2.0, 3.5 m below the UAV", "landed"]
+
+
 def test_land_on_marker() -> None:
     pytest.importorskip("cv2", reason="no OpenCV: pip install opencv-python-headless")
     [line] = run("land_on_marker.py")

@@ -75,7 +75,7 @@ class Command(Generic[R]):
         waits: Returns why it has to wait, human-readable; empty if it need not.
         refusal_is_final: False: it goes on until the end of its repetitions, and a refusal counts then.
         is_harmless: Executed late, it takes nothing from anybody: no silence keeps it back.
-        unsent_s: Once it could not leave for so long, it does not leave any more.
+        unsent_s: Once it could not leave for so long, it does not leave any more. Requests for data wait without end.
         is_told_by_answer: Nothing but an answer shows whether it was obeyed. So a missing one ends its future with a
             `UalTimeoutError`, and an answer that may be of another command with its key is not taken.
         explain: What makes the autopilot give the reason of a refusal.

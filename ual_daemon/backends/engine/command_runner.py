@@ -365,7 +365,9 @@ class CommandRunner(Generic[R]):
 
     def _may_be_sent_first(self, pending: _Pending[R], now_s: float) -> bool:
         command = pending.command
-        if pending.sends_count or pending.key in self._in_flight or now_s - pending.asked_s > command.unsent_s:
+        if pending.sends_count or pending.key in self._in_flight:
+            return False
+        if command.group and now_s - pending.asked_s > command.unsent_s:
             return False
         if command.is_told_by_answer and command.repeat.most == 1 and self._is_doubtful(pending, now_s):
             return False

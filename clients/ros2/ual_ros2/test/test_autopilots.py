@@ -96,3 +96,22 @@ def test_without_a_safety_pilot_a_cancel_ends_a_take_off_and_a_landing(client: C
             assert (status, result.message) == (CANCELED, "cancelled: the ROS client")
             uav.wait_for(ual.State.FLYING_AUTO, timeout_s=60.0)
         assert client.call(srv.Land, f"{UAL}/land", blocking=True).success
+
+
+def test_what_a_uav_carries_is_ordered_and_listed(client: Client, processes: Processes, tmp_path: Path) -> None:
+    file = tmp_path / "daemon.yaml"
+    file.write_text("payload: {grippers: [{name: claw}], winches: [{name: hook}], relays: [{name: lamp, number: 1}]}")
+    processes.daemon("--config", str(file))
+    processes.node("ns:=uav_1")
+    waited(lambda: client.call(srv.MoveGripper, f"{UAL}/grip", gripper="claw").success)
+    assert client.call(srv.OrderWinch, f"{UAL}/order_winch", action="HOLD").success
+    assert client.call(srv.SetRelay, f"{UAL}/set_relay", state="on").success
+    refused = client.call(srv.SetServo, f"{UAL}/set_servo", position="open")
+    assert (refused.success, refused.reason) == (False, "INVALID_ARGUMENT")
+    told = client.call(srv.ListEquipment, f"{UAL}/list_equipment").devices
+    assert [(each.kind, each.name, each.ordered) for each in told] == [
+        ("gripper", "claw", "grip"),
+        ("winch", "hook", "hold"),
+        ("relay", "lamp", "on"),
+    ]
+    assert told[2].state == "on"

@@ -13,8 +13,9 @@ from ual_msgs import action, msg, srv
 
 import ual
 from ual.cameras import Photo
+from ual.gripper import Equipment
 from ual.parameters.values import Parameter
-from ual_ros2 import pictures, values
+from ual_ros2 import payload, pictures, values
 from ual_ros2.messages import Entity, Message
 
 
@@ -135,6 +136,15 @@ def _start_photos(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
     return uav.cameras[request.camera].start_photos(interval_s=interval_s, distance_m=distance_m, count=request.count)
 
 
+def _told_devices(found: Equipment) -> Mapping[str, Message]:
+    return {"devices": [msg.Device(**each) for each in payload.devices(found)]}
+
+
+def _order_winch(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
+    chosen, length_m, rate_m_s = payload.winch_order(request)
+    return uav.gripper.order_winch(chosen, winch=request.winch, length_m=length_m, rate_m_s=rate_m_s)
+
+
 SERVICES = (
     Command("take_off", srv.TakeOff, lambda uav, request: uav.take_off(request.height, blocking=request.blocking)),
     Command("land", srv.Land, lambda uav, request: uav.land(blocking=request.blocking)),
@@ -175,6 +185,18 @@ SERVICES = (
     Command("stop_photos", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].stop_photos()),
     Command("start_video", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].start_video()),
     Command("stop_video", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].stop_video()),
+    Command("grip", srv.MoveGripper, lambda uav, request: uav.gripper.grip(request.gripper)),
+    Command("release", srv.MoveGripper, lambda uav, request: uav.gripper.release(request.gripper)),
+    Command("order_winch", srv.OrderWinch, _order_winch),
+    Command(
+        "set_servo",
+        srv.SetServo,
+        lambda uav, request: uav.gripper.set_servo(
+            request.position, servo=request.servo, pwm_us=request.pwm_us or None
+        ),
+    ),
+    Command("set_relay", srv.SetRelay, lambda uav, request: uav.gripper.set_relay(request.state, relay=request.relay)),
+    Command("list_equipment", srv.ListEquipment, lambda uav, _: uav.gripper.get_all(), told=_told_devices),
 )
 
 # The names are those of the services: ROS keeps the two apart.

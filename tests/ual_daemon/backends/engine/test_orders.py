@@ -88,3 +88,13 @@ def test_what_could_not_leave_in_its_time_does_not_leave(plain: Plain) -> None:
     assert "was not sent: an earlier one was not answered" in error.message
     assert not busy.done()
     assert plain.sent == ["elsewhere"]
+
+
+def test_requests_for_data_wait_for_each_other_without_end(plain: Plain) -> None:
+    """On a bad link each of many takes its time, and the last one is as much needed."""
+    request = Command("stream", "stream", key="interval", repeat=Repeat(0.5, 4))
+    for number in range(5):
+        plain.runner.submit(replace(request, request=f"stream {number}"), plain.now_s)
+    plain.run(12.0)
+    assert plain.sent[-1] == "stream 4"
+    assert len(plain.sent) == 20

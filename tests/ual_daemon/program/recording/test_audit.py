@@ -162,6 +162,8 @@ def test_a_full_disk_is_told_and_what_waits_is_written_later(
         ("/ual.v1.ParameterService/ListParameters", False),
         ("/ual.v1.FenceService/UploadFence", True),
         ("/ual.v1.FenceService/GetFence", False),
+        ("/ual.v1.GripperService/Release", True),
+        ("/ual.v1.GripperService/GetEquipment", False),
         ("/ual.v1.UalService/KeepLease", False),
         ("/ual.v1.UalService/StreamTelemetry", False),
         ("/grpc.health.v1.Health/Check", False),

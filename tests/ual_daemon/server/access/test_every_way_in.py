@@ -13,7 +13,7 @@ from grpc_reflection.v1alpha import reflection_pb2
 
 from tests.ual_daemon.server.access.ways_in import Served, Way, beyond_loopback, make_files, served, ways
 from ual.access.roles import Role
-from ual.v1 import corrections_pb2, fence_pb2, mission_pb2, parameters_pb2, simulation_pb2, ual_pb2
+from ual.v1 import corrections_pb2, fence_pb2, gripper_pb2, mission_pb2, parameters_pb2, simulation_pb2, ual_pb2
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.transport.selection import Choice
 
@@ -24,6 +24,7 @@ DESCRIPTORS = (
     parameters_pb2.DESCRIPTOR,
     mission_pb2.DESCRIPTOR,
     fence_pb2.DESCRIPTOR,
+    gripper_pb2.DESCRIPTOR,
     corrections_pb2.DESCRIPTOR,
     health_pb2.DESCRIPTOR,
     reflection_pb2.DESCRIPTOR,
