@@ -3,8 +3,9 @@
 ``python -m examples.contact uav_1 --face 6 0 0 0 --arm --plot contact.svg``
 
 The face of the bridge is a frame: x leads into it. ``--face X Y Z YAW`` says where it is in map (YAW in degrees).
-Contact is made by a tip ahead of the nose. What feels it is yours: a switch, a force sensor. Here it is a wall that
-exists only as a number, so nothing stops the UAV when it goes on; replace `Wall` by your sensor.
+Contact is made by a tip ahead of the nose. With ``--pictures`` the first camera takes a picture of each point while the
+contact is held. What feels it is yours: a switch, a force sensor. Here it is a wall that exists only as a number, so
+nothing stops the UAV when it goes on; replace `Wall` by your sensor.
 """
 
 from __future__ import annotations
@@ -54,9 +55,10 @@ class Wall:
 class Inspector:
     """One UAV in front of the face."""
 
-    def __init__(self, uav: ual.aio.Uav, touch: Touch) -> None:
+    def __init__(self, uav: ual.aio.Uav, touch: Touch, *, has_camera: bool = False) -> None:
         self._uav = uav
         self._touch = touch
+        self._has_camera = has_camera
 
     async def inspect(self, points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         """Returns the points that were held in contact."""
@@ -68,6 +70,8 @@ class Inspector:
         for attempt in range(1, TRIES + 1):
             try:
                 outcome = await self._push()
+                if outcome == "held" and self._has_camera:  # it holds its position while the picture is taken
+                    print(f"picture {(await self._uav.cameras[0].take_photo()).number}")
             finally:
                 # Also after Ctrl-C or an error: first away from the bridge.
                 await self._uav.go_to_waypoint(off, max_speed_m_s=RETREAT_M_S)
@@ -101,7 +105,9 @@ class Inspector:
                 await self._uav.set_velocity(ual.TwistStamped(ual.Twist(ual.Vector3(x=speed)), "face"))
 
 
-async def fly(name: str, face: ual.Transform, touch: Touch, *, is_arming: bool, tracks: Tracks) -> int:
+async def fly(
+    name: str, face: ual.Transform, touch: Touch, *, is_arming: bool, has_camera: bool, tracks: Tracks
+) -> int:
     """Returns how many points were held in contact."""
     async with ual.aio.Uav(name) as uav:
         await uav.add_frame(face)
@@ -110,7 +116,7 @@ async def fly(name: str, face: ual.Transform, touch: Touch, *, is_arming: bool, 
                 await uav.arm()
             await uav.take_off(POINTS[0][1])
             async with tracks.kept({name: uav}):
-                return len(await Inspector(uav, touch).inspect(POINTS))
+                return len(await Inspector(uav, touch, has_camera=has_camera).inspect(POINTS))
         finally:
             await land_if_flying(name, uav)
 
@@ -119,11 +125,13 @@ def main() -> None:
     options = parser(__doc__, names_count=None)
     options.add_argument("--face", nargs=4, type=float, default=(6.0, 0.0, 0.0, 0.0), metavar=("X", "Y", "Z", "YAW"))
     options.add_argument("--deaf", type=int, default=0, help="how many approaches the simulated sensor does not feel")
+    options.add_argument("--pictures", action="store_true", help="take a picture of each point")
     arguments = options.parse_args()
     x, y, z, yaw_deg = arguments.face
     face = ual.Transform(ual.Vector3(x, y, z), ual.Quaternion.from_yaw(math.radians(yaw_deg)), "map", "face")
     tracks = Tracks()
-    count = asyncio.run(fly(arguments.name, face, Wall(arguments.deaf), is_arming=arguments.arm, tracks=tracks))
+    how = {"is_arming": arguments.arm, "has_camera": arguments.pictures}
+    count = asyncio.run(fly(arguments.name, face, Wall(arguments.deaf), tracks=tracks, **how))
     if arguments.plot is not None:
         places = [face.apply(ual.Vector3(0.0, *point)) for point in POINTS]
         tracks.draw(arguments.plot, "Inspection by contact", {"points": [(p.x, p.y) for p in places]})

@@ -5,14 +5,17 @@
 The car is a frame that moves in map: here a simulated one that drives a curve, in the field what its receiver says.
 Each shot is a path in the car's frame, flown by poses in it; the nose points at the car, and so does a camera that is
 fixed to it. With ``--gimbal`` the cameras are on gimbals, which look at the car by themselves, on the way from shot to
-shot, too. The two fly at two heights. In the end each returns to where it took off, and lands.
+shot, too. With ``--pictures`` each takes a picture a second, for ``ual camera fetch``. The two fly at two heights. In
+the end each returns to where it took off, and lands.
 """
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager, nullcontext
 
 import ual
 from examples.together import landing_team, next_in_flight, parser, team_of, together
@@ -20,7 +23,7 @@ from examples.tracks import Tracks
 
 SPEED_M_S, CURVE_M = 0.5, 15.0
 """The car's speed, and the radius of its way."""
-RATE_HZ = 20.0
+RATE_HZ, PICTURE_S = 20.0, 1.0
 START_M = (6.0, 0.0)
 HEIGHTS_M = (2.0, 3.0)
 
@@ -91,36 +94,53 @@ async def look_at_the_car(_name: str, uav: ual.aio.Uav) -> None:
     await uav.gimbals[0].point_at(ual.PointStamped(ual.Vector3(), "car"))
 
 
-async def shoot(team: ual.aio.Team, names: list[str], duration_s: float, car: Car, *, has_gimbal: bool) -> None:
+@asynccontextmanager
+async def taking_pictures(team: ual.aio.Team, names: list[str]) -> AsyncIterator[None]:
+    """Has each take pictures during the block."""
+    try:
+        await team.each(lambda _, uav: uav.cameras[0].start_photos(interval_s=PICTURE_S))
+        yield
+    finally:
+        await team.each(lambda _, uav: uav.cameras[0].stop_photos())
+    for name in names:
+        print(f"{name}: {len(await team[name].cameras[0].photos())} pictures")
+
+
+async def shoot(team: ual.aio.Team, names: list[str], duration_s: float, car: Car, has: argparse.Namespace) -> None:
     """Takes off, flies all shots, and returns to where they stood."""
     heights = dict(zip(names, HEIGHTS_M, strict=True))
     await team.each(lambda name, uav: uav.take_off(heights[name]))
-    if has_gimbal:
+    if has.gimbal:
         await team.each(look_at_the_car)
-    for title, shots in SHOTS.items():
-        print(title, flush=True)
-        flights = zip(names, shots, strict=True)
-        await together(*(film(team[name], shot, heights[name], duration_s) for name, shot in flights))
+    async with taking_pictures(team, names) if has.pictures else nullcontext():
+        await fly_shots(team, names, duration_s, heights)
     await team.each(lambda name, uav: uav.go_to_waypoint(ual.Pose.at(0.0, 0.0, heights[name])))
     car.is_parked = True
 
 
-async def film_all(names: list[str], duration_s: float, *, is_arming: bool, has_gimbal: bool, tracks: Tracks) -> None:
-    async with landing_team(names, is_arming=is_arming) as team:
+async def fly_shots(team: ual.aio.Team, names: list[str], duration_s: float, heights: Mapping[str, float]) -> None:
+    for title, shots in SHOTS.items():
+        print(title, flush=True)
+        flights = zip(names, shots, strict=True)
+        await together(*(film(team[name], shot, heights[name], duration_s) for name, shot in flights))
+
+
+async def film_all(given: argparse.Namespace, tracks: Tracks) -> None:
+    async with landing_team(given.names, is_arming=given.arm) as team:
         car = Car()
         async with tracks.kept(team_of(team)):
             # Together: nobody goes on filming a car of which nothing is heard any more.
-            await together(car.drive(team), shoot(team, names, duration_s, car, has_gimbal=has_gimbal))
+            await together(car.drive(team), shoot(team, given.names, given.shot_s, car, given))
 
 
 def main() -> None:
     options = parser(__doc__, names_count=2)
     options.add_argument("--shot-s", type=float, default=12.0, help="how long a shot takes")
     options.add_argument("--gimbal", action="store_true", help="the cameras are on gimbals")
+    options.add_argument("--pictures", action="store_true", help="take a picture a second")
     given = options.parse_args()
     tracks = Tracks()
-    flown = film_all(given.names, given.shot_s, is_arming=given.arm, has_gimbal=given.gimbal, tracks=tracks)
-    asyncio.run(flown)
+    asyncio.run(film_all(given, tracks))
     if given.plot is not None:
         tracks.draw(given.plot, "Filming a moving car", {"the car's start": [START_M]})
     print("filmed, landed")

@@ -269,11 +269,20 @@ def test_each_point_is_touched_held_and_tried_again(start_daemon: StartDaemon, r
     name = start_armed(start_daemon).ns
     face = ual.Transform(ual.Vector3(3.0, 1.0, 0.0), ual.Quaternion.from_yaw(math.pi / 2), "map", "face")
     with watched(name) as watch:
-        lines = Program(runtime_dir, "contact", name, "--face", "3", "1", "0", "90", "--deaf", "1").end()
-    assert lines[0] == "point -1 2, try 1: no contact"
-    assert [line.partition(", ")[2] for line in lines[1:4]] == ["try 2: held", "try 1: held", "try 1: held"]
+        lines = Program(runtime_dir, "contact", name, "--face", "3", "1", "0", "90", "--deaf", "1", "--pictures").end()
+    points = [line for line in lines if line.startswith("point")]
+    assert points[0] == "point -1 2, try 1: no contact"
+    assert [line.partition(", ")[2] for line in points[1:]] == ["try 2: held", "try 1: held", "try 1: held"]
+    assert [line for line in lines if line.startswith("picture")] == [f"picture {number}" for number in range(3)]
     assert lines[-1] == "3 of 3 points held, landed"
     to_face = face.inverse()
+    with ual.Uav(name) as uav:
+        taken = [each.body for each in uav.cameras[0].photos()]
+    for body, (y, z) in zip(taken, contact.POINTS, strict=True):
+        assert body is not None
+        at = to_face.apply(body.pose.position)
+        assert (at.y, at.z) == pytest.approx((y, z), abs=0.2)
+        assert at.x + contact.TIP_M > -0.1  # in contact
     tips = [to_face.apply(moment[name]).x + contact.TIP_M for moment in watch.moments]
     assert 0.0 <= max(tips) < contact.REACH_M + 0.3  # a deaf sensor lets it go so far, and not further
 
@@ -314,14 +323,18 @@ def test_it_never_goes_down_outside_the_cone(aside_m: float) -> None:
 
 def test_the_gimbals_look_at_the_car_all_the_time(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     names = start_fleet(start_daemon, 2, SPEED, "--set", "light.gimbals=[{speed_rad_s: 100}]")
-    program = Program(runtime_dir, "film", *names, "--shot-s", "4", "--arm", "--gimbal")
+    program = Program(runtime_dir, "film", *names, "--shot-s", "4", "--arm", "--gimbal", "--pictures")
     program.until("circle")
     off: list[float | None] = []
     with ExitStack() as stack:
         gimbals = [stack.enter_context(ual.Uav(name)).gimbals[0] for name in names]
         for _ in range(40):
             off += [gimbal.status().off_target_rad for gimbal in gimbals]
-    assert program.end()[-1] == "filmed, landed"
+    lines = program.end()
+    assert lines[-1] == "filmed, landed"
+    taken = {line.split()[0]: int(line.split()[1]) for line in lines if line.endswith("pictures")}
+    assert taken.keys() == {f"{name}:" for name in names}
+    assert min(taken.values()) >= 12  # at least as many as seconds have passed
     known = sorted(each for each in off if each is not None)
     assert len(known) > 40
     # A daemon that stood for a while looks where the car was: the middle one tells.
