@@ -12,6 +12,7 @@ from typing import Any
 
 from typing_extensions import override
 
+from tests.simulators.dji_cameras import CameraModule
 from tests.simulators.physics import Agility, Body, Target, Vector, control
 from tests.simulators.rosbridge import Message, RefusedError, Service
 from ual_daemon.geodesy import EllipsoidProjection
@@ -266,6 +267,7 @@ class Psdk(Front):
     ) -> None:
         """`authority_after_s` is when the authority is published first: its topic is not in step with the others."""
         a, one = aircraft, _one
+        self.camera_module = CameraModule()
         super().__init__(
             aircraft,
             {
@@ -307,7 +309,8 @@ class Psdk(Front):
             "land": a.land,
             "start_confirm_landing": a.confirm_landing,
         }
-        return {f"/psdk_ros2/{name}": _triggered(action) for name, action in actions.items()}
+        own = {f"/psdk_ros2/{name}": _triggered(action) for name, action in actions.items()}
+        return {**own, **self.camera_module.services}
 
     @override
     def _logged(self) -> Iterator[tuple[str, Message]]:

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
+from typing import TypeVar
 
 from typing_extensions import override
 
@@ -15,6 +16,7 @@ from ual_daemon import logs
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.dji.cameras import DjiCameras, Surroundings
 from ual_daemon.backends.dji.commands import Grant, Request, landing, request
 from ual_daemon.backends.dji.session import Session
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
@@ -23,6 +25,7 @@ from ual_daemon.backends.dji.wrappers import Call, Wrapper
 from ual_daemon.backends.engine.command import FLYING, Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.engine.loop import Loop
+from ual_daemon.backends.offers.cameras import Viewpoint
 from ual_daemon.backends.rosbridge import DEFAULT_URL, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
     Freshness,
@@ -38,6 +41,8 @@ from ual_daemon.backends.values import (
     VelocityResponses,
 )
 from ual_daemon.settings import convert
+
+T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
@@ -83,6 +88,15 @@ class DjiBackend(Backend):
         self._loop = Loop(self._session, self.clock, self._session.watch)
         self._desk = CommandDesk(self._loop, self.clock, self._session.reach)
         self._info: tuple[Telemetry | None, VehicleInfo | None] = (None, None)
+        around = Surroundings(
+            self._link.call_slow_service,
+            self._viewpoint,
+            self.clock.now_s,
+            self.utc_s,
+            self._why_no_camera,
+            lambda: self._session.watch.why_silent(self.clock.now_s()),
+        )
+        self._cameras = DjiCameras(around)
 
     def _make_link(self) -> RosbridgeLink:
         return RosbridgeLink(self._url, self.clock, self._step, on_woke=self._woke)
@@ -210,6 +224,10 @@ class DjiBackend(Backend):
         result.add_done_callback(partial(session.let_go, grant))
         return result
 
+    @override
+    def offer(self, kind: type[T]) -> T | None:
+        return self._cameras if isinstance(self._cameras, kind) else None
+
     @property
     def _is_on_ground(self) -> bool:
         telemetry = self._session.telemetry
@@ -222,7 +240,27 @@ class DjiBackend(Backend):
 
     def _step(self) -> None:
         has_news, self._session.has_news = self._session.has_news, False
-        self._loop.step(self.clock.now_s(), has_news=has_news)
+        now_s = self.clock.now_s()
+        self._loop.step(now_s, has_news=has_news)
+        self._cameras.tick(now_s)
+        pose = self._loop.newest.motion.pose
+        if has_news and pose is not None:
+            self._cameras.step(pose.value.position)
+
+    def _why_no_camera(self) -> str:
+        telemetry = self._session.telemetry
+        if telemetry is None or not self._link.is_up:
+            return self._session.why_no_vehicle or "the wrapper was not found yet"
+        return "" if telemetry.wrapper.has_cameras else f"{telemetry.wrapper.name} has no cameras for UAL"
+
+    def _viewpoint(self) -> Viewpoint:
+        """Returns from where a picture is taken now."""
+        snapshot = self.snapshot()
+        pose = snapshot.motion.pose
+        is_fresh = pose is not None and snapshot.time_s - pose.time_s <= self.freshness.pose_s
+        if pose is None or not is_fresh:
+            return Viewpoint(boots_count=snapshot.link.boots_count)
+        return Viewpoint(pose.value, snapshot.link.boots_count, None, snapshot.position_geo())
 
 
 def _refusal(text: str) -> Future[None]:

@@ -55,6 +55,8 @@ class Wrapper:
     """None: no confirmation is given."""
     logger: str
     """Part of the names of its nodes in /rosout, where it logs what DJI's SDK answers."""
+    has_cameras: bool = False
+    """Whether UAL uses its camera module."""
     reasons: str = ""
     """Where DJI's reasons are, human-readable, where the wrapper does not pass them on."""
     battery_scale: float = 1.0
@@ -111,6 +113,7 @@ class PsdkRos2(Wrapper):
     land = _trigger("land")
     confirm_landing = _trigger("start_confirm_landing")
     logger = "flight_control"
+    has_cameras = True
 
 
 _CONSOLE = "DJI's reason is on the console of the node"

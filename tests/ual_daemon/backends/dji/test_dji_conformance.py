@@ -16,6 +16,8 @@ from tests.patient_checks import (
     run_check_or_skip,
     wait_until_ready,
 )
+from tests.simulators.dji import Psdk
+from tests.simulators.dji_cameras import Camera
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
@@ -53,7 +55,11 @@ WRAPPERS: dict[str, type[LockstepDji]] = {
 
 @pytest.fixture(scope="module", params=[grouped(kind, name, f"dji_{name}") for name, kind in WRAPPERS.items()])
 def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
-    with UAL(request.param(BackendOptions("uav_1")), settings=SETTINGS, allow_arming=True) as uav:
+    backend: LockstepDji = request.param(BackendOptions("uav_1"))
+    for node in backend.bridge.nodes:
+        if isinstance(node, Psdk):
+            node.camera_module.cameras[1] = Camera()
+    with UAL(backend, settings=SETTINGS, allow_arming=True) as uav:
         wait_until_ready(uav)
         yield Flight(uav, TOLERANCES)
 

@@ -115,12 +115,12 @@ def in_its_thread(backend: LockstepDji, after_s: float, work: Callable[[], T]) -
 
 
 def called(backend: LockstepDji) -> list[str]:
-    """The services that are called from now on, but those of rosapi and velocities."""
+    """The services that are called from now on, but those of rosapi, of cameras, and velocities."""
     names: list[str] = []
     call = backend.bridge.call
 
     def note(name: str, arguments: Message) -> Answer:
-        if not name.startswith("/rosapi") and name != "/joystick_action":
+        if not name.startswith(("/rosapi", "/psdk_ros2/camera_")) and name != "/joystick_action":
             names.append(name)
         return call(name, arguments)
 
