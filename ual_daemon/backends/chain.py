@@ -90,19 +90,6 @@ def caught(first: Future[T], step: Callable[[BaseException], Future[T]]) -> Futu
     return then_wait(settled, follow)
 
 
-def ended(first: Future[Any]) -> Future[None]:
-    """Returns a future that ends well where another one ends, well or not. Cancelling it cancels that."""
-    result: Future[None] = Future()
-
-    def on_first(_: Future[Any]) -> None:
-        if not result.done() and result.set_running_or_notify_cancel():
-            result.set_result(None)
-
-    result.add_done_callback(lambda over: first.cancel() if over.cancelled() else None)
-    first.add_done_callback(on_first)
-    return result
-
-
 def in_turn(first: Callable[[], Future[Any]], *steps: Callable[[], Future[Any]]) -> Future[Any]:
     """Returns the future of the last of some steps, each begun where the one before has ended well."""
     future = first()

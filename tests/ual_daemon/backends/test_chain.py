@@ -7,7 +7,7 @@ from concurrent.futures import Future
 import pytest
 
 from ual.errors import LinkLostError, UalTimeoutError
-from ual_daemon.backends.chain import done, ended, together
+from ual_daemon.backends.chain import done, together
 
 
 def test_all_results_come_in_their_order_once_the_last_is_there() -> None:
@@ -41,15 +41,3 @@ def test_cancelling_goes_both_ways() -> None:
     found = together([withdrawn, done(1)])
     withdrawn.cancel()
     assert found.cancelled()
-
-
-def test_the_end_of_another_one_counts_whatever_it_is() -> None:
-    good: Future[int] = Future()
-    bad: Future[int] = Future()
-    ends = [ended(good), ended(bad)]
-    good.set_result(1)
-    bad.set_exception(LinkLostError("no"))
-    assert [each.result(0) for each in ends] == [None, None]
-    withdrawn: Future[int] = Future()
-    ended(withdrawn).cancel()
-    assert withdrawn.cancelled()

@@ -17,7 +17,7 @@ from ual.fences.values import FencePlan, FenceZone, KeptFence, RallyPoint, cross
 from ual.parameters.values import Parameter
 from ual.types import AltitudeReference, Telemetry
 from ual_daemon import logs, validation
-from ual_daemon.backends.chain import done, ended, in_turn, then, then_wait
+from ual_daemon.backends.chain import done, in_turn, then, then_wait
 from ual_daemon.backends.offers.fence import AutopilotFenceStore, FenceSwitch
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 from ual_daemon.extensions.shipped.vehicle import (
@@ -66,8 +66,7 @@ class VehicleFence:
             return then_wait(store.read_rally(), partial(with_rally, zones))
 
         def with_rally(zones: tuple[FenceZone, ...], rally_points: tuple[RallyPoint, ...]) -> Future[KeptFence]:
-            point = store.return_point
-            return then(self._is_enabled(), lambda is_on: KeptFence(zones, rally_points, is_on, point))
+            return then(self._is_enabled(), partial(KeptFence, zones, rally_points))
 
         return then_wait(store.read(), with_zones)
 
@@ -80,8 +79,7 @@ class VehicleFence:
         refusal = self._refusal(_UPLOAD, lease_id, force=force, zones=plan.zones)
         return in_turn(
             lambda: self._begin(refusal),
-            # What is there is read in any case: `write` keeps its point to return to.
-            lambda: ended(store.read()) if replace else then(self.get(), lambda kept: _require_free(kept, plan)),
+            lambda: done(None) if replace else then(self.get(), lambda kept: _require_free(kept, plan)),
             lambda: store.write(plan.zones, refusal) if plan.zones else done(None),
             lambda: store.write_rally(plan.rally_points, refusal) if plan.rally_points else done(None),
             lambda: self._switch(refusal, is_on=True) if enable and plan.zones else done(None),

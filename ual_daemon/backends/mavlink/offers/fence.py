@@ -12,14 +12,7 @@ from typing_extensions import override
 from ual.errors import RejectedByAutopilotError
 from ual.fences.values import FenceZone, RallyPoint
 from ual_daemon.backends import futures
-from ual_daemon.backends.firmwares.fence_items import (
-    item_of_return_point,
-    items_of_rally,
-    items_of_zones,
-    rally_of_items,
-    return_point_of_items,
-    zones_of_items,
-)
+from ual_daemon.backends.firmwares.fence_items import items_of_rally, items_of_zones, rally_of_items, zones_of_items
 from ual_daemon.backends.firmwares.mission_items import (
     FENCE_FIELDS,
     RALLY_FIELDS,
@@ -44,7 +37,6 @@ class MavlinkFenceStore(AutopilotFenceStore):
 
     def __init__(self, reach: Reach) -> None:
         self._reach = reach
-        self._return_point: tuple[float, float] | None = None
 
     @property
     @override
@@ -58,14 +50,9 @@ class MavlinkFenceStore(AutopilotFenceStore):
         session = self._reach.session()
         return session is not None and session.dialect.unites_inclusions(session.telemetry.parameters)
 
-    @property
-    @override
-    def return_point(self) -> tuple[float, float] | None:
-        return self._return_point
-
     @override
     def read(self) -> Future[tuple[FenceZone, ...]]:
-        return _as(self._zones, self._download(MissionType.FENCE))
+        return _as(zones_of_items, self._download(MissionType.FENCE))
 
     @override
     def read_rally(self) -> Future[tuple[RallyPoint, ...]]:
@@ -73,19 +60,13 @@ class MavlinkFenceStore(AutopilotFenceStore):
 
     @override
     def write(self, zones: Sequence[FenceZone], refusal: Refusal) -> Future[tuple[FenceZone, ...]]:
-        items, kept = items_of_zones(zones), self._return_point
-        if zones and kept is not None:
-            items.insert(0, item_of_return_point(kept))
-        return _as(self._zones, self._replace(MissionType.FENCE, items, refusal, FENCE_FIELDS))
+        items = items_of_zones(zones)
+        return _as(zones_of_items, self._replace(MissionType.FENCE, items, refusal, FENCE_FIELDS))
 
     @override
     def write_rally(self, points: Sequence[RallyPoint], refusal: Refusal) -> Future[tuple[RallyPoint, ...]]:
         items = items_of_rally(points)
         return _as(rally_of_items, self._replace(MissionType.RALLY, items, refusal, RALLY_FIELDS))
-
-    def _zones(self, items: Sequence[MissionItem]) -> tuple[FenceZone, ...]:
-        self._return_point = return_point_of_items(items)
-        return zones_of_items(items)
 
     def _download(self, kind: MissionType) -> Future[MissionList]:
         def begin(protocols: Protocols, future: Future[MissionList]) -> None:
