@@ -35,6 +35,7 @@ WITHOUT_CAMERAS = {each.name for room in (own_cameras, own_gimbals) for each in 
 """The same where the UAV carries neither cameras nor gimbals."""
 WITHOUT_GRIPPER = {each.name for each in own_gripper.ON_GROUND}
 WITHOUT_CORRECTIONS = {each.name for each in own_corrections.ON_GROUND}
+WITHOUT_LOGS = {each.name for each in own_logs.ON_GROUND}
 WITHOUT_MISSIONS = {
     each.name for room in (own_missions, own_logs) for each in (*room.ON_GROUND, *getattr(room, "IN_FLIGHT", ()))
 }

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from tests.simulators.autopilot import Autopilot
+from tests.simulators.mavros_missions import NAMES, ListPlugin
 from tests.simulators.mavros_parameters import ParamPlugin, on_server
 from tests.simulators.ports import MemoryPort
 from tests.simulators.rosbridge import Later, Message, Service
@@ -39,6 +40,8 @@ _HEARTBEAT_S, _TIMESYNC_S = 1.0, 0.1
 _ACK_STEPS = 4
 """An autopilot of these tests answers within so many steps, or not at all."""
 _EVENT = 410
+LISTS_S = 15.0
+"""So long after it has found the autopilot it reads the lists by itself."""
 
 _PX4_MODES = {
     "MANUAL": (1, 0),
@@ -122,8 +125,25 @@ class Mavros:
         }
         self.server: dict[str, float] = {}
         """What it has put on the parameter server of ROS 1, which outlives it."""
+        for name in ("COUNT", "ITEM_INT", "REQUEST_INT", "REQUEST", "ACK", "CURRENT", "ITEM_REACHED"):
+            self._handlers[f"MISSION_{name}"] = self._mission_message
+        self.latched: dict[str, Message] = {}
+        """The newest of each topic of which a new subscriber gets the last message."""
         self.parameters = self._new_parameters()
+        self.lists = self._new_lists()
         self.restart()
+
+    def _new_lists(self) -> tuple[ListPlugin, ...]:
+        target = (self.target_system, 1)
+        return tuple(ListPlugin(name, self._send, self._publish_latched, target, ros=self.ros) for name in NAMES)
+
+    @property
+    def _plugins(self) -> tuple[ParamPlugin | ListPlugin, ...]:
+        return (self.parameters, *self.lists)
+
+    def _publish_latched(self, topic: str, message: Message) -> None:
+        self.latched[f"{self.name}/{topic}"] = message
+        self._publish(topic, message)
 
     def _new_parameters(self) -> ParamPlugin:
         target = (self.target_system, 1)
@@ -140,9 +160,11 @@ class Mavros:
         self._has_version = self._has_battery = False
         self._orientation, self._rates = Quaternion(0.0, 0.0, 0.0, 1.0), Vector3()
         self._fix = -1
-        self.parameters.die()
-        self.parameters = self._new_parameters()
-        self._has_fetched = False
+        for each in self._plugins:
+            each.die()
+        self.parameters, self.lists = self._new_parameters(), self._new_lists()
+        self.latched.clear()
+        self._has_fetched = self._has_pulled = False
         self._acks: dict[int, int] = {}
         self._next_heartbeat_s = self._next_timesync_s = -math.inf
         self._version_asks = 0
@@ -172,6 +194,8 @@ class Mavros:
             "timesync_status": "mavros_msgs/TimesyncStatus",
             "setpoint_raw/target_local": "mavros_msgs/PositionTarget",
         }
+        for plugin in self.lists:
+            kinds |= {} if plugin.name in self.denied else plugin.topics()
         if self._has_gps_status:
             kinds["gpsstatus/gps1/raw"] = "mavros_msgs/GPSRAW"
         if self.ros == 2:
@@ -197,9 +221,10 @@ class Mavros:
             "set_message_interval": self._set_interval,
             "vehicle_info_get": self._vehicle_info,
         }
-        found |= {
-            name: call for name, call in self.parameters.services().items() if name.split("/")[0] not in self.denied
-        }
+        for plugin in self.lists:
+            found |= plugin.services()
+        found |= self.parameters.services()
+        found = {name: call for name, call in found.items() if name.split("/")[0] not in self.denied}
         if self.dies_in in found:
             found[self.dies_in] = self._die
         ours = {} if self.is_gone else {f"{self.name}/{service}": call for service, call in found.items()}
@@ -220,7 +245,7 @@ class Mavros:
         groups = (
             ("set_mode", "set_message_interval", "vehicle_info_get"),
             ("cmd/command", "cmd/arming", "cmd/takeoff"),
-            tuple(each for each in self.parameters.services()),
+            *(tuple(plugin.services()) for plugin in self._plugins),
         )
         return tuple(frozenset(f"{self.name}/{each}" for each in group) for group in groups) if self.ros == 2 else ()
 
@@ -261,7 +286,12 @@ class Mavros:
         if self._connected_s is not None and not self._has_fetched and now_s - self._connected_s >= self._bootup_s:
             self._has_fetched = True
             self.parameters.fetch()
-        self.parameters.tick(now_s)
+        for each in self._plugins:
+            each.tick(now_s)
+        if self._connected_s is not None and not self._has_pulled and now_s - self._connected_s >= LISTS_S:
+            self._has_pulled = True
+            for plugin in self.lists:
+                plugin.fetch()
         if self._connected_s is not None and not self._has_version and self._version_asks < 6:
             self._version_asks += 1
             self._command(mavlink.MAV_CMD_REQUEST_MESSAGE, 148.0)
@@ -429,6 +459,10 @@ class Mavros:
 
     def _ack(self, message: Any) -> None:
         self._acks[message.command] = message.result
+
+    def _mission_message(self, message: Any) -> None:
+        for plugin in self.lists:
+            plugin.on_message(message)
 
     def _parameter_value(self, message: Any) -> None:
         self.parameters.on_value(message)

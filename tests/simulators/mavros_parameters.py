@@ -13,6 +13,7 @@ from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 TIMEOUT_S, LIST_TIMEOUT_S, RETRIES_COUNT = 1.0, 30.0, 3
 _REAL: int = mavlink.MAV_PARAM_TYPE_REAL32
+_CHECKSUM = "_HASH_CHECK"
 _INT: int = mavlink.MAV_PARAM_TYPE_INT32
 
 
@@ -81,6 +82,8 @@ class ParamPlugin:
         if self._state not in ("list", "missing"):
             return
         if self._state == "list":
+            if self._is_px4:  # it begins its list with a checksum
+                self.copy[_CHECKSUM] = 1234
             self._state, self._missing = "missing", list(range(message.param_count))
         if message.param_index in self._missing:
             self._missing.remove(message.param_index)
@@ -127,7 +130,7 @@ class ParamPlugin:
 
     def _answer_pull(self, later: Later, *, success: bool) -> None:
         if self._ros == 1:
-            self._server.update(self.copy)
+            self._server.update({name: value for name, value in self.copy.items() if name != _CHECKSUM})
         later.answer = {"success": success, "param_received": len(self.copy)}
 
     def _set(self, message: Message) -> Answer:

@@ -209,6 +209,11 @@ class Bridge:
             raise RefusedError("a message requires a float64 for a field, but got a <class 'NoneType'>")
         return service(arguments)
 
+    def latched(self, topic: str) -> Message | None:
+        """Returns what a new subscriber of a topic gets at once; None for nothing."""
+        found = (getattr(node, "latched", {}).get(topic) for node in self.nodes)
+        return next((each for each in found if each is not None), None)
+
     def _list_topics(self, _: Message) -> Message:
         if not self.faults.has_master:
             raise RefusedError("Unable to communicate with master!")
@@ -288,6 +293,9 @@ class Session:
         is_cbor = self._bridge.has_cbor and operation.get("compression") == "cbor"
         throttle_s = operation.get("throttle_rate", 0) / 1000.0
         self._subscriptions[topic] = _Subscription(throttle_s, deque(maxlen=length or None), is_cbor)
+        latched = self._bridge.latched(topic)
+        if latched is not None:
+            self.offer(topic, latched)
 
     def _unsubscribe(self, operation: Message) -> None:
         self._subscriptions.pop(operation["topic"], None)

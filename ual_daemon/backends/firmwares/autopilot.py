@@ -13,6 +13,7 @@ from ual.types import Capability, Limits
 from ual_daemon.backends.engine.command import NotYetError
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.gripper_codec import GripperCodec
+from ual_daemon.backends.firmwares.mission_codec import MissionCodec
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, VehicleType
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -117,6 +118,8 @@ class Autopilot(ABC):
     """Those of `parameters` that it need not have."""
     parameter_names: tuple[tuple[str, ...], ...] = ()
     """Those of `parameters` that have other names in other versions: all names of each. It has one of them."""
+    parameters_checksum = ""
+    """The name of a checksum that it sends among its parameters; empty where there is none."""
     failsafe_parameters: frozenset[str] = frozenset()
     """Names of parameters by which it judges its links, its pilot and its battery, and acts by itself. A flight of UAL
     relies on them as on `parameters`, so that neither is written in flight."""
@@ -124,6 +127,8 @@ class Autopilot(ABC):
     """Whether its own fence may have polygons and circles, which it keeps like the items of a mission."""
     drops_positions_beyond_fence = False
     """See `ual_daemon.backends.values.VehicleInfo`."""
+    missions: MissionCodec | None = None
+    """How it keeps missions; None where UAL brings it none."""
     fence_switches: tuple[FenceSwitch, ...] = ()
     """The parameters by which it applies its zones."""
     zones_parameter = ""

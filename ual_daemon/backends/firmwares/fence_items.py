@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from ual.errors import RejectedByAutopilotError
 from ual.fences.values import FenceZone, RallyPoint
 from ual.types import AltitudeReference
-from ual_daemon.backends.firmwares.fence_zones import FenceCommand, FenceItem, find_zones
+from ual_daemon.backends.firmwares.fence_zones import FenceCommand, FenceItem, FoundZones, find_zones
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 
 _POLYGONS = {True: FenceCommand.POLYGON_INCLUSION, False: FenceCommand.POLYGON_EXCLUSION}
@@ -39,6 +39,11 @@ def _items(zone: FenceZone) -> Iterator[MissionItem]:
         yield MissionItem(0, command, size, x=round(latitude_deg * _E7), y=round(longitude_deg * _E7))
 
 
+def found_zones(items: Sequence[MissionItem]) -> FoundZones:
+    """Returns what the items mean, or why they make no fence."""
+    return find_zones([FenceItem(each.command, each.frame, each.param1, each.x / _E7, each.y / _E7) for each in items])
+
+
 def zones_of_items(items: Sequence[MissionItem]) -> tuple[FenceZone, ...]:
     """Returns the zones that the items mean, without the point to return to.
 
@@ -46,7 +51,7 @@ def zones_of_items(items: Sequence[MissionItem]) -> tuple[FenceZone, ...]:
         RejectedByAutopilotError: They make no fence.
 
     """
-    found = find_zones([FenceItem(each.command, each.frame, each.param1, each.x / _E7, each.y / _E7) for each in items])
+    found = found_zones(items)
     if found.zones is None:
         raise RejectedByAutopilotError(f"fence: what the autopilot has is no fence: {found.why}", {"list": "fence"})
     return tuple(FenceZone(zone.is_inclusion, zone.points, zone.radius_m) for zone in found.zones)

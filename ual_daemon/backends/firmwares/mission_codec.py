@@ -36,7 +36,7 @@ from ual.missions.items import (
 from ual.missions.plan import LinkLossAction
 from ual.parameters.values import real32
 from ual.types import AltitudeReference
-from ual_daemon.backends.firmwares.mission_items import MissionItem
+from ual_daemon.backends.firmwares.mission_items import JUMP, MissionItem
 from ual_daemon.backends.offers.missions import OnItsOwn
 
 _MISSION_FRAME = 2
@@ -44,7 +44,7 @@ _FRAMES = {AltitudeReference.AMSL: 0, AltitudeReference.HOME: 3}
 _SAME_FRAMES = {5: 0, 6: 3}
 """MAV_FRAME_GLOBAL_INT and its kin mean the same as those without; autopilots give either back."""
 _WAYPOINT, _RETURN, _LAND, _TAKE_OFF, _DELAY = 16, 20, 21, 22, 93
-_YAW, _JUMP, _SPEED, _ROI, _ROI_NONE, _TRIGGER = 115, 177, 178, 195, 197, 206
+_YAW, _JUMP, _SPEED, _ROI, _ROI_NONE, _TRIGGER = 115, JUMP, 178, 195, 197, 206
 _START_CAPTURE, _STOP_CAPTURE = 2000, 2001
 _NO_THROTTLE, _GROUND_SPEED, _NOT_USED = -1.0, 1.0, -1.0
 _DEGREES = 1e7

@@ -56,6 +56,10 @@ class MissionList(NamedTuple):
     opaque_id: int = 0
 
 
+LAST_NAVIGATION = 95
+"""MAV_CMD_NAV_LAST: commands up to this one fly somewhere, or hold; those beyond do something on the way."""
+JUMP = 177
+"""MAV_CMD_DO_JUMP."""
 UNSUPPORTED = 3
 """MAV_MISSION_UNSUPPORTED."""
 

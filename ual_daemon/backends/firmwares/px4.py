@@ -18,6 +18,7 @@ from ual_daemon.backends.firmwares.autopilot import (
 from ual_daemon.backends.firmwares.feed_forward import VELOCITY_GAINS
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.gripper_codec import Px4Gripper
+from ual_daemon.backends.firmwares.mission_codec import Px4Missions
 from ual_daemon.backends.firmwares.numbers import Sensor, VtolState
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -142,6 +143,7 @@ class Px4(Autopilot):
         *_GAINS,
     )
     optional_parameters = frozenset(_GAINS)
+    parameters_checksum = "_HASH_CHECK"
     failsafe_parameters = frozenset(
         {
             "COM_ACT_DELAY",
@@ -170,6 +172,7 @@ class Px4(Autopilot):
         }
     )
     has_zones = True
+    missions = Px4Missions()
     fence_switches = (FenceSwitch("GF_ACTION", _HOLD_AT_FENCE, least=_HOLD_AT_FENCE),)
 
     @override

@@ -33,12 +33,11 @@ from ual_daemon.backends.mavlink.links.endpoints import (
 )
 from ual_daemon.backends.mavlink.offers.cameras import MavlinkCameras
 from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
-from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
 from ual_daemon.backends.mavlink.offers.gimbals import MavlinkGimbals
 from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
+from ual_daemon.backends.mavlink.offers.lists import MavlinkLists, fence_of, missions_of
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
-from ual_daemon.backends.mavlink.offers.missions import MavlinkMissions
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
 from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.offers.trigger_camera import TriggerCamera
@@ -91,20 +90,20 @@ class MavlinkBackend(Backend):
         self._desk: CommandDesk[CommandLong] | None = None
         self._pictures = HttpPictures(self._settings.picture_hosts)
         reach = Reach(self._last_session, self._reach, self._post)
+        parameters, lists = MavlinkParameters(reach), MavlinkLists(reach)
         self._offers = (
-            MavlinkParameters(reach),
-            MavlinkMissions(
-                reach,
-                lambda: self._command("fly the mission", lambda dialect: dialect.fly_mission()),
-                lambda: self.snapshot().motion.position_geo,
-            ),
-            MavlinkFenceStore(reach),
+            parameters,
+            missions_of(reach, lists, parameters, self._fly_mission, lambda: self.snapshot().motion.position_geo),
+            fence_of(reach, lists),
             MavlinkLogs(self._reach, self._post),
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
             MavlinkGripper(reach, lambda what, command: self._command(what, lambda _: command), self._payload_messages),
             MavlinkCameras(self._cameras_found, self._now_s, reach, self._pictures, self._camera_trigger()),
             MavlinkGimbals(self._gimbals_found, self._now_s, reach),
         )
+
+    def _fly_mission(self) -> Future[None]:
+        return self._command("fly the mission", lambda dialect: dialect.fly_mission())
 
     @classmethod
     @override

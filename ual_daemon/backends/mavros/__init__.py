@@ -9,6 +9,7 @@ The modules, from the top down (a contract in pyproject.toml checks it):
 - ``discovery``: what MAVROS is connected to, and the session with it
 - ``parameters``, ``streams``, ``vehicle``: what is asked of MAVROS: parameters, rates, what it is connected to
 - ``telemetry``: what MAVROS publishes, as a snapshot
+- ``missions``: what MAVROS publishes of the lists that the autopilot keeps
 - ``geoid``: how MAVROS' altitudes are read
 - ``messages``, ``topics``: names, types and fields
 - ``settings``

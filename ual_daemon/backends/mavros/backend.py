@@ -9,7 +9,7 @@ from typing import TypeVar
 from typing_extensions import override
 
 from ual.errors import LinkLostError
-from ual.types import Limits
+from ual.types import GeoPoint, Limits
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
@@ -17,6 +17,9 @@ from ual_daemon.backends.engine.command import Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.engine.loop import Loop, Posted
+from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.listed_fence import KnownAutopilot, ListedFence
+from ual_daemon.backends.firmwares.listed_missions import HeardMission, ListedMissions, MissionAccess
 from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import commands, topics
@@ -24,6 +27,7 @@ from ual_daemon.backends.mavros.commands import Call
 from ual_daemon.backends.mavros.corrections import MavrosCorrections
 from ual_daemon.backends.mavros.discovery import Discovery
 from ual_daemon.backends.mavros.offers.gripper import MavrosGripper
+from ual_daemon.backends.mavros.offers.lists import MavrosLists
 from ual_daemon.backends.mavros.offers.parameters import MavrosParameters
 from ual_daemon.backends.mavros.offers.services import Reach, Services
 from ual_daemon.backends.mavros.session import FRESHNESS, Session
@@ -58,14 +62,20 @@ class MavrosBackend(Backend):
         self._info = VehicleInfo()
         self._has_news = False
         self._corrections = self._make_corrections(f"{self._settings.node}/{topics.RTCM}")
-        self._services = Services(
-            Reach(self._last_session, self._reached, self._post, self._call_slowly, self._ros, self._node)
-        )
-        self._parameters = MavrosParameters(self._services)
+        reach = Reach(self._last_session, self._reached, self._post, self._call_slowly, self._ros, self._node)
+        self._services = Services(reach), Services(reach)
+        self._parameters = MavrosParameters(self._services[0])
+        lists = MavrosLists(self._services[1])
         gripper = MavrosGripper(
             self._last_session, lambda what, command: self._command(what, lambda _: command), self._post
         )
-        self._offers = (self._corrections, self._parameters, gripper)
+        self._offers = (
+            self._corrections,
+            self._parameters,
+            gripper,
+            ListedFence(lists, self._known),
+            ListedMissions(self._mission_access(lists)),
+        )
 
     def _make_corrections(self, topic: str) -> MavrosCorrections:
         def publish(message: Message) -> None:
@@ -102,7 +112,8 @@ class MavrosBackend(Backend):
     def close(self) -> None:
         if self._link is not None:
             self._link.close()
-        self._services.drop("the daemon ends")
+        for each in self._services:
+            each.drop("the daemon ends")
 
     @override
     def info(self) -> VehicleInfo:
@@ -191,7 +202,8 @@ class MavrosBackend(Backend):
             now_s = self.clock.now_s()
             self._loop.step(now_s, has_news=has_news)
             self._corrections.tick(now_s)
-            self._services.tick(now_s)
+            for each in self._services:
+                each.tick(now_s)
 
     def _on_message(self, session: Session, topic: str, message: Message, now_s: float) -> None:
         """Takes a message of MAVROS for the session; one with a field that is missing is logged by the link."""
@@ -231,6 +243,27 @@ class MavrosBackend(Backend):
 
     def _last_session(self) -> Session | None:
         return None if self._discovery is None else self._discovery.session
+
+    def _known(self) -> KnownAutopilot | None:
+        session = self._last_session()
+        return None if session is None else KnownAutopilot(session.autopilot, session.telemetry.parameters)
+
+    def _mission_access(self, lists: MavrosLists) -> MissionAccess:
+        def autopilot() -> Autopilot | None:
+            session = self._last_session()
+            return None if session is None else session.autopilot
+
+        def heard() -> HeardMission | None:
+            session = self._last_session()
+            return None if session is None else session.telemetry.missions.heard
+
+        def fly() -> Future[None]:
+            return self._command("fly the mission", lambda session: commands.fly_mission(session.autopilot))
+
+        def here() -> GeoPoint | None:
+            return self.snapshot().motion.position_geo
+
+        return MissionAccess(lists, autopilot, heard, lists.choose, fly, self._parameters.read, here)
 
     def _reached(self, what: str) -> Session | LinkLostError:
         return self._session_in_reach(self.clock.now_s()) or self._why_not(what)

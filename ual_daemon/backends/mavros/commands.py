@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
+from ual.errors import NotSupportedError
 from ual_daemon.backends.engine.command import (
     ARMING,
     FLYING,
@@ -38,6 +39,7 @@ _AGAIN = Repeat(every_s=1.0, most=5, after_answer_s=0.3)
 _ACCEPTED, _FAILED, _IN_PROGRESS = 0, 4, 5
 _NO_ACK_S = 4.5
 """MAVROS waits for 5 s, and then says FAILED (version 1.21)."""
+_MISSION_START = 300
 _RESULTS = {1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED", 6: "CANCELLED"}
 
 Answer = Message | ServiceError
@@ -106,6 +108,23 @@ def move(order: PayloadOrder) -> Command[Call]:
     params = {f"param{number}": value for number, value in enumerate(order.params, 1)}
     call = Call(topics.COMMAND, {"command": order.id, **params})
     return replace(ordered(Command(order.what, call), order), repeat=Repeat(every_s=CALL_S + 0.5, most=1))
+
+
+def fly_mission(autopilot: Autopilot) -> Command[Call]:
+    """Enters the mode in which it flies its mission. Never arms.
+
+    On the ground ArduPilot waits in that mode for a raised throttle, or for a command, which is sent in the air, too.
+
+    Raises:
+        NotSupportedError: UAL flies no missions of this one.
+
+    """
+    codec = autopilot.missions
+    if codec is None:
+        raise NotSupportedError(f"UAL flies no missions of {autopilot.name}")
+    what = "fly the mission"
+    start = Command(what, Call(topics.COMMAND, {"command": _MISSION_START}), FLYING, mode=codec.mode)
+    return set_mode(codec.mode, what, then=start if codec.is_ardupilot else None)
 
 
 class Reply(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -13,6 +14,8 @@ from ual_daemon.backends.rosbridge import Message
 
 ROUND_S = 2.0
 """How often it is looked which topics come, and one call is made for each that does not."""
+ASKS_COUNT = 3
+"""So often one is asked for that its topic does not show: the autopilot may not know it."""
 FLOWS_SHARE = 0.25
 """A topic flows if at least this part of the requested rate comes."""
 NEEDED = frozenset(
@@ -25,15 +28,20 @@ CALL_S = 6.0
 """MAVROS waits for the autopilot's acknowledgement for 5 s."""
 _HEARTBEAT, _SYS_STATUS, _GPS_RAW_INT, _ATTITUDE_QUATERNION, _LOCAL_POSITION_NED = 0, 1, 24, 31, 32
 _GLOBAL_POSITION_INT, _GPS_GLOBAL_ORIGIN, _RC_CHANNELS, _VFR_HUD, _TARGET = 33, 49, 65, 74, 85
+_MISSION_CURRENT, _GPS_RTK, _GPS2_RTK = 42, 127, 128
 _BATTERY_STATUS, _ESTIMATOR_STATUS, _HOME_POSITION, _EXTENDED_SYS_STATE = 147, 230, 242, 245
 
 
 class Stream(NamedTuple):
-    """A MAVLink message that makes MAVROS publish a topic, and its rate."""
+    """A MAVLink message that makes MAVROS publish a topic, and its rate.
+
+    `is_counted`: the topic shows whether it comes. Else the answer of the autopilot counts.
+    """
 
     topic: str
     message_id: int
     rate_hz: float
+    is_counted: bool = True
 
 
 def streams_of(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
@@ -53,7 +61,16 @@ def streams_of(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
         *((Stream(topics.TARGET, _TARGET, 10.0),) if autopilot.stays_without_setpoints else ()),
         Stream(topics.RC_IN, _RC_CHANNELS, 5.0),
         Stream(topics.BATTERY, _BATTERY_STATUS, 1.0),
+        *(() if autopilot.takes_feed_forward else _UNCOUNTED),
     )
+
+
+_UNCOUNTED = (
+    Stream(topics.MISSION, _MISSION_CURRENT, 2.0, is_counted=False),
+    Stream(topics.GPS_RTK, _GPS_RTK, 1.0, is_counted=False),
+    Stream(topics.GPS2_RTK, _GPS2_RTK, 1.0, is_counted=False),
+)
+"""What ArduPilot is asked for, which comes now and then, or of some receivers only."""
 
 
 class StreamRequests:
@@ -65,10 +82,15 @@ class StreamRequests:
         self._before: dict[str, int] = dict(counts)
         self._looked_s = -math.inf
         self._wanted: list[Stream] = list(streams)
+        self._granted: set[str] = set()
+        """The topics for which the autopilot has granted a rate."""
+        self._asks: Counter[str] = Counter()
 
     def restart(self) -> None:
         """Asks for all, as the autopilot may have booted; in flight only for what does not come from now on."""
         self._wanted, self._looked_s = list(self._streams), -math.inf
+        self._granted.clear()
+        self._asks.clear()
 
     def tick(self, now_s: float, call: Call, *, is_flying: bool) -> bool:
         """Asks for what is due. Returns whether it has called a service."""
@@ -81,9 +103,14 @@ class StreamRequests:
         if not self._wanted:
             return False
         stream = self._wanted.pop(0)
+        self._asks[stream.topic] += 1
         arguments = {"message_id": stream.message_id, "message_rate": stream.rate_hz}
-        call(topics.SET_INTERVAL, arguments, _ignore, CALL_S)
+        call(topics.SET_INTERVAL, arguments, lambda answer: self._on_answer(stream, answer), CALL_S)
         return True
+
+    def _on_answer(self, stream: Stream, answer: Message) -> None:
+        if answer.get("success"):
+            self._granted.add(stream.topic)
 
     def _look(self, now_s: float, *, is_flying: bool) -> None:
         passed_s = min(now_s - self._looked_s, 2.0 * ROUND_S)
@@ -103,9 +130,7 @@ class StreamRequests:
 
     def _flows(self, stream: Stream, passed_s: float) -> bool:
         """Whether enough came; topics are throttled, so no more than 5 a second are expected of the others."""
+        if not stream.is_counted:
+            return stream.topic in self._granted or self._asks[stream.topic] >= ASKS_COUNT
         rate_hz = stream.rate_hz if stream.topic == topics.POSE else min(stream.rate_hz, 2.0)
         return self._came_count(stream) >= FLOWS_SHARE * rate_hz * passed_s
-
-
-def _ignore(_: Message) -> None:
-    """The topic shows whether it worked."""

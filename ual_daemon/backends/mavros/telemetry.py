@@ -15,13 +15,17 @@ from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
 from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.baseline import Baseline
 from ual_daemon.backends.firmwares.batteries import Batteries
+from ual_daemon.backends.firmwares.fence_items import found_zones
 from ual_daemon.backends.firmwares.fence_reader import FenceReader
 from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
+from ual_daemon.backends.firmwares.mission_items import MissionType
 from ual_daemon.backends.firmwares.numbers import Sensor
 from ual_daemon.backends.mavros import messages, topics
 from ual_daemon.backends.mavros.geoid import Geoid
+from ual_daemon.backends.mavros.missions import MissionTopics
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, stamp_s, vector
 from ual_daemon.backends.rosbridge.ordering import Ordering
@@ -105,11 +109,13 @@ class Telemetry:
         self._gps: GpsInfo | None = None
         self.corrections_age_s: float | None = None
         """How long ago the last corrections left for its receiver; None before the first."""
+        self._baseline = Baseline()
         self._satellites_count = 0
         self._battery: Battery | None = None
         self._batteries = Batteries()
         self._has_rangefinder = False
         self.status_text = ""
+        self.missions = MissionTopics(autopilot)
         self._handlers: dict[str, Callable[[Message, float], None]] = {
             topics.STATE: self._on_state,
             topics.EXTENDED_STATE: self._on_extended_state,
@@ -125,10 +131,14 @@ class Telemetry:
             topics.FIX: self._on_fix,
             topics.SATELLITES: self._on_satellites,
             topics.GPS_RAW: self._on_gps_raw,
+            topics.GPS_RTK: self._on_gps_rtk,
+            topics.GPS2_RTK: self._on_gps_rtk,
             topics.VFR_HUD: self._on_vfr_hud,
             topics.HOME: self._on_home,
             topics.BATTERY: self._on_battery,
             topics.TIMESYNC: self._on_timesync,
+            **self.missions.handlers,
+            topics.FENCE: self._on_fence,
         }
 
     def update(self, topic: str, message: Message, now_s: float) -> bool:
@@ -201,7 +211,7 @@ class Telemetry:
             ),
             condition=Condition(
                 self._battery,
-                self._gps_now(),
+                self._gps_now(now_s),
                 self.status_text,
                 health,
                 self._has_rangefinder,
@@ -211,9 +221,11 @@ class Telemetry:
             autopilot_fence=self.fence.limits,
         )
 
-    def _gps_now(self) -> GpsInfo | None:
-        gps, age_s = self._gps, self.corrections_age_s
-        return gps if gps is None or age_s is None else replace(gps, corrections_age_s=age_s)
+    def _gps_now(self, now_s: float) -> GpsInfo | None:
+        gps, age_s, baseline_m = self._gps, self.corrections_age_s, self._baseline.fresh_m(now_s)
+        if gps is None or (age_s is None and baseline_m is None):
+            return gps
+        return replace(gps, corrections_age_s=age_s, baseline_m=baseline_m)
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 
@@ -325,6 +337,10 @@ class Telemetry:
         self._gps_raw = message
         self._pair_fixes(now_s)
 
+    def _on_gps_rtk(self, message: Message, now_s: float) -> None:
+        a_mm, b_mm, c_mm = (number(message[f"baseline_{axis}"]) for axis in "abc")
+        self._baseline.on_components(a_mm, b_mm, c_mm, now_s)
+
     def _pair_fixes(self, now_s: float) -> None:
         """Compares the altitudes of one message of the autopilot, which comes on two topics in any order."""
         fix, raw = self._fix, self._gps_raw
@@ -352,6 +368,11 @@ class Telemetry:
         self._batteries.on_battery(found, now_s)
         self._battery = self._batteries.decisive()
 
+    def _on_fence(self, message: Message, now_s: float) -> None:
+        """Takes the zones as MAVROS has read or sent them last: so UAL plans by them, too."""
+        self.missions.handlers[topics.FENCE](message, now_s)
+        self.fence.set_zones(found_zones(self.missions.lists[MissionType.FENCE].items))
+
     def _on_timesync(self, message: Message, now_s: float) -> None:
         """Takes the autopilot's time since boot, by which a reboot shows."""
         if self._watch.on_boot_time(number(message["remote_timestamp_ns"]) * 1e-9, now_s):
@@ -361,6 +382,7 @@ class Telemetry:
         self.boots_count = self._watch.begin_boot()
         self.readings.discard_boot()
         self.parameters.clear()
+        self.missions.discard()
         self.origin = LocalOrigin()
 
     # --- What follows from it -----------------------------------------------------------------------------------------

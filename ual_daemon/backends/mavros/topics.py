@@ -19,12 +19,19 @@ ORIGIN = "global_position/gp_origin"
 FIX = "global_position/raw/fix"
 SATELLITES = "global_position/raw/satellites"
 GPS_RAW = "gpsstatus/gps1/raw"
+GPS_RTK = "gpsstatus/gps1/rtk"
+GPS2_RTK = "gpsstatus/gps2/rtk"
 VFR_HUD = "vfr_hud"
 HOME = "home_position/home"
 BATTERY = "battery"
 RC_IN = "rc/in"
 TIMESYNC = "timesync_status"
 TARGET = "setpoint_raw/target_local"
+
+MISSION = "mission/waypoints"
+REACHED = "mission/reached"
+FENCE = "geofence/waypoints"
+RALLY = "rallypoint/waypoints"
 
 SETPOINT, SETPOINT_TYPE = "setpoint_raw/local", "mavros_msgs/PositionTarget"
 
@@ -41,6 +48,7 @@ GET_PARAMETERS_ROS2 = "param/get_parameters"
 LIST_PARAMETERS_ROS2 = "param/list_parameters"
 PULL_PARAMETERS = "param/pull"
 SET_PARAMETER = "param/set"
+SET_CURRENT = "mission/set_current"
 GET_ON_SERVER = "/rosapi/get_param"
 """Reads from the parameter server of ROS 1."""
 
@@ -71,10 +79,17 @@ TOPICS = {
     FIX: Topic("sensor_msgs/NavSatFix", 300),
     SATELLITES: Topic("std_msgs/UInt32", 300),
     GPS_RAW: Topic("mavros_msgs/GPSRAW", 300),
+    GPS_RTK: Topic("mavros_msgs/GPSRTK", 500),
+    GPS2_RTK: Topic("mavros_msgs/GPSRTK", 500),
     VFR_HUD: Topic("mavros_msgs/VfrHud", 500),
     HOME: Topic("mavros_msgs/HomePosition"),
     BATTERY: Topic("sensor_msgs/BatteryState"),  # of all batteries, one after the other
     RC_IN: Topic("mavros_msgs/RCIn", 150),
     TIMESYNC: Topic("mavros_msgs/TimesyncStatus", 50),
     TARGET: Topic("mavros_msgs/PositionTarget", 80),
+    # Each new subscriber gets the last one of these, so they are no sign of life.
+    MISSION: Topic("mavros_msgs/WaypointList", 100),
+    REACHED: Topic("mavros_msgs/WaypointReached", 100),
+    FENCE: Topic("mavros_msgs/WaypointList", 100),
+    RALLY: Topic("mavros_msgs/WaypointList", 100),
 }

@@ -115,7 +115,7 @@ class RosbridgeLink:
         self._announced: set[str] = set()
         """What was advertised on this connection."""
         self._calls = Calls()
-        self._slow_calls = SlowCalls(lambda: self._dial(self.url, self._wait), clock.now_s)
+        self._slow_calls = SlowCalls(lambda: self._dial(self.url, self._wait_serving), clock.now_s)
         self._fragments = Fragments()
         self._closing = threading.Event()
         self._connections: Connections | None = None
@@ -287,6 +287,17 @@ class RosbridgeLink:
         if self._closing.is_set():
             raise _ClosedError
         self._turn()
+
+    def _wait_serving(self) -> None:
+        """Waits for a further connection: what comes on the others is taken meanwhile.
+
+        Raises:
+            OSError: One of them is lost.
+        """
+        connections = self._connections
+        for data in () if connections is None else connections.receive(0.0):
+            self._on_data(data)
+        self._wait()
 
     def _turn(self) -> None:
         """Does what is due where there is nothing to read."""

@@ -7,10 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from tests.patient_checks import (
-    OF_PARAMETERS,
     WITHOUT_CAMERAS,
-    WITHOUT_MISSIONS,
-    WITHOUT_PARAMETERS,
+    WITHOUT_LOGS,
     grouped,
     run_check_or_skip,
     wait_until_ready,
@@ -25,11 +23,7 @@ from ual_daemon.backends.base import BackendOptions
 
 BACKENDS = {"px4": LockstepMavrosPx4, "ardupilot": LockstepMavrosArduPilot}
 NOT_HERE = {
-    kind: names
-    | {"bad_poses_from_outside_are_refused"}
-    | (WITHOUT_PARAMETERS - OF_PARAMETERS)
-    | WITHOUT_CAMERAS
-    | WITHOUT_MISSIONS
+    kind: names | {"bad_poses_from_outside_are_refused"} | WITHOUT_CAMERAS | WITHOUT_LOGS
     for kind, names in NOT_OVER_MAVLINK.items()
 }
 

@@ -12,7 +12,12 @@ from tests.ual_daemon.backends.mavros.test_mavros_faults import make
 from tests.waiting import until
 from ual.types import State
 from ual_daemon import UAL
+from ual_daemon.backends.engine.link_watch import LinkWatch
+from ual_daemon.backends.firmwares.ardupilot import ArduCopter
+from ual_daemon.backends.firmwares.baseline import FRESH_S
+from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.corrections import MavrosCorrections, pieces
+from ual_daemon.backends.mavros.telemetry import Telemetry
 from ual_daemon.backends.rosbridge import Message
 
 LENGTHS = [25, 180, 360, 540, 720, 333, 179, 181]
@@ -92,3 +97,23 @@ def test_what_waits_while_the_autopilot_is_not_heard_is_dropped_and_counted() ->
     bench.why_not = ""
     bench.tick()
     assert len(bench.published) == 1
+
+
+def test_the_base_line_is_told_while_it_comes() -> None:
+    telemetry = Telemetry(ArduCopter(), LinkWatch("a bridge", 1.0), lambda: 0.0)
+    fix = {
+        "status": {"status": 0},
+        "position_covariance_type": 0,
+        "latitude": 47.0,
+        "longitude": 8.0,
+        "altitude": 500.0,
+    }
+    telemetry.update(topics.FIX, fix, 10.0)
+    telemetry.update(topics.GPS_RTK, {"baseline_a": 3000, "baseline_b": -4000, "baseline_c": 0}, 10.0)
+
+    def told_m(now_s: float) -> float | None:
+        gps = telemetry.snapshot(now_s).condition.gps
+        return None if gps is None else gps.baseline_m
+
+    assert told_m(10.5) == 5.0
+    assert told_m(10.0 + FRESH_S + 0.1) is None

@@ -99,6 +99,7 @@ def test_a_bridge_that_goes_in_flight_is_told_and_heals_by_itself(flight: Flight
     gone = flight.mark()
     flight.backend.is_bridge_gone = True
     assert flight.until_state(State.UNINITIALIZED, since=gone) < LOST_S
+    flight.until(lambda: flight.backend.link().lost_count == 1)
     back = flight.mark()
     flight.backend.is_bridge_gone = False
     assert flight.until_state(*IN_THE_AIR, since=back) < HEALED_S

@@ -13,7 +13,6 @@ from ual.gimbals import GimbalAbility
 from ual_daemon.backends.engine.command import FLYING, shows_landed
 from ual_daemon.backends.firmwares import ardupilot
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
-from ual_daemon.backends.firmwares.mission_codec import ArduCopterMissions
 from ual_daemon.backends.mavlink.dialects.command_long import (
     LongCommand,
     arm_or_disarm,
@@ -49,7 +48,6 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     rates_beside_files = 6.0
     keeps_items = True
     tells_baseline = True
-    missions = ArduCopterMissions()
     gimbal_type_parameter = "MNT{}_TYPE"
     gimbal_types_of_joints = frozenset({1.0})  # servos, which it steadies itself
     lacking_gimbal_abilities = frozenset({GimbalAbility.BODY})  # its gimbals are level, whatever was ordered
@@ -117,7 +115,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     def fly_mission(self) -> LongCommand:
         # On the ground it waits in AUTO for a raised throttle, or for this command, which does not arm.
         start = replace(
-            command_of(mavlink.MAV_CMD_MISSION_START, (), "fly the mission", FLYING), mode=self.missions.mode
+            command_of(mavlink.MAV_CMD_MISSION_START, (), "fly the mission", FLYING), mode=self.mode(_AUTO).name
         )
         return replace(self._set_mode(_AUTO, "fly the mission"), then=start)
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 from ual.errors import NotSupportedError
 from ual.gimbals import GimbalAbility
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Autopilot, version_text
-from ual_daemon.backends.firmwares.mission_codec import MissionCodec
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, arm_or_disarm
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
@@ -54,8 +53,6 @@ class Dialect(Autopilot):
     keeps_items = False
     """Whether UAL transfers its mission, its fence and its rally points by the mission protocol."""
 
-    missions: MissionCodec | None = None
-    """How it keeps missions; None where UAL brings it none."""
     tells_gimbal_manager = False
     """Whether AUTOPILOT_VERSION says that it manages gimbals. Another one is asked a few times."""
     says_gimbal_joints = False

@@ -11,7 +11,6 @@ from typing_extensions import override
 
 from ual_daemon.backends.firmwares import px4, px4_events
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
-from ual_daemon.backends.firmwares.mission_codec import Px4Missions
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import (
     CommandLong,
@@ -55,7 +54,6 @@ class Px4(px4.Px4, Dialect):
     parameter_codec = ByteWise()
     has_descriptions = True
     keeps_items = True
-    missions = Px4Missions()
 
     @override
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from typing_extensions import override
 
+from ual_daemon.backends.firmwares.baseline import Baseline
 from ual_daemon.backends.mavlink.dialects.command_long import set_message_interval
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
@@ -27,7 +28,6 @@ AT_ONCE = 2
 PACE_S = 0.02
 """So many pieces leave at once, and the next ones after so long: 18 kB/s. PX4 keeps 8 pieces for its receiver's driver,
 which looks each 50 ms."""
-BASELINE_FRESH_S = 5.0
 ASK_S = 10.0
 """How often the messages with the base line are asked for while they do not come."""
 _BASELINES = (mavlink.MAVLINK_MSG_ID_GPS_RTK, mavlink.MAVLINK_MSG_ID_GPS2_RTK)
@@ -64,8 +64,7 @@ class CorrectionsInjection(Protocol):
         self._target: Source | None = None
         self._tells_baseline = False
         self._next_ask_s = -math.inf
-        self._baseline: tuple[float, float] | None = None
-        """In metres, and when it came."""
+        self._baseline = Baseline()
 
     @property
     def counts(self) -> Injected:
@@ -84,7 +83,7 @@ class CorrectionsInjection(Protocol):
 
     @override
     def drop(self, why: str) -> None:
-        self._baseline, self._next_ask_s = None, -math.inf
+        self._baseline, self._next_ask_s = Baseline(), -math.inf
         if self._pieces:
             self._pieces.clear()
             self._waiting.on_lost(why)
@@ -109,21 +108,15 @@ class CorrectionsInjection(Protocol):
 
     def on_baseline(self, message: Message, now_s: float) -> None:
         """Takes a GPS_RTK or a GPS2_RTK."""
-        baseline_m = math.hypot(message.baseline_a_mm, message.baseline_b_mm, message.baseline_c_mm) / 1000.0
-        if baseline_m > 0.0:
-            self._baseline = (baseline_m, now_s)
+        parts_mm = message.baseline_a_mm, message.baseline_b_mm, message.baseline_c_mm
+        self._baseline.on_components(*parts_mm, now_s)
 
     def seen(self, now_s: float) -> SeenCorrections:
         """Returns what telemetry has of them."""
         left_s = self.counts.left_s
-        if left_s is None and self._baseline is None:
+        if left_s is None and not self._baseline.has_come:
             return NO_CORRECTIONS
-        return SeenCorrections(None if left_s is None else round(now_s - left_s, 1), self._baseline_m(now_s))
-
-    def _baseline_m(self, now_s: float) -> float | None:
-        if self._baseline is None or now_s - self._baseline[1] > BASELINE_FRESH_S:
-            return None
-        return self._baseline[0]
+        return SeenCorrections(None if left_s is None else round(now_s - left_s, 1), self._baseline.fresh_m(now_s))
 
     def _next_message(self) -> bool:
         message = self._waiting.take()
@@ -145,7 +138,7 @@ class CorrectionsInjection(Protocol):
 
     def _ask(self, now_s: float) -> None:
         """Asks for the base line. Only where corrections are sent: without them there is none."""
-        is_needed = self._tells_baseline and self._target is not None and self._baseline_m(now_s) is None
+        is_needed = self._tells_baseline and self._target is not None and self._baseline.fresh_m(now_s) is None
         if is_needed and self._target is not None and now_s >= self._next_ask_s and self._has_room():
             self._next_ask_s = now_s + ASK_S
             for each in _BASELINES:

@@ -14,6 +14,7 @@ from typing_extensions import override
 
 from ual.errors import LinkLostError, UalTimeoutError
 from ual_daemon.backends import futures
+from ual_daemon.backends.firmwares.item_lists import not_current
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
@@ -79,7 +80,7 @@ class SetCurrent(Exchange[None]):
 
     def _give_up(self, now_s: float) -> None:
         if self._is_up(now_s):
-            self.fail(UalTimeoutError("the autopilot did not make that item its current one: look where it flies"))
+            self.fail(not_current())
         else:
             self.fail(LinkLostError("nothing comes from the autopilot: it is not known which item is its current one"))
 

@@ -8,7 +8,8 @@ from typing import Any
 
 from typing_extensions import override
 
-from ual.errors import RejectedByAutopilotError, UalError
+from ual.errors import UalError
+from ual_daemon.backends.firmwares.item_lists import WRITES_COUNT, kept_otherwise, not_read_back
 from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem, MissionList, refusal_text
 from ual_daemon.backends.mavlink.protocols.mission_download import MissionDownload
 from ual_daemon.backends.mavlink.protocols.mission_exchange import ACCEPTED, MissionTaker
@@ -16,9 +17,6 @@ from ual_daemon.backends.mavlink.protocols.mission_line import MissionLine
 from ual_daemon.backends.mavlink.protocols.mission_upload import MissionChange, MissionClear, MissionUpload
 from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.offers.parameters import Refusal
-
-WRITES_COUNT = 3
-"""So often a list is sent that was read back otherwise: a late message of a transfer before may have got into it."""
 
 
 class MissionReplacement(MissionTaker[MissionList]):
@@ -86,7 +84,7 @@ class MissionReplacement(MissionTaker[MissionList]):
         error = self._part.future.exception()
         is_change = isinstance(self._part, MissionChange)
         if isinstance(error, UalError):
-            self.fail(error if is_change else _unread(error, self._line.kind.text))
+            self.fail(error if is_change else not_read_back(error, self._line.kind))
         elif is_change:
             self._result = self._part.future.result()
             self._part = MissionDownload(Future(), self._line)
@@ -100,11 +98,5 @@ class MissionReplacement(MissionTaker[MissionList]):
         elif self._writes_count < WRITES_COUNT:
             self._part = self._change()
         else:
-            why = "" if self._result == ACCEPTED else f"; it answers {refusal_text(self._result)}"
-            what = self._line.kind.text
-            self.fail(RejectedByAutopilotError(f"{what}: the autopilot keeps another one: {text}{why}", {"list": what}))
-
-
-def _unread(error: UalError, what: str) -> UalError:
-    text = f"{error.message}; the {what} was sent, but could not be read back: read what the autopilot has now"
-    return type(error)(text, error.metadata)
+            why = "" if self._result == ACCEPTED else f"it answers {refusal_text(self._result)}"
+            self.fail(kept_otherwise(self._line.kind, text, why))

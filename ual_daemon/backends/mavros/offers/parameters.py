@@ -158,27 +158,38 @@ class MavrosParameters(AutopilotParameters):
         further = self._pull(PULL_S, is_forced=False)
         return then_wait(further, lambda again: self._whole(again, count, pulls_count - 1))
 
-    def _list_ros2(self, count: int) -> Future[list[Parameter]]:
+    def _list_ros2(self, _: int) -> Future[list[Parameter]]:
         def get(names: Sequence[str], found: list[Parameter]) -> Future[list[Parameter]]:
             if not names:
                 return done(found)
             return then_wait(self._get_ros2(names[:CHUNK]), lambda some: get(names[CHUNK:], found + some))
 
-        listed = self._services.call(topics.LIST_PARAMETERS_ROS2, {}, CALL_S, _READ)
-        return then_wait(listed, lambda answer: get(sorted(answer["result"]["names"]), []))
+        def listed(answer: Message) -> Future[list[Parameter]]:
+            return get(sorted(set(answer["result"]["names"]) - {self._checksum}), [])
+
+        return then_wait(self._services.call(topics.LIST_PARAMETERS_ROS2, {}, CALL_S, _READ), listed)
 
     def _list_ros1(self, count: int) -> Future[list[Parameter]]:
-        """Lists what MAVROS has just given to the parameter server. Where that has more, of another autopilot or time,
-        each is asked for.
-        """
+        """Lists what MAVROS has just given to the parameter server. It counts PX4's checksum, and does not give it."""
+        if not self._checksum:
+            return self._list_from_server(count)
+        checksum = self._services.call(topics.GET_PARAMETER_ROS1, {"param_id": self._checksum}, CALL_S, _READ)
+        return then_wait(checksum, lambda answer: self._list_from_server(count - bool(answer["success"])))
+
+    def _list_from_server(self, count: int) -> Future[list[Parameter]]:
+        """Where the server has more than so many, of another autopilot or time, each is asked for."""
 
         def listed(on_server: object) -> Future[list[Parameter]]:
             known = on_server if isinstance(on_server, dict) else {}
             found = [_parameter(name, value) for name, value in sorted(known.items()) if _is_number(value)]
-            is_whole = len(found) in (count, count - 1)  # PX4's checksum is none of them, and MAVROS counts it
-            return done(found) if is_whole else self._checked([each.name for each in found], count)
+            return done(found) if len(found) == count else self._checked([each.name for each in found], count)
 
         return then_wait(self._on_server(""), listed)
+
+    @property
+    def _checksum(self) -> str:
+        session = self._services.reach.session()
+        return "" if session is None else session.autopilot.parameters_checksum
 
     def _checked(self, names: Sequence[str], count: int) -> Future[list[Parameter]]:
         """Returns those that are in the copy."""
@@ -279,7 +290,7 @@ def _is_number(value: object) -> bool:
 
 
 def _all_of(found: list[Parameter], count: int) -> list[Parameter]:
-    if len(found) not in (count, count - 1):
+    if len(found) != count:
         text = f"{len(found)} of {count} parameters could be read: try again"
         raise UalTimeoutError(text, {"count": str(count)})
     return found

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from tests.rtcm import message, messages
 from tests.simulators.satellite_receiver import SatelliteReceiver
+from ual_daemon.backends.firmwares.baseline import FRESH_S
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.corrections_injection import (
     ASK_S,
-    BASELINE_FRESH_S,
     LONGEST_BYTES,
     NO_CORRECTIONS,
     PACE_S,
@@ -183,7 +183,7 @@ def test_the_base_line_is_asked_for_while_corrections_are_sent_and_believed_whil
     rtk = mavlink.MAVLink_gps_rtk_message(0, 0, 0, 0, 0, 1, 12, 1, 3_000, 4_000, -12_000, 0, 0)
     bench.injection.on_baseline(rtk, bench.now_s)
     assert bench.injection.seen(bench.now_s).baseline_m == pytest.approx(13.0)
-    assert bench.injection.seen(bench.now_s + BASELINE_FRESH_S + 0.1).baseline_m is None
+    assert bench.injection.seen(bench.now_s + FRESH_S + 0.1).baseline_m is None
 
 
 def test_a_px4_is_not_asked_for_what_it_does_not_have(bench: Bench) -> None:

@@ -30,8 +30,8 @@ from ual_daemon.backends.firmwares.mission_items import MissionItem, MissionList
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
-from ual_daemon.backends.mavlink.offers.fence import MavlinkFenceStore
-from ual_daemon.backends.mavlink.offers.missions import MavlinkMissions
+from ual_daemon.backends.mavlink.offers.lists import MavlinkLists, fence_of, missions_of
+from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
 from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.protocols.cameras import MESSAGE_IDS
 from ual_daemon.backends.mavlink.protocols.mission_exchange import LONGEST_S
@@ -212,8 +212,10 @@ def ended(link: FuzzedLink, futures: list[Future[Any]]) -> list[Any]:
 def test_whatever_is_answered_no_list_is_believed_that_did_not_come(kind: str) -> None:
     link = FuzzedLink(kind, seed=len(kind), share=0.3)
     reach = FuzzedReach(link)
-    missions = MavlinkMissions(cast("Reach", reach), Future, lambda: GeoPoint(47.0, 8.0, 500.0))
-    fence = MavlinkFenceStore(cast("Reach", reach))
+    to_link = cast("Reach", reach)
+    lists = MavlinkLists(to_link)
+    missions = missions_of(to_link, lists, MavlinkParameters(to_link), Future, lambda: GeoPoint(47.0, 8.0, 500.0))
+    fence = fence_of(to_link, lists)
     believed_count = 0
     while link.arrived_count < FUZZ_COUNT // 2:
         link.keep_anything()

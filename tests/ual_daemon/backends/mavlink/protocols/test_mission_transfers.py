@@ -22,6 +22,7 @@ from ual.errors import (
     UalTimeoutError,
     WrongStateError,
 )
+from ual_daemon.backends.firmwares.item_lists import WRITES_COUNT
 from ual_daemon.backends.firmwares.mission_items import (
     FENCE_FIELDS,
     MissionItem,
@@ -33,7 +34,6 @@ from ual_daemon.backends.firmwares.mission_items import (
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.dialects.unknown import Unknown
 from ual_daemon.backends.mavlink.protocols.mission_exchange import GIVE_UP_S, LONGEST_S, PAUSE_S, RETRY_S
-from ual_daemon.backends.mavlink.protocols.mission_replacement import WRITES_COUNT
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MOST_WAITING, MissionTransfers
 from ual_daemon.backends.mavlink.wire.frames import Source, split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink

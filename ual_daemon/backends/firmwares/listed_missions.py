@@ -1,9 +1,10 @@
-"""The missions of a MAVLink autopilot: what any thread asks for goes to the thread that receives."""
+"""The missions of an autopilot that keeps them as lists of items, by its codec."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from typing import NamedTuple
 
 from typing_extensions import override
 
@@ -13,40 +14,52 @@ from ual.missions.plan import MissionStage
 from ual.parameters.values import Parameter
 from ual.types import GeoPoint
 from ual_daemon.backends import chain
+from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.item_lists import ItemLists
 from ual_daemon.backends.firmwares.mission_codec import MissionCodec, Place
-from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem, MissionList, MissionType
-from ual_daemon.backends.mavlink.offers.reach import Reach
-from ual_daemon.backends.mavlink.protocols.protocols import Protocols
-from ual_daemon.backends.offers.missions import (
-    AutopilotMissions,
-    KeptMission,
-    MissionReport,
-    OnItsOwn,
-)
+from ual_daemon.backends.firmwares.mission_items import MissionItem, MissionList, MissionType
+from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport, OnItsOwn
 from ual_daemon.backends.offers.parameters import Refusal
 
-_STAGES = {each.value: each for each in MissionStage}
+
+class HeardMission(NamedTuple):
+    """The newest of what the autopilot has told of its mission, with its own numbers of the items."""
+
+    stage: MissionStage
+    seq: int
+    time_s: float
+    mission_id: int = 0
+    reached: int | None = None
 
 
-class MavlinkMissions(AutopilotMissions):
-    """The missions of one backend.
+class MissionAccess(NamedTuple):
+    """The way to the missions of one autopilot.
 
-    Args:
-        reach: The way to the thread that receives.
+    Attributes:
+        lists: Transfers the mission.
+        autopilot: Returns the kind of the autopilot; None before there was one.
+        heard: Returns the newest of what it has told; None while that is nothing.
+        choose: Makes the item of a number the current one, which one of some numbers then shows.
         fly: Commands the mode in which the mission is flown.
+        read_parameter: Reads a parameter.
         here: Returns where the UAV is; None while that is not known.
 
     """
 
-    def __init__(
-        self,
-        reach: Reach,
-        fly: Callable[[], Future[None]],
-        here: Callable[[], GeoPoint | None],
-    ) -> None:
-        self._reach = reach
-        self._fly = fly
-        self._here = here
+    lists: ItemLists
+    autopilot: Callable[[], Autopilot | None]
+    heard: Callable[[], HeardMission | None]
+    choose: Callable[[int, frozenset[int], Refusal], Future[None]]
+    fly: Callable[[], Future[None]]
+    read_parameter: Callable[[str], Future[Parameter]]
+    here: Callable[[], GeoPoint | None]
+
+
+class ListedMissions(AutopilotMissions):
+    """The missions of one backend."""
+
+    def __init__(self, access: MissionAccess) -> None:
+        self._access = access
 
     @property
     @override
@@ -74,8 +87,7 @@ class MavlinkMissions(AutopilotMissions):
 
     @override
     def upload(self, items: Sequence[Item], refusal: Refusal) -> Future[KeptMission]:
-        codec = self._codec()
-        here = self._here()
+        codec, here = self._codec(), self._access.here()
         encoded = codec.encode(items, None if here is None else Place(here.latitude_deg, here.longitude_deg))
         return self._replace(codec, encoded, refusal)
 
@@ -84,53 +96,33 @@ class MavlinkMissions(AutopilotMissions):
         return self._replace(self._codec(), [], refusal)
 
     def _replace(self, codec: MissionCodec, items: Sequence[MissionItem], refusal: Refusal) -> Future[KeptMission]:
-        differs: Difference = codec.difference
-
-        def begin(protocols: Protocols, future: Future[MissionList]) -> None:
-            protocols.missions.replace(MissionType.MISSION, items, refusal, future, differs)
-
-        return chain.then(self._reach.give("change its mission", begin), lambda found: _kept(codec, found))
+        kept = self._access.lists.replace(MissionType.MISSION, items, refusal, codec.difference)
+        return chain.then(kept, lambda found: _kept(codec, found))
 
     @override
     def download(self) -> Future[KeptMission]:
         codec = self._codec()
-
-        def begin(protocols: Protocols, future: Future[MissionList]) -> None:
-            protocols.missions.download(MissionType.MISSION, future)
-
-        return chain.then(self._reach.give("read its mission", begin), lambda found: _kept(codec, found))
+        return chain.then(self._access.lists.download(MissionType.MISSION), lambda found: _kept(codec, found))
 
     @override
     def report(self) -> MissionReport | None:
-        session = self._reach.session()
-        heard = None if session is None else session.mission_heard
-        if session is None or heard is None:
+        heard, autopilot = self._access.heard(), self._access.autopilot()
+        codec = None if autopilot is None else autopilot.missions
+        if heard is None or codec is None:
             return None
-        codec = session.dialect.missions
-        if codec is None:
-            return None
-        return MissionReport(
-            _STAGES.get(heard.state, MissionStage.UNKNOWN),
-            _number(codec, heard.seq),
-            None if heard.reached is None else _number(codec, heard.reached),
-            heard.time_s,
-            heard.mission_id,
-        )
+        reached = None if heard.reached is None else _number(codec, heard.reached)
+        return MissionReport(heard.stage, _number(codec, heard.seq), reached, heard.time_s, heard.mission_id)
 
     @override
     def set_current(self, items: Sequence[Item], item: int, refusal: Refusal, *, anew: bool) -> Future[None]:
         codec = self._codec()
         seq = codec.restart_seq if anew and item == 1 else codec.seq_of(item - 1)
         moving = next((index for index in range(item - 1, len(items)) if isinstance(items[index], MOVING)), item - 1)
-        shown_by = frozenset({codec.seq_of(item - 1), codec.seq_of(moving)})
-        return self._reach.give(
-            "choose an item of its mission",
-            lambda protocols, future: protocols.progress.set_current(seq, shown_by, refusal, future),
-        )
+        return self._access.choose(seq, frozenset({codec.seq_of(item - 1), codec.seq_of(moving)}), refusal)
 
     @override
     def fly(self) -> Future[None]:
-        return self._fly()
+        return self._access.fly()
 
     @override
     def on_its_own(self) -> Future[OnItsOwn]:
@@ -139,23 +131,18 @@ class MavlinkMissions(AutopilotMissions):
         def read(found: tuple[float, ...]) -> Future[OnItsOwn]:
             if len(found) == len(codec.parameters):
                 return chain.done(codec.on_its_own(found))
-            return chain.then_wait(self._read(codec.parameters[len(found)]), lambda each: read((*found, each.value)))
+            parameter = self._access.read_parameter(codec.parameters[len(found)])
+            return chain.then_wait(parameter, lambda each: read((*found, each.value)))
 
         return read(())
 
-    def _read(self, name: str) -> Future[Parameter]:
-        return self._reach.give(
-            "read its parameters", lambda protocols, future: protocols.parameters.read(name, future)
-        )
-
     def _codec(self) -> MissionCodec:
-        session = self._reach.session()
-        if session is None:
+        autopilot = self._access.autopilot()
+        if autopilot is None:
             raise LinkLostError("no autopilot is heard, so it is not known what its missions can have")
-        codec = session.dialect.missions
-        if codec is None:
-            raise NotSupportedError(f"UAL brings no missions to {session.dialect.name}")
-        return codec
+        if autopilot.missions is None:
+            raise NotSupportedError(f"UAL brings no missions to {autopilot.name}")
+        return autopilot.missions
 
 
 def _kept(codec: MissionCodec, found: MissionList) -> KeptMission:

@@ -1,0 +1,96 @@
+"""Services that may take long, on a connection of their own: each call ends, and none holds up the next for good."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Future
+
+import pytest
+
+from tests.simulators.memory_transport import MemoryTransport
+from tests.simulators.rosbridge import Bridge, Message
+from tests.ual_daemon.backends.rosbridge.test_link import Talker
+from ual_daemon.backends.rosbridge import operations
+from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
+from ual_daemon.backends.rosbridge.slow_calls import SlowCalls
+from ual_daemon.backends.rosbridge.websocket import Transport
+
+ADD, LIMIT_S = "/uav/add", 5.0
+
+
+class Bench:
+    """Slow calls to a bridge of ROS 2, which executes the operations of a client one after another."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.bridge = Bridge(2, [Talker()])
+        self.connections_count = 0
+        self.is_refused = False
+        self.calls = SlowCalls(self._connect, lambda: self.now_s)
+
+    def _connect(self) -> Transport:
+        if self.is_refused:
+            raise ConnectionRefusedError("nobody listens there")
+        self.connections_count += 1
+        return MemoryTransport(self.bridge, lambda: None)
+
+    def add(self, a: float) -> Future[Message]:
+        return self.calls.call(ADD, {"a": a, "b": 1}, LIMIT_S)
+
+    def pass_s(self, duration_s: float) -> None:
+        end_s = self.now_s + duration_s
+        while self.now_s < end_s:
+            self.now_s += 0.1
+            self.calls.serve()
+            self.bridge.step(self.now_s)
+        self.calls.serve()
+
+
+def test_it_connects_with_the_first_call_and_once() -> None:
+    bench = Bench()
+    bench.pass_s(1.0)
+    assert bench.connections_count == 0
+    answers = [bench.add(number) for number in range(3)]
+    bench.pass_s(0.3)
+    assert [each.result(0) for each in answers] == [{"sum": 1}, {"sum": 2}, {"sum": 3}]
+    assert bench.connections_count == 1
+
+
+@pytest.mark.parametrize("how", ["late", "withdrawn"])
+def test_after_a_call_that_was_not_answered_the_next_has_another_connection(how: str) -> None:
+    bench = Bench()
+    bench.bridge.faults.dead_services.add(ADD)
+    dead = bench.add(1)
+    bench.pass_s(0.3)
+    if how == "withdrawn":
+        dead.cancel()
+    else:
+        bench.pass_s(LIMIT_S)
+        with pytest.raises(ServiceTimeoutError, match=ADD):
+            dead.result(0)
+    bench.bridge.faults.dead_services.clear()
+    bench.pass_s(0.3)
+    answer = bench.add(1)
+    bench.pass_s(0.3)
+    assert answer.result(0) == {"sum": 2}
+    assert bench.connections_count == 2
+
+
+def test_what_cannot_connect_or_is_lost_ends() -> None:
+    bench = Bench()
+    bench.is_refused = True
+    refused = bench.add(1)
+    bench.pass_s(0.1)
+    bench.is_refused = False
+    bench.bridge.faults.dead_services.add(ADD)
+    lost = bench.add(1)
+    bench.pass_s(0.1)
+    bench.calls.end("the connection to the bridge is lost")
+    for ended, why in ((refused, "nobody listens there"), (lost, "is lost")):
+        with pytest.raises(ServiceError, match=why):
+            ended.result(0)
+
+
+def test_a_number_that_is_none_is_written_as_rosbridge_reads_it() -> None:
+    """It reads NaN, as Python's JSON has it, and refuses null where a number is expected."""
+    assert b'"param4": NaN' in operations.call_service("/push", {"param4": math.nan}, "1")

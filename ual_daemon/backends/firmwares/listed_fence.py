@@ -1,0 +1,87 @@
+"""The fence and the rally points of an autopilot that keeps them as lists of items."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from functools import partial
+from typing import NamedTuple
+
+from typing_extensions import override
+
+from ual.errors import RejectedByAutopilotError
+from ual.fences.values import FenceZone, RallyPoint
+from ual_daemon.backends.chain import caught, done, then
+from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.fence_items import items_of_rally, items_of_zones, rally_of_items, zones_of_items
+from ual_daemon.backends.firmwares.item_lists import ItemLists
+from ual_daemon.backends.firmwares.mission_items import (
+    FENCE_FIELDS,
+    RALLY_FIELDS,
+    UNSUPPORTED,
+    MissionList,
+    MissionType,
+    difference,
+)
+from ual_daemon.backends.offers.fence import AutopilotFenceStore, FenceSwitch
+from ual_daemon.backends.offers.parameters import Refusal
+
+
+class KnownAutopilot(NamedTuple):
+    """What is known of the autopilot: its kind, and the parameters read so far."""
+
+    autopilot: Autopilot
+    parameters: Mapping[str, float]
+
+
+class ListedFence(AutopilotFenceStore):
+    """What one autopilot keeps. `known` returns what is known of it; None before there was one."""
+
+    def __init__(self, lists: ItemLists, known: Callable[[], KnownAutopilot | None]) -> None:
+        self._lists = lists
+        self._known = known
+
+    @property
+    @override
+    def switches(self) -> tuple[FenceSwitch, ...]:
+        known = self._known()
+        return () if known is None else known.autopilot.fence_switches
+
+    @property
+    @override
+    def unites_inclusions(self) -> bool:
+        known = self._known()
+        return known is not None and known.autopilot.unites_inclusions(known.parameters)
+
+    @override
+    def read(self) -> Future[tuple[FenceZone, ...]]:
+        return then(self._lists.download(MissionType.FENCE), _zones)
+
+    @override
+    def read_rally(self) -> Future[tuple[RallyPoint, ...]]:
+        return then(caught(self._lists.download(MissionType.RALLY), _none_of_rally), _rally)
+
+    @override
+    def write(self, zones: Sequence[FenceZone], refusal: Refusal) -> Future[tuple[FenceZone, ...]]:
+        differs = partial(difference, fields=FENCE_FIELDS)
+        return then(self._lists.replace(MissionType.FENCE, items_of_zones(zones), refusal, differs), _zones)
+
+    @override
+    def write_rally(self, points: Sequence[RallyPoint], refusal: Refusal) -> Future[tuple[RallyPoint, ...]]:
+        differs = partial(difference, fields=RALLY_FIELDS)
+        return then(self._lists.replace(MissionType.RALLY, items_of_rally(points), refusal, differs), _rally)
+
+
+def _zones(found: MissionList) -> tuple[FenceZone, ...]:
+    return zones_of_items(found.items)
+
+
+def _rally(found: MissionList) -> tuple[RallyPoint, ...]:
+    return rally_of_items(found.items)
+
+
+def _none_of_rally(error: BaseException) -> Future[MissionList]:
+    """There are none where the autopilot keeps no such list."""
+    if isinstance(error, RejectedByAutopilotError) and error.metadata.get("result") == str(UNSUPPORTED):
+        return done(MissionList(()))
+    raise error
