@@ -97,6 +97,8 @@ def _print(session: Session, kept: KeptFence) -> None:
         session.emit(kept)
         return
     rows = [*map(_zone_row, kept.zones), *map(_rally_row, kept.rally_points)]
+    if kept.return_point is not None:
+        rows.append(("point to return to", _place(*kept.return_point)))
     if rows:
         print_table(("what", "places"), rows)
     click.echo(_summary(kept))

@@ -66,7 +66,7 @@ def test_of_several_inclusions_all_count_unless_any_is_enough() -> None:
 @pytest.mark.parametrize("is_enabled", [None, False, True])
 def test_nothing_is_lost_in_a_message(is_enabled: bool | None) -> None:
     points = (RallyPoint(1.5, 2.5, 20), RallyPoint(1.5, 2.5, -3, AltitudeReference.AMSL))
-    kept = KeptFence((FIELD, POND), points, is_enabled)
+    kept = KeptFence((FIELD, POND), points, is_enabled, None if is_enabled else (47.1, 8.1))
     assert convert.of_response(pb.GetFenceResponse(fence=convert.to_proto(kept))) == kept
     request = pb.UploadFenceRequest(zones=convert.zones_to_proto(kept.zones))
     request.rally_points.extend(convert.rally_to_proto(points))

@@ -44,6 +44,17 @@ def found_zones(items: Sequence[MissionItem]) -> FoundZones:
     return find_zones([FenceItem(each.command, each.frame, each.param1, each.x / _E7, each.y / _E7) for each in items])
 
 
+def item_of_return_point(place: tuple[float, float]) -> MissionItem:
+    """Returns the item of the point to return to."""
+    return MissionItem(0, FenceCommand.RETURN_POINT, x=round(place[0] * _E7), y=round(place[1] * _E7))
+
+
+def return_point_of_items(items: Sequence[MissionItem]) -> tuple[float, float] | None:
+    """Returns the point to return to; None where there is none."""
+    found = next((each for each in items if each.command == FenceCommand.RETURN_POINT), None)
+    return None if found is None else (found.x / _E7, found.y / _E7)
+
+
 def zones_of_items(items: Sequence[MissionItem]) -> tuple[FenceZone, ...]:
     """Returns the zones that the items mean, without the point to return to.
 

@@ -13,7 +13,14 @@ from ual.errors import RejectedByAutopilotError
 from ual.fences.values import FenceZone, RallyPoint
 from ual_daemon.backends.chain import caught, done, then
 from ual_daemon.backends.firmwares.autopilot import Autopilot
-from ual_daemon.backends.firmwares.fence_items import items_of_rally, items_of_zones, rally_of_items, zones_of_items
+from ual_daemon.backends.firmwares.fence_items import (
+    item_of_return_point,
+    items_of_rally,
+    items_of_zones,
+    rally_of_items,
+    return_point_of_items,
+    zones_of_items,
+)
 from ual_daemon.backends.firmwares.item_lists import ItemLists
 from ual_daemon.backends.firmwares.mission_items import (
     FENCE_FIELDS,
@@ -40,6 +47,7 @@ class ListedFence(AutopilotFenceStore):
     def __init__(self, lists: ItemLists, known: Callable[[], KnownAutopilot | None]) -> None:
         self._lists = lists
         self._known = known
+        self._return_point: tuple[float, float] | None = None
 
     @property
     @override
@@ -53,9 +61,14 @@ class ListedFence(AutopilotFenceStore):
         known = self._known()
         return known is not None and known.autopilot.unites_inclusions(known.parameters)
 
+    @property
+    @override
+    def return_point(self) -> tuple[float, float] | None:
+        return self._return_point
+
     @override
     def read(self) -> Future[tuple[FenceZone, ...]]:
-        return then(self._lists.download(MissionType.FENCE), _zones)
+        return then(self._lists.download(MissionType.FENCE), self._zones)
 
     @override
     def read_rally(self) -> Future[tuple[RallyPoint, ...]]:
@@ -64,16 +77,19 @@ class ListedFence(AutopilotFenceStore):
     @override
     def write(self, zones: Sequence[FenceZone], refusal: Refusal) -> Future[tuple[FenceZone, ...]]:
         differs = partial(difference, fields=FENCE_FIELDS)
-        return then(self._lists.replace(MissionType.FENCE, items_of_zones(zones), refusal, differs), _zones)
+        items, kept = items_of_zones(zones), self._return_point
+        if zones and kept is not None:
+            items.insert(0, item_of_return_point(kept))
+        return then(self._lists.replace(MissionType.FENCE, items, refusal, differs), self._zones)
 
     @override
     def write_rally(self, points: Sequence[RallyPoint], refusal: Refusal) -> Future[tuple[RallyPoint, ...]]:
         differs = partial(difference, fields=RALLY_FIELDS)
         return then(self._lists.replace(MissionType.RALLY, items_of_rally(points), refusal, differs), _rally)
 
-
-def _zones(found: MissionList) -> tuple[FenceZone, ...]:
-    return zones_of_items(found.items)
+    def _zones(self, found: MissionList) -> tuple[FenceZone, ...]:
+        self._return_point = return_point_of_items(found.items)
+        return zones_of_items(found.items)
 
 
 def _rally(found: MissionList) -> tuple[RallyPoint, ...]:

@@ -51,6 +51,14 @@ class AutopilotFenceStore(ABC):
     def unites_inclusions(self) -> bool:
         """Whether the UAV may be in any one of several inclusions, as far as is known."""
 
+    @property
+    def return_point(self) -> tuple[float, float] | None:
+        """The latitude and the longitude of the point to return to, as it was read last with the zones.
+
+        None: there is none. `write` keeps it, unless it removes all.
+        """
+        return None
+
     @abstractmethod
     def read(self) -> Future[tuple[FenceZone, ...]]:
         """Reads the zones."""

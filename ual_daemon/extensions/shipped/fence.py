@@ -12,12 +12,12 @@ from typing import Protocol
 from typing_extensions import override
 
 from ual import interface
-from ual.errors import GeofenceError, UalError, WrongStateError
+from ual.errors import GeofenceError, RejectedByAutopilotError, UalError, WrongStateError
 from ual.fences.values import FencePlan, FenceZone, KeptFence, RallyPoint, crossing, leaves_out
 from ual.parameters.values import Parameter
 from ual.types import AltitudeReference, Telemetry
 from ual_daemon import logs, validation
-from ual_daemon.backends.chain import done, in_turn, then, then_wait
+from ual_daemon.backends.chain import caught, done, in_turn, then, then_wait
 from ual_daemon.backends.offers.fence import AutopilotFenceStore, FenceSwitch
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 from ual_daemon.extensions.shipped.vehicle import (
@@ -66,7 +66,8 @@ class VehicleFence:
             return then_wait(store.read_rally(), partial(with_rally, zones))
 
         def with_rally(zones: tuple[FenceZone, ...], rally_points: tuple[RallyPoint, ...]) -> Future[KeptFence]:
-            return then(self._is_enabled(), partial(KeptFence, zones, rally_points))
+            point = store.return_point
+            return then(self._is_enabled(), lambda is_on: KeptFence(zones, rally_points, is_on, point))
 
         return then_wait(store.read(), with_zones)
 
@@ -79,7 +80,10 @@ class VehicleFence:
         refusal = self._refusal(_UPLOAD, lease_id, force=force, zones=plan.zones)
         return in_turn(
             lambda: self._begin(refusal),
-            lambda: done(None) if replace else then(self.get(), lambda kept: _require_free(kept, plan)),
+            # What is there is read in any case: `write` keeps its point to return to.
+            lambda: (
+                caught(store.read(), _no_fence) if replace else then(self.get(), lambda kept: _require_free(kept, plan))
+            ),
             lambda: store.write(plan.zones, refusal) if plan.zones else done(None),
             lambda: store.write_rally(plan.rally_points, refusal) if plan.rally_points else done(None),
             lambda: self._switch(refusal, is_on=True) if enable and plan.zones else done(None),
@@ -214,6 +218,13 @@ class Fence(interface.Fence):
 
     def _enable(self, *, is_on: bool) -> KeptFence:
         return wait(self._of_vehicle.enable(self._lease_id(), is_on=is_on), LIMIT_S, "switching the fence")
+
+
+def _no_fence(error: BaseException) -> Future[tuple[FenceZone, ...]]:
+    """What the autopilot has is no fence: that may be replaced."""
+    if isinstance(error, RejectedByAutopilotError):
+        return done(())
+    raise error
 
 
 def _require_free(kept: KeptFence, plan: FencePlan) -> None:

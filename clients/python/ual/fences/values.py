@@ -67,11 +67,16 @@ class FencePlan:
 
 @dataclass(frozen=True, slots=True)
 class KeptFence:
-    """What an autopilot keeps. `is_enabled` is whether it applies its zones; None where it does not say."""
+    """What an autopilot keeps.
+
+    `is_enabled` is whether it applies its zones; None where it does not say. `return_point` is the latitude and the
+    longitude of ArduPilot's point to return to; None where it has none. An upload keeps it.
+    """
 
     zones: tuple[FenceZone, ...]
     rally_points: tuple[RallyPoint, ...] = ()
     is_enabled: bool | None = None
+    return_point: tuple[float, float] | None = None
 
 
 def leaves_out(

@@ -24,7 +24,7 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x12ual/v1/fence.proto\x12\x06ual.v1\"9\n\nFencePoint\x12\x14\n\x0clatitude_deg\x18\x01 \x01(\x01\x12\x15\n\rlongitude_deg\x18\x02 \x01(\x01\"i\n\tFenceZone\x12\x14\n\x0cis_inclusion\x18\x01 \x01(\x08\x12\"\n\x06points\x18\x02 \x03(\x0b\x32\x12.ual.v1.FencePoint\x12\x15\n\x08radius_m\x18\x03 \x01(\x01H\x00\x88\x01\x01\x42\x0b\n\t_radius_m\"\\\n\nRallyPoint\x12\x14\n\x0clatitude_deg\x18\x01 \x01(\x01\x12\x15\n\rlongitude_deg\x18\x02 \x01(\x01\x12\x10\n\x08height_m\x18\x03 \x01(\x05\x12\x0f\n\x07is_amsl\x18\x04 \x01(\x08\"\x7f\n\tKeptFence\x12 \n\x05zones\x18\x01 \x03(\x0b\x32\x11.ual.v1.FenceZone\x12(\n\x0crally_points\x18\x02 \x03(\x0b\x32\x12.ual.v1.RallyPoint\x12\x17\n\nis_enabled\x18\x03 \x01(\x08H\x00\x88\x01\x01\x42\r\n\x0b_is_enabled\"\x11\n\x0fGetFenceRequest\"4\n\x10GetFenceResponse\x12 \n\x05\x66\x65nce\x18\x01 \x01(\x0b\x32\x11.ual.v1.KeptFence\"\xad\x01\n\x12UploadFenceRequest\x12 \n\x05zones\x18\x01 \x03(\x0b\x32\x11.ual.v1.FenceZone\x12(\n\x0crally_points\x18\x02 \x03(\x0b\x32\x12.ual.v1.RallyPoint\x12\x15\n\ris_configured\x18\x03 \x01(\x08\x12\x0f\n\x07replace\x18\x04 \x01(\x08\x12\x14\n\x0cis_only_kept\x18\x05 \x01(\x08\x12\r\n\x05\x66orce\x18\x06 \x01(\x08\"7\n\x13UploadFenceResponse\x12 \n\x05\x66\x65nce\x18\x01 \x01(\x0b\x32\x11.ual.v1.KeptFence\"=\n\x11\x43learFenceRequest\x12\x19\n\x11with_rally_points\x18\x01 \x01(\x08\x12\r\n\x05\x66orce\x18\x02 \x01(\x08\"6\n\x12\x43learFenceResponse\x12 \n\x05\x66\x65nce\x18\x01 \x01(\x0b\x32\x11.ual.v1.KeptFence\"$\n\x12\x45nableFenceRequest\x12\x0e\n\x06\x65nable\x18\x01 \x01(\x08\"7\n\x13\x45nableFenceResponse\x12 \n\x05\x66\x65nce\x18\x01 \x01(\x0b\x32\x11.ual.v1.KeptFence2\xa2\x02\n\x0c\x46\x65nceService\x12=\n\x08GetFence\x12\x17.ual.v1.GetFenceRequest\x1a\x18.ual.v1.GetFenceResponse\x12\x46\n\x0bUploadFence\x12\x1a.ual.v1.UploadFenceRequest\x1a\x1b.ual.v1.UploadFenceResponse\x12\x43\n\nClearFence\x12\x19.ual.v1.ClearFenceRequest\x1a\x1a.ual.v1.ClearFenceResponse\x12\x46\n\x0b\x45nableFence\x12\x1a.ual.v1.EnableFenceRequest\x1a\x1b.ual.v1.EnableFenceResponseb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x12ual/v1/fence.proto\x12\x06ual.v1\"9\n\nFencePoint\x12\x14\n\x0clatitude_deg\x18\x01 \x01(\x01\x12\x15\n\rlongitude_deg\x18\x02 \x01(\x01\"i\n\tFenceZone\x12\x14\n\x0cis_inclusion\x18\x01 \x01(\x08\x12\"\n\x06points\x18\x02 \x03(\x0b\x32\x12.ual.v1.FencePoint\x12\x15\n\x08radius_m\x18\x03 \x01(\x01H\x00\x88\x01\x01\x42\x0b\n\t_radius_m\"\\\n\nRallyPoint\x12\x14\n\x0clatitude_deg\x18\x01 \x01(\x01\x12\x15\n\rlongitude_deg\x18\x02 \x01(\x01\x12\x10\n\x08height_m\x18\x03 \x01(\x05\x12\x0f\n\x07is_amsl\x18\x04 \x01(\x08\"\xa9\x01\n\tKeptFence\x12 \n\x05zones\x18\x01 \x03(\x0b\x32\x11.ual.v1.FenceZone\x12(\n\x0crally_points\x18\x02 \x03(\x0b\x32\x12.ual.v1.RallyPoint\x12\x17\n\nis_enabled\x18\x03 \x01(\x08H\x00\x88\x01\x01\x12(\n\x0creturn_point\x18\x04 \x01(\x0b\x32\x12.ual.v1.FencePointB\r\n\x0b_is_enabled\"\x11\n\x0fGetFenceRequest\"4\n\x10GetFenceResponse\x12 \n\x05\x66\x65nce\x18\x01 \x01(\x0b\x32\x11.ual.v1.KeptFence\"\xad\x01\n\x12UploadFenceRequest\x12 \n\x05zones\x18\x01 \x03(\x0b\x32\x11.ual.v1.FenceZone\x12(\n\x0crally_points\x18\x02 \x03(\x0b\x32\x12.ual.v1.RallyPoint\x12\x15\n\ris_configured\x18\x03 \x01(\x08\x12\x0f\n\x07replace\x18\x04 \x01(\x08\x12\x14\n\x0cis_only_kept\x18\x05 \x01(\x08\x12\r\n\x05\x66orce\x18\x06 \x01(\x08\"7\n\x13UploadFenceResponse\x12 \n\x05\x66\x65nce\x18\x01 \x01(\x0b\x32\x11.ual.v1.KeptFence\"=\n\x11\x43learFenceRequest\x12\x19\n\x11with_rally_points\x18\x01 \x01(\x08\x12\r\n\x05\x66orce\x18\x02 \x01(\x08\"6\n\x12\x43learFenceResponse\x12 \n\x05\x66\x65nce\x18\x01 \x01(\x0b\x32\x11.ual.v1.KeptFence\"$\n\x12\x45nableFenceRequest\x12\x0e\n\x06\x65nable\x18\x01 \x01(\x08\"7\n\x13\x45nableFenceResponse\x12 \n\x05\x66\x65nce\x18\x01 \x01(\x0b\x32\x11.ual.v1.KeptFence2\xa2\x02\n\x0c\x46\x65nceService\x12=\n\x08GetFence\x12\x17.ual.v1.GetFenceRequest\x1a\x18.ual.v1.GetFenceResponse\x12\x46\n\x0bUploadFence\x12\x1a.ual.v1.UploadFenceRequest\x1a\x1b.ual.v1.UploadFenceResponse\x12\x43\n\nClearFence\x12\x19.ual.v1.ClearFenceRequest\x1a\x1a.ual.v1.ClearFenceResponse\x12\x46\n\x0b\x45nableFence\x12\x1a.ual.v1.EnableFenceRequest\x1a\x1b.ual.v1.EnableFenceResponseb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -37,24 +37,24 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_FENCEZONE']._serialized_end=194
   _globals['_RALLYPOINT']._serialized_start=196
   _globals['_RALLYPOINT']._serialized_end=288
-  _globals['_KEPTFENCE']._serialized_start=290
-  _globals['_KEPTFENCE']._serialized_end=417
-  _globals['_GETFENCEREQUEST']._serialized_start=419
-  _globals['_GETFENCEREQUEST']._serialized_end=436
-  _globals['_GETFENCERESPONSE']._serialized_start=438
-  _globals['_GETFENCERESPONSE']._serialized_end=490
-  _globals['_UPLOADFENCEREQUEST']._serialized_start=493
-  _globals['_UPLOADFENCEREQUEST']._serialized_end=666
-  _globals['_UPLOADFENCERESPONSE']._serialized_start=668
-  _globals['_UPLOADFENCERESPONSE']._serialized_end=723
-  _globals['_CLEARFENCEREQUEST']._serialized_start=725
-  _globals['_CLEARFENCEREQUEST']._serialized_end=786
-  _globals['_CLEARFENCERESPONSE']._serialized_start=788
-  _globals['_CLEARFENCERESPONSE']._serialized_end=842
-  _globals['_ENABLEFENCEREQUEST']._serialized_start=844
-  _globals['_ENABLEFENCEREQUEST']._serialized_end=880
-  _globals['_ENABLEFENCERESPONSE']._serialized_start=882
-  _globals['_ENABLEFENCERESPONSE']._serialized_end=937
-  _globals['_FENCESERVICE']._serialized_start=940
-  _globals['_FENCESERVICE']._serialized_end=1230
+  _globals['_KEPTFENCE']._serialized_start=291
+  _globals['_KEPTFENCE']._serialized_end=460
+  _globals['_GETFENCEREQUEST']._serialized_start=462
+  _globals['_GETFENCEREQUEST']._serialized_end=479
+  _globals['_GETFENCERESPONSE']._serialized_start=481
+  _globals['_GETFENCERESPONSE']._serialized_end=533
+  _globals['_UPLOADFENCEREQUEST']._serialized_start=536
+  _globals['_UPLOADFENCEREQUEST']._serialized_end=709
+  _globals['_UPLOADFENCERESPONSE']._serialized_start=711
+  _globals['_UPLOADFENCERESPONSE']._serialized_end=766
+  _globals['_CLEARFENCEREQUEST']._serialized_start=768
+  _globals['_CLEARFENCEREQUEST']._serialized_end=829
+  _globals['_CLEARFENCERESPONSE']._serialized_start=831
+  _globals['_CLEARFENCERESPONSE']._serialized_end=885
+  _globals['_ENABLEFENCEREQUEST']._serialized_start=887
+  _globals['_ENABLEFENCEREQUEST']._serialized_end=923
+  _globals['_ENABLEFENCERESPONSE']._serialized_start=925
+  _globals['_ENABLEFENCERESPONSE']._serialized_end=980
+  _globals['_FENCESERVICE']._serialized_start=983
+  _globals['_FENCESERVICE']._serialized_end=1273
 # @@protoc_insertion_point(module_scope)

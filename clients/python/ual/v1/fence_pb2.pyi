@@ -107,21 +107,27 @@ class KeptFence(google.protobuf.message.Message):
     ZONES_FIELD_NUMBER: builtins.int
     RALLY_POINTS_FIELD_NUMBER: builtins.int
     IS_ENABLED_FIELD_NUMBER: builtins.int
+    RETURN_POINT_FIELD_NUMBER: builtins.int
     is_enabled: builtins.bool
     """Whether it applies its zones. Not set: it does not say."""
     @property
     def zones(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___FenceZone]: ...
     @property
     def rally_points(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___RallyPoint]: ...
+    @property
+    def return_point(self) -> Global___FencePoint:
+        """Where ArduPilot returns to instead of home after a breach, for vehicles that do. Not set: it has none. An upload keeps it."""
+
     def __init__(
         self,
         *,
         zones: collections.abc.Iterable[Global___FenceZone] | None = ...,
         rally_points: collections.abc.Iterable[Global___RallyPoint] | None = ...,
         is_enabled: builtins.bool | None = ...,
+        return_point: Global___FencePoint | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["_is_enabled", b"_is_enabled", "is_enabled", b"is_enabled"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_is_enabled", b"_is_enabled", "is_enabled", b"is_enabled", "rally_points", b"rally_points", "zones", b"zones"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["_is_enabled", b"_is_enabled", "is_enabled", b"is_enabled", "return_point", b"return_point"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_is_enabled", b"_is_enabled", "is_enabled", b"is_enabled", "rally_points", b"rally_points", "return_point", b"return_point", "zones", b"zones"]) -> None: ...
     def WhichOneof(self, oneof_group: typing.Literal["_is_enabled", b"_is_enabled"]) -> typing.Literal["is_enabled"] | None: ...
 
 Global___KeptFence: typing_extensions.TypeAlias = KeptFence

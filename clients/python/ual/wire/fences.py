@@ -14,9 +14,7 @@ def zones_to_proto(zones: Iterable[FenceZone]) -> list[pb.FenceZone]:
     return [
         pb.FenceZone(
             is_inclusion=zone.is_inclusion,
-            points=[
-                pb.FencePoint(latitude_deg=latitude, longitude_deg=longitude) for latitude, longitude in zone.points
-            ],
+            points=[_point_to_proto(*point) for point in zone.points],
             radius_m=zone.radius_m,
         )
         for zone in zones
@@ -42,7 +40,12 @@ def to_proto(fence: KeptFence) -> pb.KeptFence:
         zones=zones_to_proto(fence.zones),
         rally_points=rally_to_proto(fence.rally_points),
         is_enabled=fence.is_enabled,
+        return_point=None if fence.return_point is None else _point_to_proto(*fence.return_point),
     )
+
+
+def _point_to_proto(latitude_deg: float, longitude_deg: float) -> pb.FencePoint:
+    return pb.FencePoint(latitude_deg=latitude_deg, longitude_deg=longitude_deg)
 
 
 def plan_from_proto(request: pb.UploadFenceRequest) -> FencePlan:
@@ -56,7 +59,9 @@ def of_response(
     """Reads the fence of a response."""
     fence = response.fence
     is_enabled = fence.is_enabled if fence.HasField("is_enabled") else None
-    return KeptFence(_zones(fence.zones), _rally_points(fence.rally_points), is_enabled)
+    point = fence.return_point if fence.HasField("return_point") else None
+    place = None if point is None else (point.latitude_deg, point.longitude_deg)
+    return KeptFence(_zones(fence.zones), _rally_points(fence.rally_points), is_enabled, place)
 
 
 def _zones(zones: Iterable[pb.FenceZone]) -> tuple[FenceZone, ...]:

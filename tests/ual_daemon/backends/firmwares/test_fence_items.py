@@ -8,9 +8,16 @@ from typing import Any
 import pytest
 
 from ual.errors import RejectedByAutopilotError
-from ual.fences.values import RallyPoint
+from ual.fences.values import FenceZone, RallyPoint
 from ual.types import AltitudeReference
-from ual_daemon.backends.firmwares.fence_items import items_of_rally, rally_of_items
+from ual_daemon.backends.firmwares.fence_items import (
+    item_of_return_point,
+    items_of_rally,
+    items_of_zones,
+    rally_of_items,
+    return_point_of_items,
+    zones_of_items,
+)
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 
 POINT = RallyPoint(47.1, 8.1, 20, AltitudeReference.AMSL)
@@ -33,3 +40,12 @@ def test_a_rally_point_that_is_nowhere_is_refused(changed: dict[str, Any]) -> No
 def test_what_is_no_rally_point_is_refused() -> None:
     with pytest.raises(RejectedByAutopilotError, match=r"number 1 is none that UAL knows \(command 16, frame 0\)"):
         rally_of_items([MissionItem(0, 16)])
+
+
+def test_the_point_to_return_to_is_read_and_is_no_zone() -> None:
+    point = item_of_return_point((47.1, 8.1))
+    zone = FenceZone(False, ((47.2, 8.2),), 20.0)
+    items = [point, *items_of_zones([zone])]
+    assert zones_of_items(items) == (zone,)
+    assert return_point_of_items(items) == (47.1, 8.1)
+    assert return_point_of_items(items[1:]) is None

@@ -14,6 +14,7 @@ from ual.errors import GeofenceError, RejectedByAutopilotError, WrongStateError
 from ual.fences import FencePlan, FenceZone, RallyPoint
 from ual.geometry import Pose
 from ual.types import AltitudeReference, State
+from ual_daemon.backends.firmwares.mission_items import MissionItem
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
@@ -144,3 +145,25 @@ def test_a_fence_of_ual_that_the_autopilot_lacks_is_said_once(start: Fly, caplog
         caplog.clear()
         start("px4")  # without a geofence of its own
     assert said() == 0
+
+
+@pytest.mark.parametrize("replace", [False, True])
+def test_ardupilots_point_to_return_to_is_shown_and_kept_until_all_is_removed(start: Fly, replace: bool) -> None:
+    flight = start("ardupilot")
+    back = place(flight, 3.0, 4.0)
+    point = MissionItem(0, mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT, x=round(back[0] * 1e7), y=round(back[1] * 1e7))
+    flight.autopilot.missions.keep(FENCE, [point])
+    assert flight.uav.fence.get().return_point == back
+    kept = flight.uav.fence.upload(FencePlan((field(flight),)), replace=replace)
+    assert (kept.return_point, kept.zones) == (back, (field(flight),))
+    assert [each.command for each in flight.autopilot.missions.lists[FENCE]] == [5000, 5001, 5001, 5001, 5001]
+    assert flight.uav.fence.clear().return_point is None
+    assert flight.autopilot.missions.lists[FENCE] == []
+
+
+def test_what_is_no_fence_is_replaced(start: Fly) -> None:
+    flight = start("ardupilot")
+    flight.autopilot.missions.keep(FENCE, [MissionItem(0, 5001, 4.0, x=470000000, y=80000000)])
+    with pytest.raises(RejectedByAutopilotError, match="is no fence"):
+        flight.uav.fence.upload(FencePlan((field(flight),)))
+    assert flight.uav.fence.upload(FencePlan((field(flight),)), replace=True).zones == (field(flight),)
