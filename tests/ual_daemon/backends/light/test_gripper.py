@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError
 from ual.gripper import GripperState, WinchAction, WinchStatus
@@ -112,3 +114,20 @@ def test_nothing_is_obeyed_or_told_without_a_link(bench: Bench) -> None:
             future.result(0)
     bench.is_link_lost = False
     assert bench.carried.relay_is_on(1).result(0) is False
+
+
+@given(st.lists(st.tuples(st.floats(-1e3, 1e3), st.floats(0.01, 20.0), st.floats(0.0, 100.0)), max_size=8))
+def test_a_line_is_never_longer_than_it_is_nor_faster_than_ordered(
+    orders: list[tuple[float, float, float]],
+) -> None:
+    bench = Bench()
+    for length_m, rate_m_s, after_s in orders:
+        before_m = bench.line.length_m
+        bench.winch(WinchAction.LENGTH, length_m, rate_m_s)
+        assert bench.line.length_m == before_m
+        bench.now_s += after_s
+        now_m = bench.line.length_m
+        assert before_m is not None
+        assert now_m is not None
+        assert 0.0 <= now_m <= LINE_M
+        assert abs(now_m - before_m) <= min(abs(length_m), rate_m_s * after_s) + 1e-9

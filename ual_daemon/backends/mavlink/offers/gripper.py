@@ -13,11 +13,11 @@ from ual.errors import LinkLostError, NotSupportedError, UalError
 from ual.gripper import GripperState, WinchStatus
 from ual_daemon.backends import futures
 from ual_daemon.backends.firmwares.gripper_codec import GRIPPER, GripperCodec, PayloadOrder, ordered
+from ual_daemon.backends.firmwares.gripper_orders import OrderedGripper
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, command_of, request_message
 from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.wire.messages import mavlink
-from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
 from ual_daemon.backends.payload import PayloadMessage
 
 T = TypeVar("T")
@@ -28,7 +28,7 @@ _CHANNELS_COUNT = 16
 """Of one SERVO_OUTPUT_RAW."""
 
 
-class MavlinkGripper(OfferedGripper):
+class MavlinkGripper(OrderedGripper):
     """What the autopilot of one backend moves.
 
     Args:
@@ -46,14 +46,6 @@ class MavlinkGripper(OfferedGripper):
         self._messages = messages
 
     @override
-    def grip(self, instance: int) -> Future[None]:
-        return self._order(self._codec().grip(instance, is_closing=True))
-
-    @override
-    def release(self, instance: int) -> Future[None]:
-        return self._order(self._codec().grip(instance, is_closing=False))
-
-    @override
     def gripper_state(self, instance: int) -> Future[GripperState]:
         name = self._name()
         if not self._codec().texts:
@@ -68,17 +60,9 @@ class MavlinkGripper(OfferedGripper):
         return self._reach.give("ask for its gripper", lambda protocols, future: begin(protocols.gripper.state, future))
 
     @override
-    def order_winch(self, instance: int, order: WinchOrder) -> Future[None]:
-        return self._order(self._codec().winch(instance, order))
-
-    @override
     def winch_status(self, instance: int) -> Future[WinchStatus]:
         self._require_told("its winch", is_told=self._codec().tells_winches)
         return self._read("the state of its winch", mavlink.MAVLINK_MSG_ID_WINCH_STATUS, _winch_status)
-
-    @override
-    def set_servo(self, order: ServoOrder) -> Future[None]:
-        return self._order(self._codec().servo(order))
 
     @override
     def servo_pwm_us(self, channel: int) -> Future[int]:
@@ -88,10 +72,6 @@ class MavlinkGripper(OfferedGripper):
             return _pulse_us(message, channel)
 
         return self._read(f"the pulse of servo {channel}", mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, read)
-
-    @override
-    def set_relay(self, number: int, *, is_on: bool) -> Future[None]:
-        return self._order(self._codec().relay(number, is_on=is_on))
 
     @override
     def relay_is_on(self, number: int) -> Future[bool]:
@@ -105,6 +85,7 @@ class MavlinkGripper(OfferedGripper):
 
         return self._read(f"the state of relay {number}", mavlink.MAVLINK_MSG_ID_RELAY_STATUS, read)
 
+    @override
     def _order(self, order: PayloadOrder) -> Future[None]:
         command = ordered(command_of(order.id, order.params, order.what, group=order.device), order)
         if order.id == GRIPPER:
@@ -145,6 +126,7 @@ class MavlinkGripper(OfferedGripper):
         session = self._reach.session()
         return "the autopilot" if session is None else session.dialect.name
 
+    @override
     def _codec(self) -> GripperCodec:
         session = self._reach.session()
         if session is None:

@@ -12,15 +12,15 @@ from ual.gripper import GripperState, WinchStatus
 from ual_daemon.backends.engine.command import Command
 from ual_daemon.backends.engine.loop import Posted
 from ual_daemon.backends.firmwares.gripper_codec import GRIPPER, SET_ACTUATOR, GripperCodec, PayloadOrder
+from ual_daemon.backends.firmwares.gripper_orders import OrderedGripper
 from ual_daemon.backends.mavros import commands
 from ual_daemon.backends.mavros.commands import Call
 from ual_daemon.backends.mavros.session import Session
-from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
 
 _SAYS_NOTHING = "MAVROS does not pass on what the autopilot says of its {}"
 
 
-class MavrosGripper(OfferedGripper):
+class MavrosGripper(OrderedGripper):
     """What the autopilot of one backend moves.
 
     MAVROS waits for an acknowledgement for 5 s, and takes no second order of the same kind meanwhile. So each order is
@@ -44,14 +44,6 @@ class MavrosGripper(OfferedGripper):
         self._post = post
 
     @override
-    def grip(self, instance: int) -> Future[None]:
-        return self._order(self._codec().grip(instance, is_closing=True))
-
-    @override
-    def release(self, instance: int) -> Future[None]:
-        return self._order(self._codec().grip(instance, is_closing=False))
-
-    @override
     def gripper_state(self, instance: int) -> Future[GripperState]:
         session, future = self._known(), Future[GripperState]()
         if session.gripper_state is GripperState.UNKNOWN:
@@ -60,29 +52,18 @@ class MavrosGripper(OfferedGripper):
         return future
 
     @override
-    def order_winch(self, instance: int, order: WinchOrder) -> Future[None]:
-        return self._order(self._codec().winch(instance, order))
-
-    @override
     def winch_status(self, instance: int) -> Future[WinchStatus]:
         raise NotSupportedError(_SAYS_NOTHING.format("winch"))
-
-    @override
-    def set_servo(self, order: ServoOrder) -> Future[None]:
-        return self._order(self._codec().servo(order))
 
     @override
     def servo_pwm_us(self, channel: int) -> Future[int]:
         raise NotSupportedError(_SAYS_NOTHING.format("servos"))
 
     @override
-    def set_relay(self, number: int, *, is_on: bool) -> Future[None]:
-        return self._order(self._codec().relay(number, is_on=is_on))
-
-    @override
     def relay_is_on(self, number: int) -> Future[bool]:
         raise NotSupportedError(_SAYS_NOTHING.format("relays"))
 
+    @override
     def _order(self, order: PayloadOrder) -> Future[None]:
         if order.id == SET_ACTUATOR:
             raise NotSupportedError("through MAVROS no actuator of PX4 is moved: the bridge has no NaN for the others")
@@ -91,6 +72,7 @@ class MavrosGripper(OfferedGripper):
             self._post(lambda _: session.forget_gripper())
         return self._command(order.what, commands.move(order))
 
+    @override
     def _codec(self) -> GripperCodec:
         autopilot = self._known().autopilot
         if autopilot.gripper is None:
