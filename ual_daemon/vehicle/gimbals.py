@@ -71,6 +71,7 @@ class Gimbals:
     def __init__(self, backend: Backend, resolver: FrameResolver) -> None:
         self._backend = backend
         self._resolver = resolver
+        self._offer = backend.offer(OfferedGimbals)  # type: ignore[type-abstract]  # it is only looked for
         self._lock = threading.Lock()
         self._orders: dict[int, _Order] = {}
         self._attached_count = 0
@@ -222,8 +223,7 @@ class Gimbals:
         return None if attitude is None else attitude.in_body(self._body(self._backend.snapshot()))
 
     def _all(self) -> Sequence[OfferedGimbal]:
-        offer = self._backend.offer(OfferedGimbals)  # type: ignore[type-abstract]  # it is only looked for
-        return () if offer is None else offer.all()
+        return () if self._offer is None else self._offer.all()
 
     def _body(self, snapshot: Snapshot) -> Pose | None:
         """Returns the pose of the body in the local frame, while that is known."""
