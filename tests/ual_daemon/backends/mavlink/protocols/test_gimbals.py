@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import random
 from concurrent.futures import Future
 from dataclasses import astuple
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -21,13 +23,14 @@ from tests.ual_daemon.backends.mavlink.protocols.simulated_gimbal import (
 )
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Quaternion, Vector3, wrap_angle
-from ual.gimbals import AngleRange, GimbalAbility, GimbalAngles, GimbalControl, GimbalReference
+from ual.gimbals import AngleRange, GimbalAbility, GimbalAngles, GimbalControl, GimbalReference, GimbalStatus
+from ual.wire import gimbals as wire
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols import gimbal_values
 from ual_daemon.backends.mavlink.wire.frames import Source
-from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 BODY, HORIZON, EARTH = GimbalReference.BODY, GimbalReference.HORIZON, GimbalReference.EARTH
 TURN, CONFIGURE = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
@@ -399,6 +402,48 @@ def test_what_is_under_way_ends_with_the_daemon() -> None:
     bench.gimbals.drop("the daemon ends")
     with pytest.raises(LinkLostError, match="was given up: the daemon ends"):
         ordered.result(0)
+
+
+def test_answers_that_no_gimbal_gives_crash_nothing_and_each_order_ends() -> None:
+    """What is told of it after that can be sent to a client."""
+    chance = random.Random(7)
+    nasty = (0.0, -1.0, 1.0, 1e38, -1e38, math.nan, math.inf, -math.inf)
+
+    def number() -> float:
+        return chance.choice(nasty)
+
+    def message() -> Message:
+        device_id, byte = chance.choice((0, 1, 2, 7, 154, 255)), partial(chance.randrange, 256)
+        kind = chance.randrange(4)
+        if kind == 0:
+            limits = [number() for _ in range(6)]
+            return mavlink.MAVLink_gimbal_manager_information_message(0, chance.getrandbits(32), device_id, *limits)
+        if kind == 1:
+            return mavlink.MAVLink_gimbal_manager_status_message(0, 0, device_id, byte(), byte(), byte(), byte())
+        if kind == 2:
+            q, rates = [number() for _ in range(4)], [number() for _ in range(3)]
+            flags = chance.getrandbits(16)
+            return mavlink.MAVLink_gimbal_device_attitude_status_message(
+                0, 0, 0, flags, q, *rates, flags, 0, 0, device_id
+            )
+        return mavlink.MAVLink_command_ack_message(chance.choice((TURN, CONFIGURE, 0)), byte())
+
+    bench = Bench(OWN)
+    link = bench.found()
+    ordered: list[Future[None]] = []
+    for i in range(4000):
+        bench.receive(chance.choice((OWN, AUTOPILOT, Source(7, 100))), message())
+        if i % 100 == 0:
+            ordered.append(Future())
+            link.turn(DOWN, HORIZON, ordered[-1])
+            bench.step()
+    bench.step(60.0)
+    assert all(each.done() for each in ordered)
+    for each in bench.gimbals.found:
+        wire.info_to_proto(each.info(bench.now_s)).SerializeToString()
+        control, words = each.control
+        told = GimbalStatus(control=control, controller=words, problems=each.failures)
+        wire.status_to_proto(told).SerializeToString()
 
 
 @given(st.integers(0, 2**16 - 1), st.lists(st.floats(width=32), min_size=4, max_size=4), st.integers(0, 2**32 - 1))
