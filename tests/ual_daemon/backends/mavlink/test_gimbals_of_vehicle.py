@@ -85,6 +85,9 @@ def test_it_is_found_ordered_and_seen(pair: Pair, component_id: int) -> None:
     gimbal.aim(DOWN, HORIZON)
     autopilot.hear("GIMBAL_MANAGER_SET_ATTITUDE", target_component=component_id, gimbal_device_id=device_id)
 
+    if component_id == 1:
+        autopilot.hear("PARAM_REQUEST_READ", param_id="MNT_DO_STAB")
+        autopilot.say(mavlink.MAVLink_param_value_message(b"MNT_DO_STAB", 0.0, mavlink.MAV_PARAM_TYPE_INT32, 1, 65535))
     half = math.radians(-30.0) / 2.0
     q = (math.cos(half), 0.0, math.sin(half), 0.0)
     in_vehicle = mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME

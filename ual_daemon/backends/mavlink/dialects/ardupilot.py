@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from typing_extensions import override
 
-from ual.gimbals import GimbalAbility
+from ual.gimbals import GimbalAbility, GimbalReference
 from ual_daemon.backends.engine.command import FLYING, shows_landed
 from ual_daemon.backends.firmwares import ardupilot
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
@@ -48,8 +49,8 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     rates_beside_files = 6.0
     keeps_items = True
     tells_baseline = True
-    gimbal_type_parameter = "MNT{}_TYPE"
-    gimbal_types_of_joints = frozenset({1.0})  # servos, which it steadies itself
+    gimbal_kind_parameter = "MNT{}_TYPE"
+    gimbal_references = MappingProxyType({1.0: GimbalReference.BODY})  # of servos it says the angles
     lacking_gimbal_abilities = frozenset({GimbalAbility.BODY})  # its gimbals are level, whatever was ordered
 
     @override

@@ -5,9 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from ual.errors import NotSupportedError
-from ual.gimbals import GimbalAbility
+from ual.gimbals import GimbalAbility, GimbalReference
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Autopilot, version_text
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, arm_or_disarm
@@ -55,12 +56,10 @@ class Dialect(Autopilot):
 
     tells_gimbal_manager = False
     """Whether AUTOPILOT_VERSION says that it manages gimbals. Another one is asked a few times."""
-    says_gimbal_joints = False
-    """Whether the attitude of a gimbal that it turns by itself is in the axes of the body, whatever its flags say."""
-    gimbal_type_parameter = ""
-    """The parameter with the type of a gimbal, by its number, where that follows from the type: ..."""
-    gimbal_types_of_joints: frozenset[float] = frozenset()
-    """... it is so for these."""
+    gimbal_kind_parameter = ""
+    """The parameter with the kind of a gimbal that it turns by itself, by its number, ..."""
+    gimbal_references: Mapping[float, GimbalReference] = MappingProxyType({})
+    """... and for which kinds its attitude is in which axes, whatever its flags say."""
     lacking_gimbal_abilities: frozenset[GimbalAbility] = frozenset()
     """What it says that its gimbals can do, and they do not."""
 

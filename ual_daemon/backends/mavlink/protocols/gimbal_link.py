@@ -44,7 +44,7 @@ class GimbalLine(NamedTuple):
         send: Sends a message.
         send_perishable: Sends one that is of no use when it is late.
         stream: Asks for a stream: of which message, and how often.
-        read_type: Asks for its type.
+        read_kind: Asks for its kind.
         own_ids: Returns our system and component.
 
     """
@@ -52,20 +52,19 @@ class GimbalLine(NamedTuple):
     send: Callable[[Message], object]
     send_perishable: Callable[[Message], object]
     stream: Callable[[int, float, float], object]
-    read_type: Callable[[], object]
+    read_kind: Callable[[], object]
     own_ids: Callable[[], Source]
 
 
 class GimbalLink:
     """Belongs to the thread that receives; what is asked for as a value is for any thread.
 
-    One order of a kind runs at a time. A newer one takes the place of the one before. `says_joints`: where the device
-    belongs to the manager, its attitude is in the axes of the body, whatever its flags say. None: its type says that,
-    which is asked for, and its attitude is not known until then.
+    One order of a kind runs at a time. A newer one takes the place of the one before. Unless `is_kind_known`, the
+    autopilot is asked for the kind of its own gimbal, and where that looks is not known until then.
     """
 
     def __init__(
-        self, number: int, manager: Source, device_id: int, line: GimbalLine, *, says_joints: bool | None = False
+        self, number: int, manager: Source, device_id: int, line: GimbalLine, *, is_kind_known: bool = True
     ) -> None:
         self.number = number
         self.manager = manager
@@ -77,7 +76,9 @@ class GimbalLink:
         """Whether it has said what it is since it was heard first, or again."""
         self.failures: tuple[str, ...] = ()
         self._line = line
-        self.says_joints = says_joints
+        self.is_kind_known = is_kind_known
+        self.meant: GimbalReference | None = None
+        """In which axes its attitude is, whatever its flags say. None: as they say."""
         self._controller: Source | None = None
         self._orders: dict[int, Order] = {}
         self._next: dict[int, Order] = {}
@@ -211,9 +212,9 @@ class GimbalLink:
         """Takes a GIMBAL_DEVICE_ATTITUDE_STATUS."""
         self._hear(now_s)
         self.failures = gimbal_values.failures_of(message)
-        if self.says_joints is None and is_of_manager:
+        if not self.is_kind_known and is_of_manager:
             return
-        found = gimbal_values.attitude_of(message, is_in_body=bool(self.says_joints) and is_of_manager)
+        found = gimbal_values.attitude_of(message, self.meant if is_of_manager else None)
         self._is_odd = found is None
         self.attitude = None if found is None else GimbalAttitude(*found, now_s)
 
@@ -262,8 +263,8 @@ class GimbalLink:
             self._asks_count = 0
             return
         self._asks_count += 1
-        if self.says_joints is None:
-            self._line.read_type()
+        if not self.is_kind_known:
+            self._line.read_kind()
         self._next_ask_s = now_s + (ASK_S if self._asks_count < SOON_COUNT else LATER_ASK_S)
         self._line.stream(_ATTITUDE, ATTITUDE_HZ, now_s)
         self._line.stream(_STATUS, STATUS_HZ, now_s)

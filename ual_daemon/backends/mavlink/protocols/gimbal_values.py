@@ -86,18 +86,17 @@ def _range(least_rad: float, most_rad: float) -> AngleRange | None:
     return AngleRange(least_rad, most_rad) if is_possible else None
 
 
-def attitude_of(message: Message, *, is_in_body: bool) -> tuple[Quaternion, GimbalReference] | None:
+def attitude_of(message: Message, meant: GimbalReference | None = None) -> tuple[Quaternion, GimbalReference] | None:
     """Reads where a gimbal looks from a GIMBAL_DEVICE_ATTITUDE_STATUS; None where that is no orientation.
 
-    With `is_in_body` it is in the axes of the body, whatever its flags say.
+    With `meant` it is in these axes, whatever its flags say.
     """
     w, x, y, z = message.q
     if not abs(math.sqrt(w * w + x * x + y * y + z * z) - 1.0) <= _NORM_TOLERANCE:  # also NaN
         return None
-    if not is_in_body and _is_from_north(message.flags):
+    if meant is None and _is_from_north(message.flags):
         return orientation_to_enu(w, x, y, z), GimbalReference.EARTH
-    reference = GimbalReference.BODY if is_in_body else GimbalReference.HORIZON
-    return Quaternion(x, -y, -z, w).normalized(), reference
+    return Quaternion(x, -y, -z, w).normalized(), meant or GimbalReference.HORIZON
 
 
 def _is_from_north(flags: int) -> bool:

@@ -104,8 +104,8 @@ class Gimbals(Protocol):
         self._target, self._dialect = target, dialect
         self._asked = {}
         for each in self.found:
-            each.is_identified = False  # its limits and its type may be others now
-            each.says_joints = self._says_joints(each.manager, each.device_id)
+            each.is_identified = False  # its limits and its kind may be others now
+            each.is_kind_known = not self._has_kind(each.manager, each.device_id)
 
     @override
     def drop(self, why: str) -> None:
@@ -175,21 +175,19 @@ class Gimbals(Protocol):
             self._means.send,
             self._means.send_perishable,
             partial(self._stream, source),
-            partial(self._read_type, device_id),
+            partial(self._read_kind, device_id),
             self._means.own_ids,
         )
-        link = GimbalLink(len(self.found), source, device_id, line, says_joints=self._says_joints(source, device_id))
+        link = GimbalLink(len(self.found), source, device_id, line, is_kind_known=not self._has_kind(source, device_id))
         if len(self.found) < MOST_GIMBALS:
             self.found = (*self.found, link)
             _log.info("gimbal %d was found: %s", link.number, link.name)
         return link
 
-    def _says_joints(self, source: Source, device_id: int) -> bool | None:
-        """Whether the attitude of a manager's own gimbal is in the axes of the body. None: its type says it."""
-        dialect = self._dialect
-        if source != self._target or dialect is None or device_id > LARGEST_ATTACHED_ID:
-            return False
-        return None if dialect.gimbal_type_parameter else dialect.says_gimbal_joints
+    def _has_kind(self, source: Source, device_id: int) -> bool:
+        """Whether a parameter of the autopilot says what the attitude of its own gimbal means."""
+        is_own = source == self._target and device_id <= LARGEST_ATTACHED_ID
+        return is_own and self._dialect is not None and bool(self._dialect.gimbal_kind_parameter)
 
     def _lacks(self, source: Source) -> frozenset[GimbalAbility]:
         is_of_autopilot = source == self._target and self._dialect is not None
@@ -221,20 +219,22 @@ class Gimbals(Protocol):
     def _stream(self, source: Source, message_id: int, rate_hz: float, now_s: float) -> None:
         self._request(source, set_message_interval(message_id, rate_hz), now_s)
 
-    def _read_type(self, device_id: int) -> None:
-        """Asks the autopilot for the type of one of its gimbals."""
+    def _read_kind(self, device_id: int) -> None:
+        """Asks the autopilot for the kind of one of its gimbals."""
         if self._target is not None and self._dialect is not None:
-            name = self._dialect.gimbal_type_parameter.format(device_id).encode("ascii")
+            name = self._dialect.gimbal_kind_parameter.format(device_id).encode("ascii")
             self._means.send(mavlink.MAVLink_param_request_read_message(*self._target, name, -1))
 
     def _on_parameter(self, message: Message) -> None:
         dialect = self._dialect
-        if dialect is None or not dialect.gimbal_type_parameter:
+        if dialect is None or not dialect.gimbal_kind_parameter:
             return
         for each in self.found:
-            is_its_type = message.param_id == dialect.gimbal_type_parameter.format(each.device_id)
-            if is_its_type and each.manager == self._target:
-                each.says_joints = dialect.parameter_value(message) in dialect.gimbal_types_of_joints
+            is_its_kind = message.param_id == dialect.gimbal_kind_parameter.format(each.device_id)
+            if is_its_kind and each.manager == self._target:
+                kind = dialect.parameter_value(message)
+                each.meant = None if kind is None else dialect.gimbal_references.get(kind)
+                each.is_kind_known = True
 
     def _request(self, source: Source, command: LongCommand, now_s: float) -> None:
         """Sends a request. Those to the autopilot take their turn, as answers do not say which one they are for."""

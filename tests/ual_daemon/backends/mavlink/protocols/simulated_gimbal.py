@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import struct
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
@@ -43,8 +44,8 @@ class SimulatedManager:
         self._send = send
         self.is_there = True
         self.device_id = 1
-        self.type: float | None = 4.0
-        """Of ArduPilot; None: it has no such parameter."""
+        self.kind: float | None = 4.0
+        """The parameter with its kind; None: it has none."""
         self.capabilities = CAPABILITIES
         self.limits = (-0.5, 0.5, -1.6, 0.5, -3.2, 3.2)
         """Least and most of roll, pitch and yaw, as MAVLink means them."""
@@ -100,9 +101,12 @@ class SimulatedManager:
         """Takes what is sent to it."""
         if not self.is_there or message.target_component != self._source.component_id:
             return
-        if message.get_type() == "PARAM_REQUEST_READ" and self.type is not None:
-            name, int8 = message.param_id.encode(), mavlink.MAV_PARAM_TYPE_INT8
-            self.say(mavlink.MAVLink_param_value_message(name, self.type, int8, 1, 65535))
+        if message.get_type() == "PARAM_REQUEST_READ" and self.kind is not None:
+            name = message.param_id.encode()
+            is_px4 = name == b"MNT_DO_STAB"  # which sends the bytes of an integer in the place of the number
+            value = struct.unpack("<f", struct.pack("<i", int(self.kind)))[0] if is_px4 else self.kind
+            kind = mavlink.MAV_PARAM_TYPE_INT32 if is_px4 else mavlink.MAV_PARAM_TYPE_INT8
+            self.say(mavlink.MAVLink_param_value_message(name, value, kind, 1, 65535))
         elif message.get_type() == "GIMBAL_MANAGER_SET_ATTITUDE":
             self.aims.append(message)
         elif message.get_type() == "COMMAND_LONG" and message.command not in self.ignored:

@@ -139,31 +139,34 @@ def test_its_flags_say_from_what_its_yaw_counts(
     assert tuple(map(math.degrees, attitude.orientation.to_euler())) == pytest.approx(looks)
 
 
-def test_px4_says_the_angles_of_its_servos_whatever_its_flags_say() -> None:
+@pytest.mark.parametrize(("kind", "reference"), [(0.0, EARTH), (1.0, BODY), (2.0, HORIZON)])
+def test_px4_says_the_angles_of_servos_that_it_steadies_itself(kind: float, reference: GimbalReference) -> None:
+    """MNT_DO_STAB: 0 passes on what was ordered, 1 takes the lean off all axes, 2 the heading off yaw."""
     bench = Bench(AUTOPILOT, Px4())
+    bench.manager.kind = kind
     bench.manager.looks(0.0, -30.0, 20.0, LOCKED)
     attitude = bench.found().attitude
     assert attitude is not None
-    assert attitude.reference is BODY
+    assert attitude.reference is reference
 
 
 @pytest.mark.parametrize(("kind", "reference"), [(1.0, BODY), (7.0, HORIZON), (4.0, HORIZON)])
 def test_ardupilot_says_the_angles_of_servos_that_it_steadies_itself(kind: float, reference: GimbalReference) -> None:
     """MNT1_TYPE 1 are servos, 7 gimbals that steady themselves: flown with a tilt of 15 degrees."""
     bench = Bench(AUTOPILOT, ArduCopter())
-    bench.manager.type = kind
+    bench.manager.kind = kind
     attitude = bench.found().attitude
     assert attitude is not None
     assert attitude.reference is reference
 
 
-def test_where_it_looks_is_not_told_while_its_type_is_not_known() -> None:
+def test_where_it_looks_is_not_told_while_its_kind_is_not_known() -> None:
     bench = Bench(AUTOPILOT, ArduCopter())
-    bench.manager.type = None
+    bench.manager.kind = None
     bench.step(20.0)
     (link,) = bench.gimbals.found
     assert link.attitude is None
-    bench.manager.type = 1.0
+    bench.manager.kind = 1.0
     bench.step(4.0)
     assert link.attitude is not None
 
@@ -287,7 +290,7 @@ def test_what_is_aimed_at_is_what_is_seen(roll: float, pitch: float, yaw: float,
     nan = math.nan
     flags = FROM_NORTH if reference is EARTH else IN_VEHICLE
     said = mavlink.MAVLink_gimbal_device_attitude_status_message(0, 0, 1, flags, aim.q, nan, nan, nan, 0)
-    found = gimbal_values.attitude_of(said, is_in_body=False)
+    found = gimbal_values.attitude_of(said)
     assert found is not None
     orientation, said_reference = found
     assert said_reference is reference
@@ -450,7 +453,7 @@ def test_answers_that_no_gimbal_gives_crash_nothing_and_each_order_ends() -> Non
 def test_whatever_it_says_is_no_defect(flags: int, q: list[float], capabilities: int) -> None:
     nan = math.nan
     said = mavlink.MAVLink_gimbal_device_attitude_status_message(0, 0, 1, flags, q, nan, nan, nan, flags)
-    found = gimbal_values.attitude_of(said, is_in_body=False)
+    found = gimbal_values.attitude_of(said)
     assert found is None or found[0].norm() == pytest.approx(1.0)
     gimbal_values.failures_of(said)
     told = mavlink.MAVLink_gimbal_manager_information_message(1, capabilities, 1, *q, *q[:2])
