@@ -102,7 +102,8 @@ class GimbalLink:
             return GimbalInfo(self.number, self.name, frozenset(), is_connected, note="it has not said what it is")
         roll, pitch, yaw = identity.roll, identity.pitch, identity.yaw
         odd = "it says an orientation that cannot be" if self._is_odd else ""
-        note = "; ".join(filter(None, (identity.note, odd)))
+        unknown = "" if self.is_kind_known else "its kind is not known yet, so where it looks is not told"
+        note = "; ".join(filter(None, (identity.note, odd, unknown)))
         return GimbalInfo(self.number, self.name, identity.abilities, is_connected, "", roll, pitch, yaw, note)
 
     def attitude_at(self, now_s: float) -> GimbalAttitude | None:

@@ -166,6 +166,7 @@ def test_where_it_looks_is_not_told_while_its_kind_is_not_known() -> None:
     bench.step(20.0)
     (link,) = bench.gimbals.found
     assert link.attitude is None
+    assert link.info(bench.now_s).note == "its kind is not known yet, so where it looks is not told"
     bench.manager.kind = 1.0
     bench.step(4.0)
     assert link.attitude is not None
