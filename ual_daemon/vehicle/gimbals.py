@@ -31,7 +31,9 @@ from ual_daemon.frames.resolver import FrameResolver, Goal
 _log = logging.getLogger(__name__)
 
 FOLLOW_S = 0.05
-"""A gimbal that follows is aimed so often."""
+"""A gimbal that follows is aimed so often, ..."""
+LOOK_S = 0.5
+"""... and before there was an order, gimbals that are new are looked for so often."""
 _STRAIGHT_RAD = 1e-3
 """So near to straight down or up, roll and yaw are one turn: all of it counts as yaw."""
 _FORWARD = Vector3(1.0, 0.0, 0.0)
@@ -75,17 +77,15 @@ class Gimbals:
         self._lock = threading.Lock()
         self._orders: dict[int, _Order] = {}
         self._attached_count = 0
-        self._next_s = -math.inf
+        self.due_s = -math.inf if self._offer else math.inf
+        """When `update` is to be called next: an attribute, because each update looks."""
+        self.is_busy = False
+        """Whether `update` is needed."""
         self.attach()
 
     def frame_id(self, number: int) -> str:
         """Returns the name of the frame that turns with a gimbal."""
         return f"{self._backend.options.ns}/gimbal_{number}"
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether `update` is needed."""
-        return any(order.followed is not None for order in list(self._orders.values()))
 
     def goal(self, number: int, point: PointStamped) -> Goal:
         """Validates a position for a gimbal to look at. Raises as `FrameResolver.point`."""
@@ -104,34 +104,43 @@ class Gimbals:
         """Ends what a gimbal was ordered before. Returns the number of the order that begins, for `did`."""
         with self._lock:
             begun = self._orders.get(number, _Order()).number + 1
-            self._orders[number] = _Order(begun)
+            self._put(number, _Order(begun))
         return begun
 
     def did(self, number: int, begun: int, activity: GimbalActivity, followed: Followed | None = None) -> None:
         """Notes that a gimbal has accepted an order, unless a newer one has begun."""
         with self._lock:
             if self._orders[number].number == begun:
-                self._orders[number] = _Order(begun, activity, followed)
+                self._put(number, _Order(begun, activity, followed))
+
+    def _put(self, number: int, order: _Order) -> None:
+        """Puts an order in the place of the one before. The caller holds the lock."""
+        self._orders[number] = order
+        self.is_busy = any(each.followed is not None for each in self._orders.values())
+        self.due_s = -math.inf
 
     # --- What follows from it -----------------------------------------------------------------------------------------
 
     def update(self, snapshot: Snapshot) -> None:
         """Adds the frames of gimbals that are new, and aims those that follow."""
+        self.due_s = snapshot.time_s + (FOLLOW_S if self._orders else LOOK_S)
         self.attach()
-        if not self._orders or snapshot.time_s < self._next_s:
-            return
-        self._next_s = snapshot.time_s + FOLLOW_S
         for number, order in list(self._orders.items()):
-            self._step(self._all()[number], order, snapshot)
+            self._step(number, self._all()[number], order, snapshot)
 
-    def _step(self, gimbal: OfferedGimbal, order: _Order, snapshot: Snapshot) -> None:
+    def _step(self, number: int, gimbal: OfferedGimbal, order: _Order, snapshot: Snapshot) -> None:
         control, words = gimbal.control()
         if control is GimbalControl.OTHER and order.activity is not None:
-            order.activity, order.followed = None, None
-            order.problem = f"{words} has taken the control of it: what this daemon ordered has ended"
-            _log.warning("gimbal %d: %s", gimbal.info.number, order.problem)
+            self._end(number, order, f"{words} has taken the control of it: what this daemon ordered has ended")
+            return
         if order.followed is not None:
             self._follow(gimbal, order, order.followed.goal, snapshot)
+
+    def _end(self, number: int, order: _Order, problem: str) -> None:
+        _log.warning("gimbal %d: %s", number, problem)
+        with self._lock:
+            if self._orders[number] is order:
+                self._put(number, _Order(order.number, problem=problem))
 
     def _follow(self, gimbal: OfferedGimbal, order: _Order, goal: Goal, snapshot: Snapshot) -> None:
         try:

@@ -336,7 +336,8 @@ class Vehicle(ReportedVehicle):
         if self._flight.lease.id != NOBODY:
             self._expire_lease()
         self.missions.update(snapshot)
-        self.gimbals.update(snapshot)
+        if snapshot.time_s >= self.gimbals.due_s:
+            self.gimbals.update(snapshot)
         if not self._follow_jumps(snapshot):
             self._flight.step(snapshot)
         self._publish(snapshot, self._flight.estimate(snapshot))
