@@ -8,6 +8,8 @@ from concurrent.futures import Future
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, heartbeat, position
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
@@ -365,6 +367,49 @@ def test_an_autopilot_that_boots_ends_what_is_under_way(copter: Bench) -> None:
         == "it is not known whether the autopilot obeyed the order to release the gripper: the autopilot has booted"
     )
     failed(relay, LinkLostError)
+
+
+SOMETHING = st.one_of(
+    st.tuples(st.just("answer"), st.integers(0, 9)),
+    st.tuples(st.just("fly"), st.floats(0.05, 2.0)),
+    st.tuples(st.just("silence"), st.floats(0.05, 2.0)),
+)
+
+
+@settings(max_examples=25)
+@given(
+    kind=st.sampled_from([mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4]),
+    is_closing=st.booleans(),
+    events=st.lists(SOMETHING, max_size=8),
+)
+def test_whatever_is_answered_an_order_ends_and_a_release_leaves_once(
+    kind: int, is_closing: bool, events: list[tuple[str, float]]
+) -> None:
+    bench = bench_of(kind)
+    begun_s = bench.now_s
+    ordered = bench.gripper.grip(1) if is_closing else bench.gripper.release(1)
+    for what, value in events:
+        if what == "answer":
+            bench.answer(GRIPPER, int(value))
+        elif what == "fly":
+            bench.fly(value)
+        else:
+            bench.run(value)
+    while not ordered.done() and bench.now_s - begun_s < 60.0:
+        bench.fly(0.5)
+    assert ordered.done()
+    bench.fly(2.0)
+    assert len(bench.orders) <= (12 if is_closing else 1)
+
+
+@given(st.lists(st.floats(width=32), min_size=5, max_size=5), st.integers(-32768, 32767), st.integers(0, 2**32 - 1))
+def test_a_winch_tells_no_number_that_is_none(values: list[float], temperature: int, flags: int) -> None:
+    bench = bench_of(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    asked = bench.gripper.winch_status(1)
+    bench.receive(mavlink.MAVLink_winch_status_message(0, *values, temperature, flags))
+    status = asked.result(0)
+    told = (status.length_m, status.speed_m_s, status.tension_n, status.voltage_v, status.current_a)
+    assert all(each is None or math.isfinite(each) for each in told)
 
 
 # --- What is known ----------------------------------------------------------------------------------------------------
