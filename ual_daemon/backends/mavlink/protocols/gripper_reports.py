@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future
 from typing import Any, NamedTuple
 
@@ -27,14 +27,15 @@ class _Awaited(NamedTuple):
 
 
 class GripperReports(Protocol):
-    """Belongs to the thread that receives; `state` is for any thread. `is_up` says whether the link is up at a time.
+    """Belongs to the thread that receives; `state` is for any thread.
 
     A text that a silence has swallowed would leave an old state. So after one, and after each order, none is known.
     """
 
-    def __init__(self, is_up: Callable[[float], bool]) -> None:
+    def __init__(self) -> None:
         self.state = GripperState.UNKNOWN
-        self._is_up = is_up
+        self.is_waiting = False
+        """Whether `tick` has something to do: no call, as that is asked at each step of a flight."""
         self._texts: Mapping[str, GripperState] = {}
         self._awaited: list[_Awaited] = []
         self._unlimited: list[_Awaited] = []
@@ -44,13 +45,8 @@ class GripperReports(Protocol):
     def handlers(self) -> dict[int, Handler]:
         return {mavlink.MAVLINK_MSG_ID_STATUSTEXT: lambda message, _: self._on_text(message)}
 
-    @property
-    @override
-    def is_urgent(self) -> bool:
-        return bool(self._awaited)
-
     def forget_state(self) -> None:
-        """Forgets what was said of the gripper: an order leaves."""
+        """Forgets what was said of the gripper: an order leaves, or the link was lost."""
         self.state = GripperState.UNKNOWN
 
     def await_order(self, future: Future[None], what: str) -> None:
@@ -61,6 +57,7 @@ class GripperReports(Protocol):
     def await_answer(self, future: Future[Any], what: str) -> None:
         """Has a question end after `READ_S`. `what` it is about, for people."""
         self._awaited.append(_Awaited(future, what, None))
+        self.is_waiting = True
 
     @override
     def attach(self, target: Source, dialect: Dialect) -> None:
@@ -74,14 +71,12 @@ class GripperReports(Protocol):
             _fail(each, LinkLostError(f"{each.what} is not known: {why}"))
         for each in self._unlimited:
             _fail(each, LinkLostError(f"it is not known whether the autopilot obeyed the order to {each.what}: {why}"))
-        self._awaited, self._unlimited = [], []
+        self._awaited, self._unlimited, self.is_waiting = [], [], False
 
     @override
     def tick(self, now_s: float) -> None:
-        if self.state is not GripperState.UNKNOWN and not self._is_up(now_s):
-            self.forget_state()
-        if self._awaited:
-            self._awaited = [self._ticked(each, now_s) for each in self._awaited if not each.future.done()]
+        self._awaited = [self._ticked(each, now_s) for each in self._awaited if not each.future.done()]
+        self.is_waiting = bool(self._awaited)
 
     def _ticked(self, awaited: _Awaited, now_s: float) -> _Awaited:
         if awaited.until_s is None:

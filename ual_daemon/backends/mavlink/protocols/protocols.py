@@ -54,7 +54,7 @@ class Protocols(Protocol):
         self.cameras = Cameras(send)
         self.gimbals = Gimbals(of_gimbals or Means(send))
         self.progress = MissionProgress(send, is_up)
-        self.gripper = GripperReports(is_up)
+        self.gripper = GripperReports()
         self._all: tuple[Protocol, ...] = (
             self.parameters,
             self.missions,
@@ -67,6 +67,7 @@ class Protocols(Protocol):
             self.gripper,
             self.gimbals,
         )
+        self._ticked = tuple(each for each in self._all if each is not self.gripper)
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
             for message_id, handler in protocol.handlers.items():
@@ -81,7 +82,7 @@ class Protocols(Protocol):
     @property
     @override
     def is_urgent(self) -> bool:
-        return any(protocol.is_urgent for protocol in self._all)
+        return any(protocol.is_urgent for protocol in self._ticked)
 
     @override
     def attach(self, target: Source, dialect: Dialect) -> None:
@@ -95,8 +96,10 @@ class Protocols(Protocol):
 
     @override
     def tick(self, now_s: float) -> None:
-        for protocol in self._all:
+        for protocol in self._ticked:
             protocol.tick(now_s)
+        if self.gripper.is_waiting:
+            self.gripper.tick(now_s)
 
 
 def _in_turn(handlers: list[Handler]) -> Handler:

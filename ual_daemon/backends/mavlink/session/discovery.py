@@ -97,6 +97,7 @@ class Discovery(Selector):
 
     def discard_state(self) -> None:
         """Discards all that may have changed since it was received."""
+        self.protocols.gripper.forget_state()
         if self.session is not None:
             self.session.discard_state()
 
