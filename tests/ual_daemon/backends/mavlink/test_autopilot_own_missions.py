@@ -94,10 +94,10 @@ def test_a_mission_is_flown_from_the_ground_to_its_landing(flight: Flight) -> No
     task = flight.uav.task(start(flight, box(flight)))
     flight.wait_for_state(State.FLYING_AUTO)
     wait_for_item(flight, 3)
+    flight.wait_for(lambda: (each := flight.uav.telemetry().task) is not None and each.waypoint_index in (2, 3), "it")
     telemetry = flight.uav.telemetry()
     assert telemetry.task is not None
     assert telemetry.task.kind is TaskKind.MISSION
-    assert telemetry.task.waypoint_index in (2, 3)
     assert "the autopilot flies our mission: item " in telemetry.state_reason
     assert flight.uav.mission.progress().stage is MissionStage.ACTIVE
     info = task.wait(LIMIT_S)
