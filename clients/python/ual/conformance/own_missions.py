@@ -19,6 +19,8 @@ from ual.types import AltitudeReference, GeoPoint, State, TaskKind, TaskStatus
 _HEIGHT_M = 10.0
 _AHEAD_M = 8.0
 _FAR_M = 20.0
+_HOLD_S = 5.0
+"""PX4 counts a place within 10 m (NAV_ACC_RAD) as reached. While it holds there it flies on to it."""
 _DEGREE_M = 111_195.0
 
 
@@ -65,7 +67,7 @@ def flies_a_mission_of_the_autopilot(flight: Flight) -> None:
     mission, uav = flight.uav.mission, flight.uav
     with _alone(flight):
         begun = flight.position()
-        mission.upload([_ahead(flight, _AHEAD_M), _ahead(flight, 0.0)])
+        mission.upload([_ahead(flight, _AHEAD_M, hold_s=_HOLD_S), _ahead(flight, 0.0, hold_s=_HOLD_S)])
         info = mission.start()
         task = uav.task(info.id)
         require(info.kind is TaskKind.MISSION, f"the task is {info.kind.name}")
@@ -119,7 +121,7 @@ def _here(flight: Flight) -> GeoPoint:
     return here
 
 
-def _ahead(flight: Flight, north_m: float, height_m: float | None = None) -> Waypoint:
+def _ahead(flight: Flight, north_m: float, height_m: float | None = None, hold_s: float = 0.0) -> Waypoint:
     """A waypoint to the north of where it is; at its height, or at one above home."""
     here = _here(flight)
     latitude_deg = round(here.latitude_deg + north_m / _DEGREE_M, 7)
@@ -128,7 +130,7 @@ def _ahead(flight: Flight, north_m: float, height_m: float | None = None) -> Way
         return Waypoint(latitude_deg, longitude_deg, height_m)
     assert here.altitude_amsl_m is not None
     altitude_m = math.floor(here.altitude_amsl_m * 100.0 + 0.5) / 100.0
-    return Waypoint(latitude_deg, longitude_deg, altitude_m, AltitudeReference.AMSL)
+    return Waypoint(latitude_deg, longitude_deg, altitude_m, AltitudeReference.AMSL, hold_s)
 
 
 def _kept(flight: Flight) -> StoredMission:
