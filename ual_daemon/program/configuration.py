@@ -55,6 +55,7 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
     watch_only: bool = False
     record: str | None = None
     record_raw: bool = False
+    record_pictures: bool = False
     record_file_mib: Annotated[int, Meta(ge=1)] = 1024
     record_file_minutes: Annotated[float, Meta(gt=0.0)] = 60.0
     metrics: str | None = None

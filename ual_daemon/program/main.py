@@ -159,6 +159,7 @@ def _printing() -> Iterator[None]:
     default=None,
     help="With --record: the autopilot's packets, too, so that the flight can be replayed.",
 )
+@click.option("--record-pictures/--no-record-pictures", default=None, help="With --record: what the cameras take, too.")
 @click.option("--extension", multiple=True, metavar="NAME", help="Load an extension; may be given again.")
 @click.option("--insecure/--no-insecure", default=None, help="Serve other computers without TLS.")
 @click.option("--tls-certificate", metavar="FILE", help="Serve with TLS: the certificate (chain), PEM.")
@@ -503,7 +504,14 @@ def _recording(settings: DaemonSettings, vehicles: Sequence[ServedVehicle]) -> R
 
     turnover = Turnover(settings.record_file_mib << 20, settings.record_file_minutes * 60.0)
     try:
-        return Recording(Path(settings.record), vehicles, log_output.line_of, turnover, is_raw=settings.record_raw)
+        return Recording(
+            Path(settings.record),
+            vehicles,
+            log_output.line_of,
+            turnover,
+            is_raw=settings.record_raw,
+            has_pictures=settings.record_pictures,
+        )
     except OSError as error:
         raise RecordingError(f"cannot record into {settings.record}: {error.strerror or error}") from None
 

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 
 from typing_extensions import override
 
+from ual.errors import UalError
 from ual.recording.log import RecordingHandler
+from ual.recording.pictures import Pictures
 from ual.recording.recorder import QueueFigures, Recorder, Turnover
 from ual.recording.telemetry import TelemetryTopics
 from ual.types import Info, Telemetry
 from ual_daemon import logs
 from ual_daemon.backends.values import Packet, Setpoint
+from ual_daemon.extensions.shipped.cameras import Cameras
 from ual_daemon.program.recording.calls import CallTopic
 from ual_daemon.program.recording.packets import PacketTopics
 from ual_daemon.program.recording.setpoints import SetpointTopic
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
+_PICTURE_S = 1.0
+"""How long the end of the daemon waits for a picture that is under way."""
 _FRAMES_S = 1.0
 """How often the frames are recorded that do not move by themselves."""
 
@@ -32,7 +37,7 @@ _FRAMES_S = 1.0
 class UavRecording(Observer):
     """Records one UAV."""
 
-    def __init__(self, vehicle: ServedVehicle, recorder: Recorder, *, is_raw: bool) -> None:
+    def __init__(self, vehicle: ServedVehicle, recorder: Recorder, *, is_raw: bool, has_pictures: bool) -> None:
         self._vehicle = vehicle
         self._recorder = recorder
         self._clock = recorder.clock
@@ -46,7 +51,28 @@ class UavRecording(Observer):
         vehicle.observe_setpoints(self._on_setpoint)
         if is_raw and not vehicle.observe_packets(self._on_packet):
             logs.event(_log, logging.WARNING, "no_packets", ns=vehicle.ns, backend=vehicle.backend_name)
+        self._pictures = Pictures(vehicle.ns, Cameras(vehicle), recorder) if has_pictures else None
         recorder.at_each_file(self._repeat)
+
+    def start(self) -> None:
+        """Begins to ask for pictures, if they are wanted."""
+        if self._pictures is None:
+            return
+        try:
+            self._pictures.start()
+        except UalError as error:
+            logs.event(_log, logging.WARNING, "no_pictures", ns=self._vehicle.ns, why=error)
+            self._pictures = None
+
+    def close(self) -> None:
+        """Ends what `start` has begun, and logs what of it is not complete."""
+        if self._pictures is None:
+            return
+        self._pictures.close(_PICTURE_S)
+        count, without_count, why = self._pictures.figures
+        if without_count:
+            event = {"ns": self._vehicle.ns, "pictures": count, "without_bytes": without_count, "why": why}
+            logs.event(_log, logging.WARNING, "pictures_without_bytes", **event)
 
     def _on_sample(self, sample: Telemetry) -> None:
         now_ns = self._clock.now_ns()
@@ -95,6 +121,7 @@ class Recording:
         turnover: Turnover,
         *,
         is_raw: bool,
+        has_pictures: bool = False,
     ) -> None:
         """Opens the first file.
 
@@ -104,12 +131,17 @@ class Recording:
         """
         self._recorder = Recorder(directory, vehicles[0].ns, turnover)
         self._handler = RecordingHandler(self._recorder, text)
-        self._uavs = {vehicle.ns: UavRecording(vehicle, self._recorder, is_raw=is_raw) for vehicle in vehicles}
+        self._uavs = {
+            vehicle.ns: UavRecording(vehicle, self._recorder, is_raw=is_raw, has_pictures=has_pictures)
+            for vehicle in vehicles
+        }
 
     def start(self) -> None:
         """Begins to write; to be called before the vehicles are opened."""
         logging.getLogger().addHandler(self._handler)
         self._recorder.start()
+        for each in self._uavs.values():
+            each.start()
         logs.event(_log, logging.INFO, "recording", file=self._recorder.path)
 
     @property
@@ -123,5 +155,7 @@ class Recording:
 
     def close(self) -> None:
         """Writes what is left, and ends the file."""
+        for each in self._uavs.values():
+            each.close()
         logging.getLogger().removeHandler(self._handler)
         self._recorder.close()

@@ -113,10 +113,10 @@ class Pictures:
             self._next[each.number] = taken[-1].number + 1 if taken else 0
         self._thread.start()
 
-    def close(self) -> None:
-        """Ends, once the picture under way has come."""
+    def close(self, limit_s: float | None = None) -> None:
+        """Ends, once the picture under way has come, or after a limit."""
         self._closing.set()
-        self._thread.join()
+        self._thread.join(limit_s)
 
     def _run(self) -> None:
         while not self._closing.wait(_LOOK_S):

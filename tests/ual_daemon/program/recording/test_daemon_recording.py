@@ -173,3 +173,25 @@ def test_a_directory_that_cannot_be_written_is_refused_before_anything_flies(
     daemon = start_daemon("--record", str(tmp_path / "file"))
     assert daemon.wait() == 1
     assert daemon.stderr.strip() == f"ual-daemon: cannot record into {tmp_path / 'file'}: File exists"
+
+
+def test_pictures_are_recorded_where_that_is_asked_for(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    daemon = start_daemon("--record", str(tmp_path), "--record-pictures", backend="light")
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    with ual.Uav(daemon.ns) as uav:
+        taken = uav.cameras[0].take_photo()
+        wanted = uav.cameras[0].image(taken.number).data
+    recording = recording_in(tmp_path)
+    until(lambda: any(wanted in each.data for each in messages(recording, "camera_0/image")), "it is in the file")
+    end(daemon)
+    assert [len(messages(recording, f"camera_0/{name}")) for name in ("photos", "tf", "calibration")] == [1, 1, 1]
+
+
+def test_a_uav_without_cameras_is_recorded_all_the_same(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    daemon = start_daemon(
+        "--record", str(tmp_path), "--record-pictures", "--url", "radio://0/80/2M", backend="crazyflie"
+    )
+    assert "does not offer them" in daemon.wait_for("no_pictures")["why"]
+    with ual.Uav(address=daemon.address) as uav:  # it serves, and ends by a signal only now as it should
+        assert uav.info().backend == "crazyflie"
+    end(daemon)
