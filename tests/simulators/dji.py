@@ -12,7 +12,7 @@ from typing import Any
 
 from typing_extensions import override
 
-from tests.simulators.dji_cameras import CameraModule
+from tests.simulators.dji_cameras import CameraModule, GimbalModule
 from tests.simulators.physics import Agility, Body, Target, Vector, control
 from tests.simulators.rosbridge import Message, RefusedError, Service
 from ual_daemon.geodesy import EllipsoidProjection
@@ -267,7 +267,7 @@ class Psdk(Front):
     ) -> None:
         """`authority_after_s` is when the authority is published first: its topic is not in step with the others."""
         a, one = aircraft, _one
-        self.camera_module = CameraModule()
+        self.camera_module, self.gimbal_module = CameraModule(), GimbalModule()
         super().__init__(
             aircraft,
             {
@@ -289,13 +289,16 @@ class Psdk(Front):
                 "home_point_status": ("std_msgs/Bool", 1.0, lambda: one(a.is_home_set)),
                 "motor_start_error": ("std_msgs/UInt16", 1.0, lambda: one(a.motor_error)),
                 "relative_obstacle_info": ("psdk_interfaces/RelativeObstacleInfo", 10.0, self._obstacles),
+                "gimbal_angles": ("geometry_msgs/Vector3Stamped", 10.0, self._gimbal_angles),
+                "gimbal_status": ("psdk_interfaces/GimbalStatus", 1.0, self._gimbal_status),
             },
         )
         self._due_s[f"{self.prefix}control_mode"] = authority_after_s
 
     @property
     def subscriptions(self) -> Mapping[str, tuple[str, Callable[[Message], None]]]:
-        return {"/psdk_ros2/flight_control_setpoint_ENUvelocity_yawrate": ("sensor_msgs/Joy", self.joy)}
+        own = {"/psdk_ros2/flight_control_setpoint_ENUvelocity_yawrate": ("sensor_msgs/Joy", self.joy)}
+        return {**own, **self.gimbal_module.subscriptions}
 
     @property
     def services(self) -> Mapping[str, Service]:
@@ -310,7 +313,7 @@ class Psdk(Front):
             "start_confirm_landing": a.confirm_landing,
         }
         own = {f"/psdk_ros2/{name}": _triggered(action) for name, action in actions.items()}
-        return {**own, **self.camera_module.services}
+        return {**own, **self.camera_module.services, **self.gimbal_module.services}
 
     @override
     def _logged(self) -> Iterator[tuple[str, Message]]:
@@ -330,6 +333,12 @@ class Psdk(Front):
 
     def _rates(self) -> Message:
         return self.aircraft.stamped(vector={"x": 0.0, "y": 0.0, "z": -self.aircraft.body.yaw_rate_rad_s})
+
+    def _gimbal_angles(self) -> Message:
+        return self.aircraft.stamped(**self.gimbal_module.angles())
+
+    def _gimbal_status(self) -> Message:
+        return self.aircraft.stamped(**self.gimbal_module.status())
 
     def _status(self) -> Message:
         return self.aircraft.stamped(flight_status=self.aircraft.status)

@@ -1,4 +1,4 @@
-"""The camera module of psdk_ros2, as its sources have it (053f357, September 2024)."""
+"""The camera and the gimbal module of psdk_ros2, as their sources have it (053f357, September 2024)."""
 
 from __future__ import annotations
 
@@ -84,3 +84,46 @@ class CameraModule:
     def _focus(self, camera: Camera, asked: Message) -> Message:
         camera.focus_mode = asked["focus_mode"]
         return {}
+
+
+@dataclass
+class GimbalModule:
+    """The gimbal at port 1, which is at once where it is to be. Angles as the wrapper has them: yaw from east."""
+
+    is_mounted: bool = False
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+    is_pitch_limited: bool = False
+    refuses_reset: bool = False
+    rotations: list[Message] = field(default_factory=list)
+
+    @property
+    def services(self) -> Mapping[str, Service]:
+        return {"/psdk_ros2/gimbal_reset": self._reset}
+
+    @property
+    def subscriptions(self) -> Mapping[str, tuple[str, Callable[[Message], None]]]:
+        return {"/psdk_ros2/gimbal_rotation": ("psdk_interfaces/GimbalRotation", self._rotate)}
+
+    def angles(self) -> Message:
+        """What is published of its angles."""
+        return {"vector": {"x": self.roll_rad, "y": self.pitch_rad, "z": self.yaw_rad}}
+
+    def status(self) -> Message:
+        """What is published of its flags."""
+        flags = ("roll_limited", "yaw_limited", "calibrating", "gyro_falut", "fw_updating")
+        limited = int(self.is_pitch_limited)
+        return {"mount_status": int(self.is_mounted), "pitch_limited": limited, **dict.fromkeys(flags, 0)}
+
+    def _rotate(self, message: Message) -> None:
+        self.rotations.append(message)
+        assert (message["payload_index"], message["rotation_mode"]) == (1, 1)
+        self.roll_rad, self.pitch_rad, self.yaw_rad = message["roll"], message["pitch"], message["yaw"]
+
+    def _reset(self, asked: Message) -> Message:
+        assert asked == {"payload_index": 1, "reset_mode": 1}
+        if self.refuses_reset:
+            return {"success": False}
+        self.pitch_rad = self.yaw_rad = 0.0
+        return {"success": True}

@@ -18,6 +18,7 @@ from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.dji.cameras import DjiCameras, Surroundings
 from ual_daemon.backends.dji.commands import Grant, Request, landing, request
+from ual_daemon.backends.dji.gimbals import DjiGimbal, DjiGimbals
 from ual_daemon.backends.dji.session import Session
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
 from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
@@ -26,7 +27,7 @@ from ual_daemon.backends.engine.command import FLYING, Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.offers.cameras import Viewpoint
-from ual_daemon.backends.rosbridge import DEFAULT_URL, RosbridgeLink, parse_url
+from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
     Freshness,
     LinkReport,
@@ -97,6 +98,9 @@ class DjiBackend(Backend):
             lambda: self._session.watch.why_silent(self.clock.now_s()),
         )
         self._cameras = DjiCameras(around)
+        self._gimbal = DjiGimbal(around, self._link.publish, self._heading_rad)
+        self._gimbals = DjiGimbals(self._gimbal)
+        self._session.on_payload = self._on_payload
 
     def _make_link(self) -> RosbridgeLink:
         return RosbridgeLink(self._url, self.clock, self._step, on_woke=self._woke)
@@ -226,7 +230,8 @@ class DjiBackend(Backend):
 
     @override
     def offer(self, kind: type[T]) -> T | None:
-        return self._cameras if isinstance(self._cameras, kind) else None
+        offers: tuple[object, ...] = (self._cameras, self._gimbals)
+        return next((each for each in offers if isinstance(each, kind)), None)
 
     @property
     def _is_on_ground(self) -> bool:
@@ -243,9 +248,17 @@ class DjiBackend(Backend):
         now_s = self.clock.now_s()
         self._loop.step(now_s, has_news=has_news)
         self._cameras.tick(now_s)
+        self._gimbal.tick()
         pose = self._loop.newest.motion.pose
         if has_news and pose is not None:
             self._cameras.step(pose.value.position)
+
+    def _on_payload(self, handler: str, message: Message, now_s: float) -> None:
+        getattr(self._gimbal, handler)(message, now_s)
+
+    def _heading_rad(self) -> float | None:
+        pose = self._loop.newest.motion.pose
+        return None if pose is None else pose.value.yaw_rad
 
     def _why_no_camera(self) -> str:
         telemetry = self._session.telemetry

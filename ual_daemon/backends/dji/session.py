@@ -14,6 +14,7 @@ from ual_daemon.backends.base import Clock
 from ual_daemon.backends.dji.authority import Holding
 from ual_daemon.backends.dji.commands import TEXT_S, Grant, Request, obtaining, read_answer, request
 from ual_daemon.backends.dji.discovery import Discovery
+from ual_daemon.backends.dji.gimbals import ROTATION, ROTATION_TYPE
 from ual_daemon.backends.dji.landing import LandingRequest
 from ual_daemon.backends.dji.settings import DjiSettings
 from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
@@ -56,6 +57,8 @@ class Session:
             self._why_late,
         )
         self.holding = Holding()
+        self.on_payload: Callable[[str, Message, float], object] = lambda *_: None
+        """Takes what is told of the gimbal: the handler's name, the message and the time. Set by the backend."""
         self.has_news = False
         """Whether a pose came since this was set back."""
         self._link = link
@@ -164,6 +167,11 @@ class Session:
                 queue_length=10 if is_log else 1,
                 silence_s=math.inf if is_log else _SILENCE_S,
             )
+        for topic in wrapper.payload_topics:
+            handler = partial(self._on_payload, topic.handler)
+            self._link.subscribe(topic.name, topic.kind, handler, silence_s=_SILENCE_S)
+        if wrapper.payload_topics:
+            self._link.advertise(ROTATION, ROTATION_TYPE)
         if wrapper.setpoint_topic:
             self._link.advertise(wrapper.setpoint_topic, JOY)
 
@@ -181,6 +189,9 @@ class Session:
             self.holding.observe(now_s, is_ours=not telemetry.is_authority_lost)
         if self.runner.is_any_under_way:
             self.runner.on_state(now_s)
+
+    def _on_payload(self, handler: str, message: Message, now_s: float) -> None:
+        self.on_payload(handler, message, now_s)
 
     def _on_log(self, telemetry: Telemetry, message: Message, now_s: float) -> None:
         """Takes what any node logs: the wrapper writes there what DJI's SDK answered."""

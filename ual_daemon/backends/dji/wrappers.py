@@ -56,7 +56,9 @@ class Wrapper:
     logger: str
     """Part of the names of its nodes in /rosout, where it logs what DJI's SDK answers."""
     has_cameras: bool = False
-    """Whether UAL uses its camera module."""
+    """Whether UAL uses its modules for cameras and the gimbal."""
+    payload_topics: tuple[Topic, ...] = ()
+    """What it tells of the gimbal; each `handler` is one of `gimbals.DjiGimbal`."""
     reasons: str = ""
     """Where DJI's reasons are, human-readable, where the wrapper does not pass them on."""
     battery_scale: float = 1.0
@@ -114,6 +116,10 @@ class PsdkRos2(Wrapper):
     confirm_landing = _trigger("start_confirm_landing")
     logger = "flight_control"
     has_cameras = True
+    payload_topics = (
+        Topic("psdk_ros2/gimbal_angles", "geometry_msgs/Vector3Stamped", "on_angles"),
+        Topic("psdk_ros2/gimbal_status", "psdk_interfaces/GimbalStatus", "on_status"),
+    )
 
 
 _CONSOLE = "DJI's reason is on the console of the node"

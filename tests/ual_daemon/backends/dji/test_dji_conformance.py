@@ -59,6 +59,7 @@ def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
     for node in backend.bridge.nodes:
         if isinstance(node, Psdk):
             node.camera_module.cameras[1] = Camera()
+            node.gimbal_module.is_mounted = True
     with UAL(backend, settings=SETTINGS, allow_arming=True) as uav:
         wait_until_ready(uav)
         yield Flight(uav, TOLERANCES)

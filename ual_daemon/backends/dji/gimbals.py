@@ -1,0 +1,255 @@
+"""The gimbal of an aircraft, by the gimbal module of psdk_ros2.
+
+The module takes angles on a topic, and answers nothing. Roll and pitch count from the horizon, yaw from east: it stays
+so while the aircraft turns. So angles from the nose are sent again whenever the nose has turned.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import NamedTuple
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
+from ual.geometry import Quaternion, Vector3, wrap_angle
+from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
+from ual_daemon.backends import futures
+from ual_daemon.backends.chain import caught, then
+from ual_daemon.backends.dji.cameras import Surroundings
+from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.rosbridge import Message
+from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
+from ual_daemon.backends.rosbridge.fields import number
+
+ROTATION, ROTATION_TYPE = "psdk_ros2/gimbal_rotation", "psdk_interfaces/GimbalRotation"
+RESET = "psdk_ros2/gimbal_reset"
+POSITION = 1
+"""Its angles are told of the first port only."""
+ABSOLUTE, PITCH_AND_YAW = 1, 1
+"""`E_DjiGimbalRotationMode` and `E_DjiGimbalResetMode`."""
+TURN_S, AIM_S = 0.5, 0.1
+"""How long a turn may take: of an order, and of angles that are sent often."""
+HEARD_S = 3.0
+"""It is not connected where it has not told its angles for so long. The wrapper tells them once a second at least."""
+TURNED_RAD = 0.01
+"""So far the nose turns before angles that count from it are sent again."""
+CALL_S = 5.0
+_NAME = "payload 1"
+_ABILITIES = frozenset(
+    {GimbalAbility.PITCH, GimbalAbility.YAW, GimbalAbility.HORIZON, GimbalAbility.EARTH, GimbalAbility.NEUTRAL}
+)
+_PROBLEMS = {
+    "pitch_limited": "its pitch is at a limit",
+    "roll_limited": "its roll is at a limit",
+    "yaw_limited": "its yaw is at a limit",
+    "calibrating": "it calibrates itself",
+    "gyro_falut": "its gyroscope has failed",
+    "fw_updating": "its firmware is updated",
+}
+"""What a flag of its status means; the wrapper spells them so."""
+
+
+class _Told(NamedTuple):
+    """Angles that were told, and when."""
+
+    orientation: Quaternion
+    time_s: float
+
+
+class _FromNose(NamedTuple):
+    """Angles that count from the nose, and where that pointed when they were sent."""
+
+    angles: GimbalAngles
+    heading_rad: float
+
+
+class DjiGimbal(OfferedGimbal):
+    """The gimbal at the first port. `on_angles`, `on_status` and `tick` are for the link's thread.
+
+    Args:
+        around: The same that its camera has.
+        publish: Publishes on a topic of the wrapper.
+        heading_rad: Returns where the nose points; None where that is not known.
+
+    """
+
+    def __init__(
+        self,
+        around: Surroundings,
+        publish: Callable[[str, Message], None],
+        heading_rad: Callable[[], float | None],
+    ) -> None:
+        self._around = around
+        self._publish = publish
+        self._heading_rad = heading_rad
+        self._lock = threading.Lock()
+        self._told: _Told | None = None
+        self._is_mounted: bool | None = None
+        """None while its status was not told."""
+        self._first_s: float | None = None
+        self._problems: tuple[str, ...] = ()
+        self._from_nose: _FromNose | None = None
+
+    @property
+    def is_found(self) -> bool:
+        """Whether it has ever told its angles."""
+        return self._told is not None
+
+    def on_angles(self, message: Message, now_s: float) -> None:
+        """Takes roll, pitch (down) from the horizon and yaw from east, in radians."""
+        roll, pitch, yaw = (number(message["vector"][axis]) for axis in "xyz")
+        if self._first_s is None:
+            self._first_s = now_s
+        is_known = self.is_found or self._is_mounted or (self._is_mounted is None and now_s - self._first_s > HEARD_S)
+        if is_known and all(map(math.isfinite, (roll, pitch, yaw))):
+            self._told = _Told(Quaternion.from_euler(roll, pitch, yaw), now_s)
+
+    def on_status(self, message: Message, _: float) -> None:
+        """Takes its flags."""
+        self._is_mounted = bool(message["mount_status"])
+        self._problems = tuple(text for flag, text in _PROBLEMS.items() if message.get(flag))
+
+    def tick(self) -> None:
+        """Follows the nose, where its angles count from that."""
+        with self._lock:
+            followed, heading_rad = self._from_nose, self._heading_rad()
+            if followed is None or heading_rad is None or self._why_not() is not None:
+                return
+            if abs(wrap_angle(heading_rad - followed.heading_rad)) > TURNED_RAD:
+                self._from_nose = followed._replace(heading_rad=heading_rad)
+                self._send(followed.angles, heading_rad, AIM_S)
+
+    # --- What is asked ------------------------------------------------------------------------------------------------
+
+    @property
+    @override
+    def info(self) -> GimbalInfo:
+        return GimbalInfo(0, _NAME, _ABILITIES, self._why_not() is None)
+
+    @property
+    @override
+    def place(self) -> Vector3:
+        return Vector3()  # the wrapper does not tell it
+
+    @override
+    def attitude(self) -> GimbalAttitude | None:
+        told = self._told
+        if told is None or self._why_not() is not None:
+            return None
+        return GimbalAttitude(told.orientation, GimbalReference.EARTH, told.time_s)
+
+    @override
+    def control(self) -> tuple[GimbalControl | None, str]:
+        return None, ""
+
+    @override
+    def problems(self) -> Sequence[str]:
+        return self._problems
+
+    @override
+    def set_angles(self, angles: GimbalAngles, reference: GimbalReference) -> Future[None]:
+        error = self._turn(angles, reference, TURN_S)
+        return futures.done() if error is None else futures.failed(error)
+
+    @override
+    def aim(self, angles: GimbalAngles, reference: GimbalReference) -> None:
+        self._turn(angles, reference, AIM_S)
+
+    @override
+    def move_to_neutral(self) -> Future[None]:
+        error = self._why_not() or self._why_silent()
+        if error is not None:
+            return futures.failed(error)
+        with self._lock:
+            self._from_nose = None
+        answer = self._around.call(RESET, {"payload_index": POSITION, "reset_mode": PITCH_AND_YAW}, CALL_S)
+        return then(caught(answer, _explained), _accepted)
+
+    @override
+    def set_rates(self, pitch_rad_s: float, yaw_rad_s: float) -> Future[None]:
+        raise NotImplementedError  # the wrapper adds 90 degrees a second to a rate of yaw
+
+    @override
+    def retract(self) -> Future[None]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def take_control(self) -> Future[None]:
+        raise NotImplementedError  # it has no such ability
+
+    @override
+    def release_control(self) -> Future[None]:
+        raise NotImplementedError  # it has no such ability
+
+    # --- How it is done -----------------------------------------------------------------------------------------------
+
+    def _turn(self, angles: GimbalAngles, reference: GimbalReference, duration_s: float) -> LinkLostError | None:
+        """Sends angles. Returns why they could not be sent."""
+        error = self._why_not() or self._why_silent()
+        if error is not None:
+            return error
+        with self._lock:
+            if reference is GimbalReference.EARTH:
+                self._from_nose = None
+                self._send(angles, 0.0, duration_s)
+                return None
+            heading_rad = self._heading_rad()
+            if heading_rad is None:
+                return LinkLostError("gimbal 0: where the nose points is not known")
+            self._from_nose = _FromNose(angles, heading_rad)
+            self._send(angles, heading_rad, duration_s)
+        return None
+
+    def _send(self, angles: GimbalAngles, heading_rad: float, duration_s: float) -> None:
+        message = {
+            "payload_index": POSITION,
+            "rotation_mode": ABSOLUTE,
+            "roll": angles.roll_rad,
+            "pitch": angles.pitch_rad,
+            "yaw": wrap_angle(angles.yaw_rad + heading_rad),
+            "time": duration_s,
+        }
+        self._publish(ROTATION, message)
+
+    def _why_not(self) -> LinkLostError | None:
+        trouble = self._around.trouble() or ("it is not mounted" if self._is_mounted is False else "")
+        told = self._told
+        if not trouble and (told is None or self._around.now_s() - told.time_s > HEARD_S):
+            trouble = f"it has not told its angles for {HEARD_S:g} s"
+        return LinkLostError(f"gimbal 0 is not heard: {trouble}") if trouble else None
+
+    def _why_silent(self) -> LinkLostError | None:
+        silence = self._around.silence()
+        return LinkLostError(f"gimbal 0 is not heard: {silence}") if silence else None
+
+
+class DjiGimbals(OfferedGimbals):
+    """The one that there may be."""
+
+    def __init__(self, gimbal: DjiGimbal) -> None:
+        self._gimbal = gimbal
+
+    @override
+    def all(self) -> Sequence[OfferedGimbal]:
+        return [self._gimbal] if self._gimbal.is_found else []
+
+
+def _explained(error: BaseException) -> Future[Message]:
+    future: Future[Message] = Future()
+    if isinstance(error, ServiceTimeoutError):
+        future.set_exception(UalTimeoutError(f"gimbal 0 has not answered: {error}", {"service": error.service}))
+    elif isinstance(error, ServiceError):
+        future.set_exception(RejectedByAutopilotError(f"gimbal 0 refused: {error}", {"text": error.text}))
+    else:
+        future.set_exception(error)
+    return future
+
+
+def _accepted(values: Message) -> None:
+    if not values.get("success"):
+        reason = "DJI's reason is in the log of the wrapper's gimbal node"
+        raise RejectedByAutopilotError(f"gimbal 0 refused its neutral angles: {reason}", {"text": reason})
