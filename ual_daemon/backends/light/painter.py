@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -75,7 +76,7 @@ class _Easel:
         with its:
             command = [sys.executable, "-m", _MODULE, str(its.fileno())]
             self._process = subprocess.Popen(  # noqa: S603 (our own command)
-                command, stdin=subprocess.DEVNULL, cwd=_PACKAGES, pass_fds=(its.fileno(),)
+                command, stdin=subprocess.DEVNULL, cwd=_PACKAGES, env=_environment(), pass_fds=(its.fileno(),)
             )
         self._connection = ours
         return ours
@@ -92,3 +93,9 @@ class _Easel:
         except subprocess.TimeoutExpired:
             process.kill()
             return f"status {process.wait(_END_S)}"
+
+
+def _environment() -> dict[str, str]:
+    """Returns that of this process, with the places where this one finds its packages."""
+    places = [str(Path(each).absolute()) for each in sys.path if each]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(places)}

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import struct
+import sys
 import zlib
 from collections.abc import Iterator
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +21,7 @@ from ual.cameras import CameraIntrinsics, CameraMode, ImageFormat, ImageKind, St
 from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.simulation import LinkLost
-from ual_daemon.backends.light import camera, painting
+from ual_daemon.backends.light import camera, painter, painting
 from ual_daemon.backends.light.painter import Painter
 from ual_daemon.backends.light.png import encode
 from ual_daemon.backends.light.scene import Marker, Order, Scene
@@ -324,6 +327,13 @@ def test_a_process_that_ends_is_told_and_replaced() -> None:
     finally:
         painter.close()
     painter.close()
+
+
+def test_the_process_finds_packages_where_this_one_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """It starts elsewhere: relative places, as of PYTHONPATH=clients/python, are told as absolute ones."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", ["", "packages", "/usr/lib"])
+    assert painter._environment()["PYTHONPATH"] == f"{tmp_path / 'packages'}{os.pathsep}/usr/lib"
 
 
 def test_markers_must_be_squares() -> None:
