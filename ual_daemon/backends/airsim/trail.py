@@ -7,7 +7,7 @@ from collections import deque
 
 from ual.geometry import Pose, Quaternion
 
-MOST_POSES = 256
+MOST_POSES = 1024
 LONGEST_GAP_S = 0.25
 """Between two poses that are further apart, and so far beyond the last one, it is not known where the vehicle was."""
 

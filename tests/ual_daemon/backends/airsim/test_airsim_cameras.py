@@ -131,6 +131,7 @@ def test_pictures_by_distance_are_taken_where_they_are_due(uav: UAL) -> None:
     camera = uav.cameras[BOTTOM]
     camera.start_photos(distance_m=1.0)
     assert camera.status().distance_m == 1.0
+    until(camera.photos, "the first one, at once")
     uav.go_to_waypoint(Pose.at(0.0, 4.5, 2.0))
     camera.stop_photos()
     assert not camera.status().is_taking_photos
