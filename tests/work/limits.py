@@ -45,7 +45,7 @@ SAMPLES = {
     "mavlink-ardupilot": 854,
     "mavros": 1198,
     "crazyflie": 560,
-    "airsim": 803,
+    "airsim": 700,
     "dji": 1067,
 }
 """Calls of functions from one sample to the next in the same flights. What was received is decoded, the velocity is

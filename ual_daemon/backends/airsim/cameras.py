@@ -67,6 +67,8 @@ class AirsimCamera(OfferedCamera):
         place: Callable[[], Place],
         trouble: Callable[[], str],
     ) -> None:
+        self.is_busy = False
+        """Whether it takes pictures by time or distance, so that `step` is to be called."""
         self.settings: NamedCamera | None = settings
         """None while the simulator has no such camera."""
         self._known = settings
@@ -149,7 +151,7 @@ class AirsimCamera(OfferedCamera):
     @override
     def stop_photos(self) -> Future[None]:
         with self._lock:  # also of a simulator that is not heard
-            self._by_time = self._by_distance = None
+            self._set(None, None)
         return done(None)
 
     @override
@@ -185,7 +187,7 @@ class AirsimCamera(OfferedCamera):
             if self._by_time is not None:
                 due_count = self._by_time.due_count(time_s)
                 if self._by_time.is_over:
-                    self._by_time = None
+                    self._set(None, None)
             elif self._by_distance is not None:
                 due_count = self._by_distance[1].due_count(pose.position)
             if due_count:
@@ -198,7 +200,7 @@ class AirsimCamera(OfferedCamera):
         with self._lock:
             if self._by_time is not None or self._by_distance is not None:
                 _log.warning("camera %d takes no more pictures: the simulator was started anew", self._number)
-            self._by_time = self._by_distance = None
+            self._set(None, None)
 
     def _shoot(self) -> None:
         if self._under_way is not None and not self._under_way.done():
@@ -225,8 +227,12 @@ class AirsimCamera(OfferedCamera):
         if error is not None:
             return _failed(error)
         with self._lock:
-            self._by_time, self._by_distance = by_time, by_distance
+            self._set(by_time, by_distance)
         return done(None)
+
+    def _set(self, by_time: _ByTime | None, by_distance: tuple[float, DistanceTrigger] | None) -> None:
+        self._by_time, self._by_distance = by_time, by_distance
+        self.is_busy = by_time is not None or by_distance is not None
 
     def _why_not(self) -> LinkLostError | None:
         trouble = self._trouble() or ("" if self.settings is not None else "the simulator has it no more")
@@ -336,7 +342,8 @@ class AirsimCameras(OfferedCameras):
         """Takes where the vehicle is, by the simulator's time."""
         self._trail.add(time_s, pose)
         for each in self._cameras:
-            each.step(time_s, pose)
+            if each.is_busy:
+                each.step(time_s, pose)
 
     def close(self) -> None:
         """Ends the thread of the pictures."""

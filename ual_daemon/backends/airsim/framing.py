@@ -40,9 +40,9 @@ def least_end(data: Sequence[int], start: int = 0) -> int:
     Raises:
         MalformedError: It is no MessagePack.
     """
-    position, left = start, 1
+    position, left, length = start, 1, len(data)
     while left:
-        if position + left > len(data):  # each value takes a byte at least
+        if position + left > length:  # each value takes a byte at least
             return position + left
         if data[position] == _FLOAT:
             count = _floats_count(data, position, left)

@@ -149,10 +149,10 @@ class Connection:
         return True
 
     def _on_messages(self) -> None:
-        begin = 0
-        if len(self._received) < self._least_count:
+        begin, length = 0, len(self._received)
+        if length < self._least_count:
             return
-        while (end := least_end(self._received, begin)) <= len(self._received):
+        while (end := least_end(self._received, begin)) <= length:
             answer = _decode_answer(bytes(self._received[begin:end]))
             begin = end
             if answer.number in self._unwanted:

@@ -234,17 +234,17 @@ class Session:
         is_on_ground = report.is_on_ground(self._mass_kg)
         self._note_collision(report, is_on_ground)
         self._is_disarming = self._is_disarming and is_on_ground and report.is_armed
-        is_plausible = self._plausibility.accepts_motion(report.pose, report.velocity)
-        if is_plausible:
-            self.on_pose(report.time_s, report.pose)
         snapshot = make_snapshot(
             report,
             now_s,
             self._mode(report),
             LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR,
             projection_of(self._link.simulator),
-            is_plausible=is_plausible,
+            is_plausible=self._plausibility.accepts_motion(report.pose, report.velocity),
         )
+        motion = snapshot.motion
+        if motion.pose is not None:
+            self.on_pose(motion.stamp_s, motion.pose.value)
         self._snapshot = snapshot._replace(
             condition=snapshot.condition._replace(status_text=self._status_text),
             link=snapshot.link._replace(boots_count=self._boots_count),

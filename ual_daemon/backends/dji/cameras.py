@@ -100,6 +100,11 @@ class DjiCamera(OfferedCamera):
         self._under_way: Future[TakenPhoto] | None = None
 
     @property
+    def is_busy(self) -> bool:
+        """Whether it takes pictures by distance, so that `step` is to be called."""
+        return self._by_distance is not None
+
+    @property
     def position(self) -> int:
         """Where it is mounted."""
         return self._position
@@ -300,6 +305,8 @@ class DjiCameras(OfferedCameras):
         self._cameras: tuple[DjiCamera, ...] = ()
         self._asked: Future[Message] | None = None
         self._next_s = dict.fromkeys(POSITIONS, -math.inf)
+        self._due_s = -math.inf
+        """When the next port is due."""
         self._looks_count = 0
 
     @override
@@ -308,17 +315,21 @@ class DjiCameras(OfferedCameras):
 
     def tick(self, now_s: float) -> None:
         """Looks at one port that is due. One call is under way at a time."""
+        if now_s < self._due_s:
+            return
         is_asking = self._asked is not None and not self._asked.done()
         if is_asking or self._around.trouble() or self._around.silence():
             return
         due = [position for position in POSITIONS if now_s >= self._next_s[position]]
         if due:
             self._ask(due[0], now_s)
+        self._due_s = min(self._next_s.values())
 
     def step(self, position: Vector3) -> None:
         """Takes where the aircraft is."""
         for each in self._cameras:
-            each.step(position)
+            if each.is_busy:
+                each.step(position)
 
     def _ask(self, position: int, now_s: float) -> None:
         self._looks_count += 1

@@ -115,6 +115,8 @@ class DjiGimbal(OfferedGimbal):
 
     def tick(self) -> None:
         """Follows the nose, where its angles count from that."""
+        if self._from_nose is None:
+            return
         with self._lock:
             followed, heading_rad = self._from_nose, self._heading_rad()
             if followed is None or heading_rad is None or self._why_not() is not None:
