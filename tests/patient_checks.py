@@ -31,7 +31,8 @@ _ATTEMPTS = 5
 OF_PARAMETERS = {each.name for each in (*own_parameters.ON_GROUND, *own_parameters.IN_FLIGHT)}
 WITHOUT_PARAMETERS = {each.name for room in (own_parameters, own_fence) for each in (*room.ON_GROUND, *room.IN_FLIGHT)}
 """The checks that cannot run where the backend offers neither the autopilot's parameters nor its fence."""
-WITHOUT_CAMERAS = {each.name for room in (own_cameras, own_gimbals) for each in room.ON_GROUND}
+WITHOUT_GIMBALS = {each.name for each in own_gimbals.ON_GROUND}
+WITHOUT_CAMERAS = {*(each.name for each in own_cameras.ON_GROUND), *WITHOUT_GIMBALS}
 """The same where the UAV carries neither cameras nor gimbals."""
 WITHOUT_GRIPPER = {each.name for each in own_gripper.ON_GROUND}
 WITHOUT_CORRECTIONS = {each.name for each in own_corrections.ON_GROUND}

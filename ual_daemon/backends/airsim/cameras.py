@@ -15,10 +15,8 @@ from ual.cameras import (
     CameraAbility,
     CameraInfo,
     CameraIntrinsics,
-    CameraMode,
     CameraStatus,
     ImageKind,
-    VideoStream,
 )
 from ual.errors import InvalidArgumentError, LinkLostError, UalError
 from ual.geometry import Pose
@@ -153,30 +151,6 @@ class AirsimCamera(OfferedCamera):
         with self._lock:  # also of a simulator that is not heard
             self._set(None, None)
         return done(None)
-
-    @override
-    def start_video(self) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def stop_video(self) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def set_mode(self, mode: CameraMode) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def set_zoom(self, percent: float) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def set_focus(self, percent: float | None) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def streams(self) -> Future[list[VideoStream]]:
-        raise NotImplementedError  # it has no such ability
 
     # --- Pictures by time and distance: the thread of the loop --------------------------------------------------------
 

@@ -19,19 +19,16 @@ from typing_extensions import override
 from ual.cameras import (
     CameraAbility,
     CameraInfo,
-    CameraMode,
     CameraStatus,
     CameraStorage,
-    ImageKind,
     StorageState,
-    VideoStream,
 )
 from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual.geometry import Vector3
 from ual_daemon.backends.chain import caught, done, then, then_wait
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.photo_log import PhotoLog
-from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
+from ual_daemon.backends.offers.cameras import OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.fields import number
@@ -184,10 +181,6 @@ class DjiCamera(OfferedCamera):
         return then(self._call("record_video", {"start_stop": False}, doubt=_MAYBE_DONE), ended)
 
     @override
-    def set_mode(self, mode: CameraMode) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
     def set_zoom(self, percent: float) -> Future[None]:
         def zoom(found: Message) -> Future[Message]:
             factor = 1.0 + (max(1.0, number(found["max_zoom_factor"])) - 1.0) * percent / 100.0
@@ -200,14 +193,6 @@ class DjiCamera(OfferedCamera):
         if percent is not None:
             return _failed(_invalid("percent", "DJI's cameras focus by themselves only: leave it out"))
         return then(self._call("set_focus_mode", {"focus_mode": AUTO_FOCUS_ONCE}, doubt=_MAYBE_DONE), _nothing)
-
-    @override
-    def streams(self) -> Future[list[VideoStream]]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
-        raise NotImplementedError  # it has no such ability
 
     # --- Pictures by distance: the link's thread ----------------------------------------------------------------------
 

@@ -21,7 +21,6 @@ from ual.cameras import (
     ImageFormat,
     ImageKind,
     StorageState,
-    VideoStream,
 )
 from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalError
 from ual.geometry import Pose, Quaternion, Vector3
@@ -245,14 +244,6 @@ class LightCamera(OfferedCamera):
             self._zoom_percent = percent
 
         return self._do(set_)
-
-    @override
-    def set_focus(self, percent: float | None) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def streams(self) -> Future[list[VideoStream]]:
-        raise NotImplementedError  # it has no such ability
 
     @override
     def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:

@@ -94,37 +94,37 @@ class OfferedCamera(ABC):
     def stop_photos(self) -> Future[None]:
         """Ends taking pictures by time or distance."""
 
-    @abstractmethod
     def start_video(self) -> Future[None]:
         """Begins a video."""
+        raise NotImplementedError  # `info` has no such ability
 
-    @abstractmethod
     def stop_video(self) -> Future[None]:
         """Ends the video."""
+        raise NotImplementedError  # `info` has no such ability
 
-    @abstractmethod
     def set_mode(self, mode: CameraMode) -> Future[None]:
         """Sets its mode."""
+        raise NotImplementedError  # `info` has no such ability
 
-    @abstractmethod
     def set_zoom(self, percent: float) -> Future[None]:
         """Zooms, 0 to 100."""
+        raise NotImplementedError  # `info` has no such ability
 
-    @abstractmethod
     def set_focus(self, percent: float | None) -> Future[None]:
         """Focuses, 0 to 100; None: by itself, once."""
+        raise NotImplementedError  # `info` has no such ability
 
-    @abstractmethod
     def streams(self) -> Future[list[VideoStream]]:
         """Returns where its videos can be watched."""
+        raise NotImplementedError  # `info` has no such ability
 
-    @abstractmethod
     def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
         """Returns a picture that was taken, or what it sees now, of a kind that is in `CameraInfo.image_kinds`.
 
         The future ends with an `InvalidArgumentError` where it has no picture of this number, and with a
         `ResourceExhaustedError` where too many wait.
         """
+        raise NotImplementedError  # `info` has no such ability
 
 
 class OfferedCameras(ABC):

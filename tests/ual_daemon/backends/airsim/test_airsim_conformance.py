@@ -8,6 +8,7 @@ import pytest
 
 from tests.patient_checks import (
     WITHOUT_CORRECTIONS,
+    WITHOUT_GIMBALS,
     WITHOUT_GRIPPER,
     WITHOUT_MISSIONS,
     WITHOUT_PARAMETERS,
@@ -35,6 +36,7 @@ NOT_HERE = {
     *WITHOUT_CORRECTIONS,
     *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
+    *WITHOUT_GIMBALS,
 }
 """What is skipped, and nothing else: a simulation's daemon may arm, and `simple_flight` needs no poses."""
 

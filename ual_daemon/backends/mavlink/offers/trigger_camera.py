@@ -8,14 +8,14 @@ from dataclasses import replace
 
 from typing_extensions import override
 
-from ual.cameras import CameraAbility, CameraInfo, CameraMode, CameraStatus, ImageKind, VideoStream
+from ual.cameras import CameraAbility, CameraInfo, CameraStatus
 from ual.errors import NotSupportedError
 from ual_daemon.backends import futures
 from ual_daemon.backends.engine.command import ONCE
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, command_of
 from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
 from ual_daemon.backends.mavlink.wire.messages import mavlink
-from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, TakenPhoto
+from ual_daemon.backends.offers.cameras import OfferedCamera, TakenPhoto
 
 NAME = "autopilot's trigger"
 
@@ -106,34 +106,6 @@ class TriggerCamera(OfferedCamera):
     @override
     def stop_photos(self) -> Future[None]:
         return self._set_distance("stop taking photos", None)
-
-    @override
-    def start_video(self) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def stop_video(self) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def set_mode(self, mode: CameraMode) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def set_zoom(self, percent: float) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def set_focus(self, percent: float | None) -> Future[None]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def streams(self) -> Future[list[VideoStream]]:
-        raise NotImplementedError  # it has no such ability
-
-    @override
-    def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
-        raise NotImplementedError  # it has no such ability
 
     def _set_distance(self, what: str, distance_m: float | None) -> Future[None]:
         once = 0.0 if distance_m is None else 1.0
