@@ -79,7 +79,7 @@ class Logs:
     content = bytes(range(256)) * 3
 
     def __init__(self) -> None:
-        self.listed = [Log("1", len(self.content)), Log("2", 3_000_000)]
+        self.listed = [Log("1", len(self.content)), Log("2", 0)]
         self.data = self.content
         self.sha256 = hashlib.sha256
         self.checks = True
