@@ -43,6 +43,8 @@ def clear() -> Call[None]:
 
 def start(first_item: int, on_link_loss: LinkLossAction | None) -> Call[TaskInfo]:
     def make() -> pb.StartMissionRequest:
+        if first_item == 0:  # which is none on the wire: it would begin with the first item
+            raise ValueError("items are counted from 1")
         return pb.StartMissionRequest(first_item=first_item, on_link_loss=wire.link_loss_to_proto(on_link_loss))
 
     def read(response: pb.StartMissionResponse) -> TaskInfo:
