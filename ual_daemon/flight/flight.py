@@ -268,7 +268,7 @@ class Flight:
             TaskAbortedError: Another command, such as an abort, began after `Order.since`.
 
         """
-        manoeuvre.mode_seen = self._backend.snapshot().control.settled_mode
+        manoeuvre.begins_in(self._backend.snapshot().control.settled_mode)
         try:
             self._exchange(manoeuvre, partial(self._begins, manoeuvre, order, ""))
         except UalError as error:

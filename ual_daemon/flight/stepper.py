@@ -133,7 +133,7 @@ class Stepper:
 
     def _hand_over(self, manoeuvre: Manoeuvre, to: Handover, snapshot: Snapshot) -> None:
         """Makes another manoeuvre go on with the task, unless another thread has replaced or paused it."""
-        to.manoeuvre.mode_seen = snapshot.control.settled_mode
+        to.manoeuvre.begins_in(snapshot.control.settled_mode)
         goes_on = Ending(goes_on=True)
         if self._exchange(to.manoeuvre, lambda old: goes_on if old is manoeuvre and not manoeuvre.is_paused else None):
             to.begin()

@@ -100,6 +100,8 @@ class Manoeuvre(ABC):
     command: AutopilotCommand | None = None
     is_fitted = False
     """Whether it has looked at the world as it is now; see `fit`."""
+    mode_begun = ""
+    """The mode in which it began; empty where that was not known."""
     mode_seen = ""
     """The mode in which it was stepped last, or in which it began; empty while that is not known."""
 
@@ -134,6 +136,10 @@ class Manoeuvre(ABC):
         """Returns whether it led to the present mode, after it was replaced; see `LedTo`."""
         del snapshot
         return False
+
+    def begins_in(self, mode: str) -> None:
+        """Takes the mode in which it begins; empty where that is not known yet."""
+        self.mode_begun = self.mode_seen = mode
 
     def replaces(self, old: Manoeuvre) -> None:
         """Takes note of what it replaces, as it begins. Called with the flight's lock held."""

@@ -97,7 +97,9 @@ class Recover(Manoeuvre):
                     {"by": "autopilot", "state": estimate.state.name},
                 )
             )
-        self._began_in = self._began_in or snapshot.control.mode_name
+        # That of its command, even where the next mode was seen before its first step.
+        begun = "" if self._is_early else self.mode_begun
+        self._began_in = self._began_in or begun or snapshot.control.mode_name
         if snapshot.control.mode_name != self._began_in:  # a repeated command would take control from the pilot
             is_own = self._led_to(snapshot)
             if is_own is None:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 
+from typing_extensions import override
+
 from tests.ual_daemon.flight.hand_made import Autopilot, sent
-from ual.errors import TaskAbortedError
+from ual.errors import RejectedByAutopilotError, TaskAbortedError
 from ual.geometry import Vector3
 from ual.types import Limits, State
-from ual_daemon.backends.values import Control, LandedState, PositionSetpoint
+from ual_daemon.backends.values import Control, LandedState, PositionSetpoint, Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step
 from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.state import Estimate
 
 
 def test_recovering_holds_where_it_is_until_the_mode_changes(flying: Autopilot, ack: Future[None]) -> None:
@@ -45,3 +50,36 @@ def test_recovering_ends_when_the_pilot_selects_another_mode(flying: Autopilot, 
     assert step.is_taken
     assert isinstance(step.error, TaskAbortedError)
     assert step.error.metadata["by"] == "safety pilot"
+
+
+def test_it_begins_anew_in_the_mode_to_which_a_mission_led_before_its_first_step(flying: Autopilot) -> None:
+    """PX4 tells the end of its mission up to 1 s before the mode that follows. The engine ends a command over that."""
+    acks = [Future[None]() for _ in range(2)]
+    left = iter(acks)
+    flying.control, flying.mode = Control.OTHER, "AUTO.MISSION"
+    recover = Recover(AutopilotCommand("take our references"), Limits(), lambda: next(left), lambda _: None)
+    recover.replaces(_Mission("mission", None))
+    recover.begins_in(flying.mode)
+    recover.send()
+    acks[0].set_exception(RejectedByAutopilotError("not sent: the mode became AUTO.LOITER"))
+    flying.mode = "AUTO.LOITER"
+    assert not flying.step(recover).has_ended
+    assert next(left, None) is None, "the command was not given anew"
+    flying.control, flying.mode = Control.REFERENCES, "OFFBOARD"
+    step = flying.step(recover)
+    assert step.has_ended
+    assert step.error is None
+
+
+class _Mission(Manoeuvre):
+    """A mission that leads to every mode."""
+
+    mission = "the autopilot flies our mission"
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        raise NotImplementedError
+
+    @override
+    def led_to(self, snapshot: Snapshot) -> bool:
+        return True
