@@ -105,4 +105,5 @@ def test_a_flight_that_loses_its_position_is_clean(tmp_path: Path) -> None:
 def test_a_daemon_that_goes_on_sending_after_the_take_over_is_found(tmp_path: Path) -> None:
     with ardupilot(tmp_path, "tests.campaign.bad_daemon") as rig:
         record = fly(rig, TAKE_OVER)
-    assert "take-over" in {breach.rule for breach in judge(record)}
+    # Where the computer is too busy to say since when the take-over was known, the other rule finds it.
+    assert {"take-over", "unasked"} & {breach.rule for breach in judge(record)}

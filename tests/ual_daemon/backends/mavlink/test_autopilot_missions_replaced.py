@@ -9,7 +9,7 @@ import pytest
 
 from tests.simulators.px4 import LOITER
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, px4_of
-from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, place_m, start
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, place_m, start
 from ual.errors import TaskAbortedError
 from ual.types import State, Telemetry
 
@@ -66,7 +66,7 @@ def _act_when(flight: Flight, condition: Callable[[Telemetry], bool], act: Calla
 def test_an_abort_while_the_mission_is_entered_takes_it_back(flight: Flight, updates_count: int) -> None:
     flight.take_off()
     acted_s = _act_when(flight, _after(_is_on_mission, updates_count), flight.uav.abort)
-    start(flight, [at(flight, 80, 0), at(flight, 80, 80)])
+    start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)])
     _holds_by_ual(flight, acted_s)
 
 
@@ -102,7 +102,7 @@ def test_a_go_to_as_the_mission_ends_is_flown(flight: Flight) -> None:
 @pytest.mark.parametrize("ends", ["pausing", "resuming"])
 def test_an_abort_while_it_pauses_or_resumes_takes_it_back(flight: Flight, ends: str) -> None:
     flight.take_off()
-    start(flight, [at(flight, 80, 0, 3.0), at(flight, 80, 80, 3.0)])
+    start(flight, [at(flight, FAR_M, 0, 3.0), at(flight, FAR_M, FAR_M, 3.0)])
     flight.wait_for(lambda: place_m(flight)[0] > 3.0, "its way")
     if ends == "resuming":
         flight.uav.mission.pause()
@@ -120,7 +120,7 @@ def test_a_hold_of_a_ground_station_amid_the_mission_wins_over_an_abort(flight: 
         assert px4_of(flight).request_mode(LOITER)
 
     acted_s = _act_when(flight, lambda _: place_m(flight)[0] > 8.0, act)
-    task = flight.uav.task(start(flight, [at(flight, 80, 0, 3.0), at(flight, 80, 80, 3.0)]))
+    task = flight.uav.task(start(flight, [at(flight, FAR_M, 0, 3.0), at(flight, FAR_M, FAR_M, 3.0)]))
     flight.wait_for(lambda: bool(acted_s), "the command")
     with pytest.raises(TaskAbortedError):
         task.wait(0.0)
