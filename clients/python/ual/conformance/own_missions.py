@@ -10,16 +10,17 @@ import math
 from collections.abc import Iterator
 
 from ual.conformance.check import check
-from ual.conformance.flight import CannotRunError, Flight, position, require
+from ual.conformance.flight import CannotRunError, CheckFailedError, Flight, position, require
 from ual.errors import InvalidArgumentError, NotSupportedError, TaskAbortedError, WrongStateError
 from ual.missions.items import Item, Jump, Speed, TakeOff, Waypoint
 from ual.missions.plan import StoredMission
-from ual.types import AltitudeReference, GeoPoint, State, TaskKind, TaskStatus
+from ual.types import AltitudeReference, GeoPoint, State, TaskKind, TaskStatus, Telemetry
 
 _HEIGHT_M = 10.0
 _AHEAD_M = 8.0
 _FAR_M = 20.0
 _HOLD_S = 5.0
+_PLACED_S = 10.0
 """PX4 counts a place within 10 m (NAV_ACC_RAD) as reached. While it holds there it flies on to it."""
 _DEGREE_M = 111_195.0
 
@@ -115,10 +116,17 @@ def _alone(flight: Flight) -> Iterator[None]:
 
 
 def _here(flight: Flight) -> GeoPoint:
-    here = flight.uav.telemetry().position_geo
-    if here is None or here.altitude_amsl_m is None:
-        raise CannotRunError("it is not known where on Earth the UAV is")
+    """Returns where it is. A bridge may tell that later than its state."""
+    try:
+        here = flight.wait(_is_placed, "its place on Earth", _PLACED_S).position_geo
+    except CheckFailedError as error:
+        raise CannotRunError("it is not known where on Earth the UAV is") from error
+    assert here is not None
     return here
+
+
+def _is_placed(sample: Telemetry) -> bool:
+    return sample.position_geo is not None and sample.position_geo.altitude_amsl_m is not None
 
 
 def _ahead(flight: Flight, north_m: float, height_m: float | None = None, hold_s: float = 0.0) -> Waypoint:

@@ -42,6 +42,7 @@ OF_DAEMON = (
     "UAL_NETWORK",
     "UAL_NS",
     "UAL_RECORD",
+    "UAL_RECORD_PICTURES",
     "UAL_RECORD_RAW",
     "UAL_ROLES",
     "UAL_SET",

