@@ -51,6 +51,8 @@ class _Order:
     """The order to a gimbal that counts: the newest one that it has accepted."""
 
     number: int = 0
+    boots_count: int = 0
+    """How often the autopilot had booted when it began; 0 where that is not known."""
     activity: GimbalActivity | None = None
     followed: Followed | None = None
     problem: str = ""
@@ -102,16 +104,18 @@ class Gimbals:
 
     def begin(self, number: int) -> int:
         """Ends what a gimbal was ordered before. Returns the number of the order that begins, for `did`."""
+        boots_count = self._backend.snapshot().link.boots_count
         with self._lock:
             begun = self._orders.get(number, _Order()).number + 1
-            self._put(number, _Order(begun))
+            self._put(number, _Order(begun, boots_count))
         return begun
 
     def did(self, number: int, begun: int, activity: GimbalActivity, followed: Followed | None = None) -> None:
         """Notes that a gimbal has accepted an order, unless a newer one has begun."""
         with self._lock:
-            if self._orders[number].number == begun:
-                self._put(number, _Order(begun, activity, followed))
+            order = self._orders[number]
+            if order.number == begun:
+                self._put(number, _Order(begun, order.boots_count, activity, followed))
 
     def _put(self, number: int, order: _Order) -> None:
         """Puts an order in the place of the one before. The caller holds the lock."""
@@ -133,8 +137,11 @@ class Gimbals:
         if control is GimbalControl.OTHER and order.activity is not None:
             self._end(number, order, f"{words} has taken the control of it: what this daemon ordered has ended")
             return
+        if order.activity is not None and order.boots_count not in (0, snapshot.link.boots_count):
+            self._end(number, order, "the autopilot has booted: what this daemon ordered before has ended")
+            return
         if order.followed is not None:
-            self._follow(gimbal, order, order.followed.goal, snapshot)
+            self._follow(number, gimbal, order, order.followed.goal, snapshot)
 
     def _end(self, number: int, order: _Order, problem: str) -> None:
         _log.warning("gimbal %d: %s", number, problem)
@@ -142,17 +149,20 @@ class Gimbals:
             if self._orders[number] is order:
                 self._put(number, _Order(order.number, problem=problem))
 
-    def _follow(self, gimbal: OfferedGimbal, order: _Order, goal: Goal, snapshot: Snapshot) -> None:
+    def _follow(self, number: int, gimbal: OfferedGimbal, order: _Order, goal: Goal, snapshot: Snapshot) -> None:
         try:
             aim = self.aim(gimbal, goal, snapshot)
         except UalError as error:
             problem = f"it stays as it is: {error.message}"
         else:
-            gimbal.aim(aim.angles, aim.reference)
+            with self._lock:  # an order that begins now leaves after it, and one that has begun keeps it back
+                if self._orders[number] is not order:
+                    return
+                gimbal.aim(aim.angles, aim.reference)
             problem = aim.limit
         if problem and not order.is_logged:
             order.is_logged = True
-            _log.warning("gimbal %d does not see what it follows: %s", gimbal.info.number, problem)
+            _log.warning("gimbal %d does not see what it follows: %s", number, problem)
         order.problem = problem
 
     def aim(self, gimbal: OfferedGimbal, goal: Goal, snapshot: Snapshot) -> Aim:

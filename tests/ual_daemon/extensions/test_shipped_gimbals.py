@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -35,6 +35,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.values import Snapshot
 from ual_daemon.extensions.shipped import gimbals
 from ual_daemon.vehicle.gimbals import aimed, angles_of
 
@@ -59,6 +60,7 @@ class MadeUp(OfferedGimbal):
         self.control_of: tuple[GimbalControl | None, str] = (GimbalControl.FREE, "")
         self.looks: GimbalAttitude | None = None
         self.answers: Future[None] = futures.done()
+        self.on_control: Callable[[], object] = lambda: None
         self.troubles: list[str] = []
 
     @property
@@ -73,6 +75,7 @@ class MadeUp(OfferedGimbal):
         return self.looks
 
     def control(self) -> tuple[GimbalControl | None, str]:
+        self.on_control()
         return self.control_of
 
     def problems(self) -> Sequence[str]:
@@ -121,12 +124,17 @@ class Carrier(LightBackend):
 
     def __init__(self, offer: OfferedGimbals | None) -> None:
         self.offered = offer
+        self.boots_count = 0
         super().__init__(BackendOptions("uav_1", settings={"speed_factor": 0.0, "start": [1.0, 2.0, 0.0]}))
 
     def offer(self, kind: type[T]) -> T | None:
         if kind is OfferedGimbals:
             return self.offered if isinstance(self.offered, kind) else None
         return super().offer(kind)
+
+    def snapshot(self) -> Snapshot:
+        found = super().snapshot()
+        return found._replace(link=found.link._replace(boots_count=self.boots_count))
 
 
 class Lab:
@@ -413,6 +421,36 @@ def test_it_ends_where_another_program_takes_the_control(lab: Lab) -> None:
     status = lab.gimbal.status()
     assert (status.activity, status.control) == (None, GimbalControl.OTHER)
     assert status.problems == ("system 255 has taken the control of it: what this daemon ordered has ended",)
+
+
+def test_an_order_that_comes_while_it_is_aimed_counts(lab: Lab) -> None:
+    """What was computed for the target before must not turn it away from where the newer order has turned it."""
+    lab.gimbal.point_at(PointStamped(Vector3(6.0, 2.0, 0.0)))
+
+    def another_thread() -> None:
+        lab.made_up.on_control = lambda: None
+        lab.gimbal.set_angles(0.3)
+
+    lab.made_up.on_control = another_thread
+    lab.step(0.2)
+    assert lab.last == ("angles", GimbalAngles(0.0, 0.3, 0.0), HORIZON)
+
+
+def test_it_follows_nothing_over_a_boot_of_the_autopilot(lab: Lab) -> None:
+    following, lab.backend.boots_count = lab.uav.vehicle.gimbals, 1
+    lab.gimbal.point_at(PointStamped(Vector3(6.0, 2.0, 0.0)))
+    following.update(lab.backend.snapshot())
+    assert lab.last[0] == "aim"
+    lab.backend.boots_count = 2
+    count = len(lab.made_up.orders)
+    following.update(lab.backend.snapshot())
+    assert len(lab.made_up.orders) == count
+    status = lab.gimbal.status()
+    assert (status.activity, status.target) == (None, None)
+    assert status.problems == ("the autopilot has booted: what this daemon ordered before has ended",)
+    lab.gimbal.point_at(PointStamped(Vector3(6.0, 2.0, 0.0)))
+    following.update(lab.backend.snapshot())
+    assert lab.last[0] == "aim"
 
 
 def test_a_point_in_no_frame_is_refused_and_what_was_ordered_goes_on(lab: Lab) -> None:

@@ -86,6 +86,8 @@ class Order(CameraExchange[None]):
         self.command_id = command_id
         self._params = params
         self._busy_until_s: float | None = None
+        self.is_answered = False
+        """Whether its last answer has come: that it is done, or refused."""
 
     @property
     def was_sent(self) -> bool:
@@ -117,6 +119,7 @@ class Order(CameraExchange[None]):
     def on_ack(self, command_id: int, result: int, now_s: float) -> None:
         if command_id != self.command_id or not self._tries_count:
             return
+        self.is_answered = result != mavlink.MAV_RESULT_IN_PROGRESS
         if result == mavlink.MAV_RESULT_ACCEPTED:
             self._end(None)
         elif result == mavlink.MAV_RESULT_IN_PROGRESS:

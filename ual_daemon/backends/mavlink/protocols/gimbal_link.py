@@ -28,7 +28,8 @@ ASK_S, LATER_ASK_S = 2.0, 10.0
 SOON_COUNT = 10
 ATTITUDE_HZ, STATUS_HZ = 10.0, 2.0
 QUIET_S = 0.7
-"""An order waits so long after one of its kind that was repeated: late answers to that would be taken for its own."""
+"""An order waits so long after one of its kind that was repeated: late answers to that would be taken for its own.
+After one that was sent once and not answered it leaves at once, and is repeated until an answer is surely its own."""
 _ATTITUDE, _STATUS = (
     mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
     mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS,
@@ -83,6 +84,8 @@ class GimbalLink:
         self._orders: dict[int, Order] = {}
         self._next: dict[int, Order] = {}
         self._quiet_until_s: dict[int, float] = {}
+        self._doubtful_until_s: dict[int, float] = {}
+        """Until when an answer to each kind of order may be to one that has ended."""
         self._next_ask_s = -math.inf
         self._asks_count = 0
         self._is_odd = False
@@ -184,6 +187,12 @@ class GimbalLink:
         """Whether an order is under way."""
         return bool(self._orders or self._next)
 
+    def forget(self, *, is_kind_known: bool) -> None:
+        """Forgets what a boot may have changed, and asks for it anew. Its kind is asked for unless that is known."""
+        self.is_identified, self.is_kind_known = False, is_kind_known
+        self.attitude = self.meant = self._controller = None
+        self._next_ask_s, self._asks_count = -math.inf, 0
+
     def drop(self, error: UalError) -> None:
         """Ends what is under way, and what waits."""
         for order in (*self._orders.values(), *self._next.values()):
@@ -222,13 +231,13 @@ class GimbalLink:
     def _hear(self, now_s: float) -> None:
         if now_s - self.heard_s > LOST_S and self.heard_s > -math.inf:
             _log.info("%s is heard again", self.name)
-            self.is_identified = False
+            self.is_identified, self._controller = False, None
         self.heard_s = now_s
 
     def on_ack(self, message: Message, now_s: float) -> None:
         """Takes an answer to a command."""
         order = self._orders.get(message.command)
-        if order is not None:
+        if order is not None and now_s >= self._doubtful_until_s.get(message.command, -math.inf):
             order.on_ack(message.command, message.result, now_s)
 
     def tick(self, now_s: float) -> None:
@@ -247,6 +256,8 @@ class GimbalLink:
         if running is not None and running.is_over:
             if running.was_repeated:
                 self._quiet_until_s[command_id] = now_s + QUIET_S
+            elif running.was_sent and not running.is_answered:
+                self._doubtful_until_s[command_id] = now_s + QUIET_S
             del self._orders[command_id]
             running = None
         if running is None and now_s >= self._quiet_until_s.get(command_id, -math.inf):

@@ -102,15 +102,19 @@ class Gimbals(Protocol):
         if self._target is not None and self._target != target:
             self.drop("another autopilot was found")
         self._target, self._dialect = target, dialect
-        self._asked = {}
-        for each in self.found:
-            each.is_identified = False  # its limits and its kind may be others now
-            each.is_kind_known = not self._has_kind(each.manager, each.device_id)
+        self._forget()
 
     @override
     def drop(self, why: str) -> None:
         for each in self.found:
             each.drop(LinkLostError(f"{each.name} was given up: {why}"))
+        self._forget()
+
+    def _forget(self) -> None:
+        """Has all of them asked anew: after a boot their limits, their kinds and their controllers may be others."""
+        self._asked = {}
+        for each in self.found:
+            each.forget(is_kind_known=not self._has_kind(each.manager, each.device_id))
 
     @override
     def tick(self, now_s: float) -> None:

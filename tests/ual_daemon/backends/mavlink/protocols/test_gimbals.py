@@ -347,6 +347,34 @@ def test_a_newer_order_replaces_the_one_that_waits() -> None:
         first.result(0)
 
 
+def test_a_late_answer_to_an_order_that_was_replaced_answers_no_other_one() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.answers_after_s = 0.3
+    first: Future[None] = Future()
+    link.turn(DOWN, HORIZON, first)
+    bench.step(0.2)
+    bench.manager.ignored = {TURN}
+    with pytest.raises(UalTimeoutError):
+        bench.ended(lambda future: link.rest(future, is_retracted=False))
+    with pytest.raises(TaskAbortedError):
+        first.result(0)
+
+
+def test_orders_that_replace_one_another_leave_at_once() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.manager.answers_after_s = 0.3
+    ordered: list[Future[None]] = []
+    for _ in range(10):
+        ordered.append(Future())
+        link.turn(DOWN, HORIZON, ordered[-1])
+        bench.step(0.1)
+    assert len(bench.manager.orders) == 10
+    bench.step(2.0)
+    assert ordered[-1].result(0) is None
+
+
 # --- Control ----------------------------------------------------------------------------------------------------------
 
 
@@ -393,6 +421,36 @@ def test_one_that_comes_back_has_its_number_and_is_asked_anew() -> None:
     info = link.info(bench.now_s)
     assert info.is_connected
     assert info.pitch == AngleRange(-1.0, 1.0)
+
+
+def test_after_a_boot_nothing_of_it_is_believed_from_before() -> None:
+    """Its parameters may be others, and it has forgotten its controller. One of its two streams comes at once."""
+    bench = Bench(AUTOPILOT, Px4())
+    bench.manager.kind = 1.0
+    link = bench.found()
+    bench.ended(link.take)
+    assert (link.control[0], link.meant) == (GimbalControl.OURS, BODY)
+    bench.gimbals.drop("the autopilot has booted")
+    bench.manager.controller, bench.manager.kind = (0, 0), 2.0
+    bench.manager.limits = (0.0, 0.0, -1.0, 1.0, -1.0, 1.0)
+    del bench.manager.streamed[mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS]
+    assert link.control == (None, "")
+    assert link.attitude_at(bench.now_s) is None
+    bench.step(10.0)
+    assert (link.control[0], link.meant) == (GimbalControl.FREE, HORIZON)
+    assert link.info(bench.now_s).pitch == AngleRange(-1.0, 1.0)
+
+
+def test_one_that_comes_back_has_forgotten_its_controller() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.ended(link.take)
+    bench.manager.is_there = False
+    bench.step(10.0)
+    bench.manager.is_there, bench.manager.controller = True, (0, 0)
+    del bench.manager.streamed[mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS]
+    bench.step(15.0)
+    assert link.control[0] is GimbalControl.FREE
 
 
 def test_what_is_under_way_ends_with_the_daemon() -> None:
