@@ -84,7 +84,7 @@ class Missions:
             raise WrongStateError(text, {"command": command, "needed": "abort"})
 
     def start(
-        self, offer: AutopilotMissions, kept: KeptMission, first: int, own: OnItsOwn, lease_id: str = NOBODY
+        self, offer: AutopilotMissions, kept: KeptMission, first: int, own: OnItsOwn, order: Order
     ) -> VehicleTask:
         """Begins the mission that was read from the autopilot, with an item counted from 1.
 
@@ -92,10 +92,11 @@ class Missions:
             WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, or it cannot begin there.
             GeofenceError: It leads outside.
             InvalidArgumentError: It has something that UAL does not know; the item is named.
+            TaskAbortedError: Another command, such as an abort, began after `Order.since`.
 
         """
         with self._preconditions.logging_refusal(NAME):
-            snapshot = self._require_start(kept.items, first, lease_id)
+            snapshot = self._require_start(kept.items, first, order.lease_id)
             self.plan(kept.items, first)
             if own.begins_anew and first > 1:
                 raise WrongStateError(
@@ -104,7 +105,7 @@ class Missions:
             is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
             reference = self._flight.brake(snapshot) if is_ours else None
             task = self._tasks.new(TaskKind.MISSION, f"mission of {len(kept.items)} items; {own.link_loss_text}")
-            self._flight.begin(self._manoeuvre(task, offer, kept, first, own, reference), Order(lease_id))
+            self._flight.begin(self._manoeuvre(task, offer, kept, first, own, reference), order)
             self._remember(task, kept)
             accepted(NAME, task_id=task.id, items=len(kept.items), first=first)
             return task

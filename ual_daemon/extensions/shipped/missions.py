@@ -21,6 +21,7 @@ from ual_daemon import logs, validation
 from ual_daemon.backends.chain import then, then_wait
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, OnItsOwn
 from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, offered, require_change, wait
+from ual_daemon.flight.flight import Order
 
 TRANSFER_S = 1250.0
 """How long a transfer may take, with those that others have asked for before. A backend ends by itself before."""
@@ -68,9 +69,13 @@ class VehicleMissions:
         return then(offer.clear(lambda: self._refusal(_CLEAR, lease_id)), end)
 
     def start(self, first_item: SupportsInt, on_link_loss: LinkLossAction | None, lease_id: str) -> Future[TaskInfo]:
-        """See `ual.interface.Mission`. Reads the mission first: another station may have changed it."""
+        """See `ual.interface.Mission`. Reads the mission first: another station may have changed it.
+
+        That may take long. A command that comes meanwhile counts, and the mission does not begin.
+        """
         offer, first = self._offer(), _item(first_item, "first_item")
         require_change(self._vehicle, _START, lease_id)
+        since = self._vehicle.commands.last_command
 
         def on_read(kept: KeptMission) -> Future[TaskInfo]:
             if not kept.items:
@@ -79,7 +84,7 @@ class VehicleMissions:
 
         def begin(kept: KeptMission, own: OnItsOwn) -> TaskInfo:
             _require_link_loss(on_link_loss, own)
-            return self._vehicle.missions.start(offer, kept, first, own, lease_id).info()
+            return self._vehicle.missions.start(offer, kept, first, own, Order(lease_id, since)).info()
 
         return then_wait(offer.download(), on_read)
 

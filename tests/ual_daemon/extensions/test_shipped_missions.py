@@ -1,0 +1,97 @@
+"""A mission that is started while others command the UAV."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from typing import Any
+
+import pytest
+
+from tests.ual_daemon.stepped import Stepped, stepped
+from ual.errors import TaskAbortedError, UalError
+from ual.geometry import Pose
+from ual.missions import Item, Waypoint
+from ual.types import TaskInfo, TaskKind
+from ual_daemon.backends.chain import done
+from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport, OnItsOwn
+from ual_daemon.extensions.shipped.missions import VehicleMissions
+
+
+class MadeUp(AutopilotMissions):
+    """An autopilot that is slow to send its mission."""
+
+    mode, return_mode, pause_mode, done_mode = "MISSION", "RETURN", "PAUSE", "HOLD"
+
+    def __init__(self) -> None:
+        self.downloaded: Future[KeptMission] = Future()
+
+    def require(self, items: Sequence[Item]) -> None:
+        """Takes any."""
+
+    def upload(self, items: Sequence[Item], refusal: Callable[[], UalError | None]) -> Future[KeptMission]:
+        raise NotImplementedError
+
+    def clear(self, refusal: Callable[[], UalError | None]) -> Future[KeptMission]:
+        raise NotImplementedError
+
+    def download(self) -> Future[KeptMission]:
+        return self.downloaded
+
+    def report(self) -> MissionReport | None:
+        return None
+
+    def set_current(
+        self, items: Sequence[Item], item: int, refusal: Callable[[], UalError | None], *, anew: bool
+    ) -> Future[None]:
+        return Future()
+
+    def fly(self) -> Future[None]:
+        return Future()
+
+    def on_its_own(self) -> Future[OnItsOwn]:
+        return done(OnItsOwn(None, "it goes on"))
+
+
+class Lab:
+    """A UAV in the air, whose mission is being read for a start."""
+
+    def __init__(self, uav: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.uav, self.offer = uav, MadeUp()
+        monkeypatch.setattr(uav.vehicle, "offer", lambda _: self.offer)
+        self.starting: Future[TaskInfo] = VehicleMissions(uav.vehicle).start(1, None, "")
+
+    def read(self) -> None:
+        """The autopilot has sent its mission."""
+        place: Any = self.uav.vehicle.telemetry().position_geo
+        self.offer.downloaded.set_result(KeptMission((Waypoint(place.latitude_deg, place.longitude_deg, 5.0),), "1"))
+
+
+@pytest.fixture
+def lab(monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
+    with stepped() as uav:
+        uav.fly()
+        yield Lab(uav, monkeypatch)
+
+
+def test_a_mission_begins_once_it_was_read(lab: Lab) -> None:
+    lab.read()
+    assert lab.starting.result(0).kind is TaskKind.MISSION
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        (lambda uav: uav.prepare.go_to_waypoint(Pose.at(2.0, 0.0, 3.0)).begin(), "go_to_waypoint"),
+        (lambda uav: uav.vehicle.commands.abort(), "abort"),
+    ],
+)
+def test_a_command_that_comes_while_it_is_read_is_not_replaced(
+    lab: Lab, command: Callable[[Stepped], object], name: str
+) -> None:
+    command(lab.uav)
+    before = lab.uav.vehicle.commands.last_command
+    lab.read()
+    with pytest.raises(TaskAbortedError, match=f"mission: replaced by {name}, while it was planned"):
+        lab.starting.result(0)
+    assert lab.uav.vehicle.commands.last_command is before
