@@ -40,11 +40,11 @@ def list_equipment(session: Session) -> None:
     """List what may be moved, and what is known of it."""
     with session.connect() as uav:
         found = uav.gripper.get_all()
-    rows = list(_rows(found))
+    found_rows = list(rows(found))
     if session.as_json:
         session.emit(found)
-    elif rows:
-        print_table(("kind", "name", "state", "ordered", "note"), rows)
+    elif found_rows:
+        print_table(("kind", "name", "state", "ordered", "note"), found_rows)
     else:
         click.echo("nothing is configured: see payload in the daemon's settings")
 
@@ -117,7 +117,8 @@ def _done(session: Session, command: str) -> None:
     session.emit({"done": command}, "done")
 
 
-def _rows(found: Equipment) -> Iterator[tuple[str, str, str, str, str]]:
+def rows(found: Equipment) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yields the kind of each device, its name, its state, what it was ordered, and why something is not known."""
     for kind, devices in (
         ("gripper", found.grippers),
         ("winch", found.winches),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import ssl
 import subprocess
 import urllib.error
@@ -64,7 +65,7 @@ def test_a_page_without_control_cannot_fly(daemon: DaemonProcess, start_view: St
         page.read_until("Log")
         page.read_until_text("<td>LANDED_ARMED</td>")
         labels = {each.get("label") for each in page.elements.values()}
-        assert labels - {None, "UAV", "Show", "Frames", "Pictures", "Look at it", "Log"} == set()
+        assert labels - {None, "UAV", "Show", "Frames", "Pictures", "Gimbals", "Look at it", "Log"} == set()
         assert page.enabled_clicks == []
         forge_everything(page)
         # It answers in order: so it has done with all of that once it has answered to what is sent last.
@@ -200,6 +201,36 @@ def test_where_pictures_were_taken_and_the_last_one_are_drawn(start_daemon: Star
         until(lambda: page.nodes[last]["_image_data"] is not None, "the picture", between=lambda: page.read(60.0))
         uav.cameras[0].take_photo()
         page.read_until_lines("/pictures/0/places", lambda ends: len(ends) == 12)
+
+
+def test_where_a_gimbal_looks_is_drawn_while_a_page_wants_it(start_daemon: StartDaemon, start_view: StartView) -> None:
+    daemon = start_daemon("--set", 'light.gimbals=[{"position": [0.5, 0, 0]}]')
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    with forger(start_view()) as page, Uav(daemon.ns) as uav:
+        page.read_until_text("LANDED_DISARMED")
+        checkbox = page.read_until("Gimbals")
+        views = "/gimbals/0"
+        assert views not in page.nodes
+        page.send(type="GuiUpdateMessage", uuid=checkbox, updates={"value": True})
+        ends = page.read_until_lines(views)
+        assert len(ends) == 16
+        assert ends[0] == pytest.approx((0.5, 0.0, 0.0), abs=1e-3)
+        assert ends[1] == pytest.approx((1.5, 0.3, 0.2), abs=1e-3)
+        uav.gimbals[0].set_angles(math.pi / 2.0)
+        page.read_until_lines(views, lambda ends: ends[1] == pytest.approx((0.7, 0.3, -1.0), abs=1e-3))
+        page.send(type="GuiUpdateMessage", uuid=checkbox, updates={"value": False})
+        until(lambda: not page.nodes[views].get("visible"), "it is hidden", between=lambda: page.read(60.0))
+
+
+def test_the_panel_says_what_a_uav_carries(start_daemon: StartDaemon, start_view: StartView) -> None:
+    payload = ('payload.grippers=[{"name": "claw"}]', 'payload.relays=[{"name": "lamp", "number": 1}]')
+    daemon = start_daemon(*(word for each in payload for word in ("--set", each)))
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    with forger(start_view()) as page, Uav(daemon.ns) as uav:
+        page.read_until_text("gripper claw | open")
+        page.read_until_text("relay lamp | off")
+        uav.gripper.grip()
+        page.read_until_text("gripper claw | closed; ordered\\: grip")
 
 
 def test_a_page_of_another_site_gets_no_connection(start_view: StartView) -> None:

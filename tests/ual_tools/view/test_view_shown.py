@@ -145,6 +145,15 @@ def test_the_panel_names_what_an_operator_looks_for() -> None:
         assert words in text
 
 
+def test_the_panel_has_what_is_carried_but_not_of_a_lost_uav() -> None:
+    carried = (("gripper claw", "closed"),)
+    assert "| gripper claw | closed |" in panel.details(
+        look(Seen(NOW_S, FLYING)), Seen(NOW_S, FLYING), now_s=NOW_S, carried=carried
+    )
+    lost = Seen(NOW_S - 10.0, FLYING)
+    assert "claw" not in panel.details(look(lost), lost, now_s=NOW_S, carried=carried)
+
+
 def test_words_of_an_autopilot_are_no_markup() -> None:
     evil = dataclasses.replace(FLYING, status_text="<img src=x onerror=alert(1)> {a} | **c**\n# d http://b")
     text = panel.details(look(Seen(NOW_S, evil)), Seen(NOW_S, evil), now_s=NOW_S)

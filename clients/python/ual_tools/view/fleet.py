@@ -18,6 +18,7 @@ from ual_tools.network.feed import Feed, feeding
 from ual_tools.output import error_text
 from ual_tools.selection import chosen_daemons
 from ual_tools.session import Session
+from ual_tools.view.carried import Carried
 from ual_tools.view.journal import Journal
 from ual_tools.view.taken import Taken
 from ual_tools.watch_board import Board
@@ -56,6 +57,8 @@ class Member:
     route_due_s: float = 0.0
     taken: Taken = field(default_factory=Taken)
     """What its cameras have taken."""
+    carried: Carried = field(default_factory=Carried)
+    """What it holds, drops and switches with, while a page shows it."""
     lease: Lease | None = None
     """What the pages hold."""
 
@@ -77,6 +80,10 @@ class Fleet:
         """Whether anybody looks at the frames."""
         self.wants_pictures = False
         """Whether anybody wants the last picture of each UAV to be fetched."""
+        self.wants_gimbals = False
+        """Whether anybody wants to see where the gimbals look."""
+        self.wants_carried: frozenset[str] = frozenset()
+        """The UAVs of which anybody sees what they carry."""
         self._session = session
         self._journal = journal
         self._named = [Named(address, session, self._say) for address in addresses]
@@ -135,12 +142,13 @@ class Fleet:
         telemetry = None if seen is None else seen.telemetry
         with suppress(UalError):
             self._look_at_task(ns, member, telemetry)
-        member.frames = _answer(member.uav.frames) if self.wants_frames else None
+        member.frames = _answer(member.uav.frames) if self.wants_frames or self.wants_gimbals else None
         now_s = time.monotonic()
         if now_s >= member.fence_due_s:
             member.fence, member.fence_due_s = _answer(member.uav.geofence), now_s + _FENCE_S
         self._look_at_route(member, telemetry, now_s)
         member.taken.look(member.uav.cameras, now_s, wants_image=self.wants_pictures)
+        member.carried.look(member.uav.gripper, now_s, is_wanted=ns in self.wants_carried)
         self._look_at_lease(ns, member)
 
     def _look_at_lease(self, ns: str, member: Member) -> None:

@@ -75,6 +75,9 @@ class Page:
             self._wants_pictures = gui.add_checkbox(
                 "Pictures", initial_value=False, hint="Fetches the last picture that each UAV has taken, for all pages"
             )
+            self._wants_gimbals = gui.add_checkbox(
+                "Gimbals", initial_value=False, hint="Where the gimbals of all UAVs look, for all pages"
+            )
         with gui.add_folder("Log"):
             self._log = _Text(gui.add_markdown(""))
         self._chart = _chart(gui)
@@ -90,6 +93,11 @@ class Page:
         """Whether the last pictures are to be fetched."""
         return bool(self._wants_pictures.value)
 
+    @property
+    def wants_gimbals(self) -> bool:
+        """Whether it is to be shown where gimbals look."""
+        return bool(self._wants_gimbals.value)
+
     def draw(self, moment: Moment) -> None:
         """Draws what follows the camera: with each picture, because labels must stay at their UAVs."""
         self._moment = moment
@@ -100,13 +108,13 @@ class Page:
     def update(self, moment: Moment) -> None:
         """Shows the moment in the panel."""
         self._offer(tuple(moment.uavs))
-        found, ns = self._chosen, self._ns
+        found, ns = self._chosen, self.ns
         self._curtain.set(panel.curtain(moment.utc_s))
         self._head.set(panel.head(moment.utc_s, len(moment.uavs)))
         title = fleet_table.with_alarms(self._title, moment.uavs.values())
         self._table.set(fleet_table.table(moment.uavs.values(), found, title))
         self._label(title)
-        self._details.set(panel.details(moment.uavs[ns], moment.seen[ns], now_s=moment.now_s) if ns else "")
+        self._details.set(self._details_of(ns, moment) if ns else "")
         marks = {each: uav.mark for each, uav in moment.uavs.items()}
         self._chart.update({each: moment.tracks[each] for each in found}, marks, moment.now_s)
         self._log.set(panel.log(self._journal.lines()))
@@ -114,6 +122,11 @@ class Page:
         if self._control is not None and self._team is not None:
             self._control.update(moment, ns)
             self._team.update()
+
+    def _details_of(self, ns: str, moment: Moment) -> str:
+        member = self._fleet.members().get(ns)
+        carried = () if member is None else member.carried.rows
+        return panel.details(moment.uavs[ns], moment.seen[ns], now_s=moment.now_s, carried=carried)
 
     def _label(self, title: str) -> None:
         """Heads the panel by the title: that is all that is left of it where it is folded."""
@@ -127,7 +140,7 @@ class Page:
         return chosen.chosen(str(self._choice.value), self._names)
 
     @property
-    def _ns(self) -> str:
+    def ns(self) -> str:
         """The only UAV that is chosen; empty: none, or several."""
         found = self._chosen
         return found[0] if len(found) == 1 else ""
@@ -140,7 +153,7 @@ class Page:
 
     def _tell_choice(self) -> None:
         if self._control is not None and self._team is not None:
-            self._control.choose(self._ns)
+            self._control.choose(self.ns)
             self._team.choose(self._chosen, self._names)
 
     def _listen(self) -> None:

@@ -39,15 +39,18 @@ def curtain(utc_s: float) -> str:
     return f"{_CURTAIN_STYLE}<div class='ual-curtain'><b>{text}</b></div>"
 
 
-def details(uav: Shown, seen: Seen, *, now_s: float) -> str:
-    """Returns all that is known of a UAV. Of one that is lost it says so first, and nothing stands as the present."""
+def details(uav: Shown, seen: Seen, *, now_s: float, carried: Sequence[tuple[str, str]] = ()) -> str:
+    """Returns all that is known of a UAV. Of one that is lost it says so first, and nothing stands as the present.
+
+    `carried` has a line for each thing that it carries. A UAV that is lost has none: what it was is no more known.
+    """
     telemetry, age = seen.telemetry, f"telemetry {now_s - seen.since_s:.1f} s old, pose {uav.age_s:.1f} s old"
     if telemetry is None:
         return f"### {plain(uav.label)}"
     lines = [*_rows(telemetry), ("link", f"{age}{_quality(telemetry)}")]
     if uav.is_lost:
         return f"### {plain(uav.label)}\n\nWhat was known then ({uav.age_s:.1f} s old):\n\n{_table(lines)}"
-    return f"### {plain(uav.ns)}: {plain(telemetry.state.name)}\n\n{_table(lines)}"
+    return f"### {plain(uav.ns)}: {plain(telemetry.state.name)}\n\n{_table([*lines, *carried])}"
 
 
 def log(lines: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from ual_tools.view.access import Access
 from ual_tools.view.command_queue import CommandQueue
 from ual_tools.view.fences import Fences
 from ual_tools.view.fleet import RATE_HZ, Fleet
+from ual_tools.view.gimbals import Gimbals
 from ual_tools.view.journal import Journal
 from ual_tools.view.map_source import Picture, Tiles
 from ual_tools.view.models import MODELS
@@ -92,6 +93,7 @@ class Viewer:
         self._choice = choice
         self._fences = Fences(server.scene, fleet)
         self._pictures = Pictures(server.scene, fleet)
+        self._gimbals = Gimbals(server.scene, fleet)
         self._scene = Scene(server.scene, self._model_of, self._way_of)
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}
@@ -135,6 +137,7 @@ class Viewer:
         """Draws one picture."""
         moment = self._picture.look(time.monotonic(), time.time())
         self._scene.update(moment)
+        self._gimbals.update(moment)
         with self._lock:
             pages = list(self._pages.values())
         for page in pages:
@@ -149,6 +152,8 @@ class Viewer:
             page.update(moment)
         self._fleet.wants_frames = any(page.wants_frames for page in pages)
         self._fleet.wants_pictures = any(page.wants_pictures for page in pages)
+        self._fleet.wants_gimbals = any(page.wants_gimbals for page in pages)
+        self._fleet.wants_carried = frozenset(page.ns for page in pages if page.ns)
 
     def _open(self, client: viser.ClientHandle) -> None:
         command_queue = CommandQueue(self._fleet, self._journal) if self._is_control else None
