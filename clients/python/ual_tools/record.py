@@ -92,6 +92,7 @@ def _begin(session: Session, directory: Path, stack: ExitStack, *, has_pictures:
     stack.callback(recording.close)
     for uav in uavs:
         stack.callback(recording.subscribe(uav))
+        stack.callback(recording.record_carried(uav))
         if has_pictures:
             stack.callback(recording.record_pictures(uav))
     return recording

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import signal
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import ual
 from tests.conftest import DaemonProcess, StartDaemon, daemon_environment
 from tests.ports import free_port
 from tests.ual_tools.recording.autopilot_logs import Sample, write_ulog
+from tests.waiting import until
 from ual.errors import UalError
 from ual.recording.reader import Recording
 from ual.types import State
@@ -162,6 +164,21 @@ def test_a_client_records_the_telemetry_of_each_uav(start_daemon: StartDaemon, t
     assert recording.uavs() == ["uav_1", "uav_2"]
     assert recording.is_whole
     assert {m.schema for m in recording.messages()} >= {"ual.v1.GetInfoResponse", "foxglove.PoseInFrame"}
+
+
+def test_a_client_records_what_a_uav_carries(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    daemon = start_daemon("--set", 'payload.grippers=[{"name": "claw"}]', backend="light")
+    words = ["--address", daemon.address, "record", "--directory", str(tmp_path)]
+    command = [sys.executable, "-c", "from ual_tools.main import main; main()", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline().startswith("recording uav_1 into ")
+        [path] = tmp_path.glob("*.mcap")
+        wanted = {"/uav_1/gimbal_0/tf", "/uav_1/equipment"}
+        until(lambda: wanted <= {each.topic for each in Recording(path).messages()}, "both are in the file")
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=60.0)
+    assert (process.returncode, "samples of uav_1" in output, errors) == (0, True, "")
 
 
 @pytest.mark.usefixtures("runtime_dir")

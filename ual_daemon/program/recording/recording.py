@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from typing_extensions import override
 
 from ual.errors import UalError
+from ual.recording.carried import Carried
 from ual.recording.log import RecordingHandler
 from ual.recording.pictures import Pictures
 from ual.recording.recorder import QueueFigures, Recorder, Turnover
@@ -18,6 +19,8 @@ from ual.types import Info, Telemetry
 from ual_daemon import logs
 from ual_daemon.backends.values import Packet, Setpoint
 from ual_daemon.extensions.shipped.cameras import Cameras
+from ual_daemon.extensions.shipped.gimbals import Gimbals
+from ual_daemon.extensions.shipped.gripper import Gripper
 from ual_daemon.program.recording.calls import CallTopic
 from ual_daemon.program.recording.packets import PacketTopics
 from ual_daemon.program.recording.setpoints import SetpointTopic
@@ -52,10 +55,13 @@ class UavRecording(Observer):
         if is_raw and not vehicle.observe_packets(self._on_packet):
             logs.event(_log, logging.WARNING, "no_packets", ns=vehicle.ns, backend=vehicle.backend_name)
         self._pictures = Pictures(vehicle.ns, Cameras(vehicle), recorder) if has_pictures else None
+        gripper = Gripper(vehicle, str)  # without a lease: nothing is ordered
+        self._carried = Carried(vehicle.ns, Gimbals(vehicle), gripper, vehicle.frames, recorder)
         recorder.at_each_file(self._repeat)
 
     def start(self) -> None:
-        """Begins to ask for pictures, if they are wanted."""
+        """Begins to ask for what it carries, and for pictures, if they are wanted."""
+        self._carried.start()
         if self._pictures is None:
             return
         try:
@@ -66,6 +72,7 @@ class UavRecording(Observer):
 
     def close(self) -> None:
         """Ends what `start` has begun, and logs what of it is not complete."""
+        self._carried.close(0.0)  # what comes later is not recorded
         if self._pictures is None:
             return
         self._pictures.close(_PICTURE_S)

@@ -110,6 +110,14 @@ class ClientRecording:
         self._pictures.append(pictures)
         return pictures.close
 
+    def record_carried(self, uav: Uav) -> Callable[[], None]:
+        """Records what a UAV carries, if it carries something, until the function that it returns is called."""
+        from ual.recording.carried import Carried
+
+        carried = Carried(uav.ns, uav.gimbals, uav.gripper, uav.frames, self._recorder)
+        carried.start()
+        return carried.close
+
     @property
     def pictures(self) -> tuple[int, int, str]:
         """How many pictures are recorded, how many of them without their bytes, and why the last one of these is."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import signal
 import threading
 from collections import Counter
@@ -13,6 +14,8 @@ from typing import Any
 
 import grpc
 import pytest
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
@@ -23,8 +26,11 @@ from ual.access import audit as chain
 from ual.conformance import Flight, Tolerances
 from ual.errors import UalError
 from ual.geometry import Twist, Vector3
+from ual.gripper import GripperState
 from ual.recording.reader import Message, Recording
 from ual.types import State
+from ual.v1 import gripper_pb2 as pb
+from ual.wire import gripper as convert
 from ual_daemon.program.recording.audit import changes
 
 SERVICE = "/ual.v1.UalService/"
@@ -185,6 +191,31 @@ def test_pictures_are_recorded_where_that_is_asked_for(start_daemon: StartDaemon
     until(lambda: any(wanted in each.data for each in messages(recording, "camera_0/image")), "it is in the file")
     end(daemon)
     assert [len(messages(recording, f"camera_0/{name}")) for name in ("photos", "tf", "calibration")] == [1, 1, 1]
+
+
+def test_what_is_carried_is_recorded(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    devices = ("--set", 'payload.grippers=[{"name": "claw"}]', "--set", 'light.gimbals=[{"position": [0.1, 0, 0]}]')
+    daemon = start_daemon("--record", str(tmp_path), *devices, backend="light")
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    recording = recording_in(tmp_path)
+
+    def states() -> list[GripperState]:
+        found = [pb.GetEquipmentResponse.FromString(each.data) for each in messages(recording, "equipment")]
+        return [convert.equipment_from_proto(each).grippers[0].state for each in found]
+
+    def views() -> list[FrameTransform]:
+        found = [FrameTransforms.FromString(each.data) for each in messages(recording, "gimbal_0/tf")]
+        return [transform for each in found for transform in each.transforms]
+
+    until(lambda: GripperState.OPEN in states(), "it is open")
+    with ual.Uav(daemon.ns) as uav:
+        uav.gripper.grip()
+        uav.gimbals[0].set_angles(1.0)
+    until(lambda: GripperState.CLOSED in states(), "it is closed")
+    until(lambda: any(each.rotation.y == pytest.approx(math.sin(0.5), abs=1e-3) for each in views()), "it looks down")
+    end(daemon)
+    assert {(each.parent_frame_id, each.child_frame_id) for each in views()} == {("uav_1/base_link", "uav_1/gimbal_0")}
+    assert {each.translation.x for each in views()} == {0.1}
 
 
 def test_a_uav_without_cameras_is_recorded_all_the_same(start_daemon: StartDaemon, tmp_path: Path) -> None:
