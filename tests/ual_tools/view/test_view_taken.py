@@ -69,3 +69,42 @@ def test_a_uav_without_cameras_is_asked_once_and_one_that_is_silent_again() -> N
     for now_s in (2.0, 3.0):
         look(taken, cameras, now_s)
     assert cameras.asked == ["cameras"] * 3
+
+
+class Two(Cameras):
+    """Two cameras: the pictures of one cannot be had, as those at a host that the settings do not name."""
+
+    def __init__(self, refusing: int) -> None:
+        super().__init__()
+        self._refusing = refusing
+        self._chosen = 0
+
+    def get_all(self) -> list[CameraInfo]:
+        return [CameraInfo(number, "made up", frozenset({CameraAbility.IMAGE})) for number in range(2)]
+
+    def __getitem__(self, number: int) -> Cameras:
+        self._chosen = number
+        return self
+
+    def image(self, photo: int) -> Image:
+        found = super().image(photo)
+        if self._chosen == self._refusing:
+            raise NotSupportedError("the picture is at another host")
+        return found
+
+
+def test_a_picture_that_cannot_be_had_is_asked_for_once_and_the_next_photos_are_told() -> None:
+    taken, cameras = Taken(), Two(refusing=1)
+    for now_s, count in ((10.0, 1), (20.0, 1), (30.0, 2), (40.0, 2)):
+        cameras.taken = [Photo(number, 0.0) for number in range(count)]
+        look(taken, cameras, now_s, wants_image=True)
+    assert cameras.asked == ["image 0", "image 0", "image 1", "image 1"]  # of each camera
+    assert len(taken.photos) == 4
+
+
+def test_a_camera_that_refuses_keeps_no_other_one_from_being_asked() -> None:
+    taken, cameras = Taken(), Two(refusing=0)
+    cameras.taken = [Photo(0, 0.0)]
+    look(taken, cameras, 10.0, wants_image=True)
+    assert taken.newest is not None
+    assert (taken.newest.number, taken.newest.image is None) == (1, False)

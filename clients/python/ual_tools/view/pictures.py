@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import math
 
 import numpy as np
@@ -17,6 +18,8 @@ from ual_tools.view.picture import Moment
 from ual_tools.view.scene import Line, Lines, wxyz, xyz
 from ual_tools.view.shown import Shown
 from ual_tools.view.taken import Newest, Taken
+
+_log = logging.getLogger(__name__)
 
 _ARM_M = 0.15
 _FRUSTUM_M = 1.0
@@ -104,8 +107,13 @@ def _view(lens: CameraIntrinsics | None) -> tuple[float, float]:
     return 2.0 * math.atan(0.5 * lens.height_px / lens.focal_length_y_px), lens.width_px / lens.height_px
 
 
-def _pixels(image: Image) -> NDArray[np.uint8]:
-    with PIL.Image.open(io.BytesIO(image.data)) as picture:
-        small = picture.convert("RGB")
+def _pixels(image: Image) -> NDArray[np.uint8] | None:
+    """Returns a small picture; None where its bytes are none, which does not end the view."""
+    try:
+        with PIL.Image.open(io.BytesIO(image.data)) as picture:
+            small = picture.convert("RGB")
+    except Exception as error:  # noqa: BLE001  whatever Pillow's decoders raise of the bytes of a camera
+        _log.warning("a picture that cannot be read is not drawn: %s", error)
+        return None
     small.thumbnail((_WIDEST_PX, _WIDEST_PX))
     return np.asarray(small)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from contextlib import suppress
 from typing import NamedTuple
 
 from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, Image, Photo
@@ -32,21 +33,29 @@ class Taken:
         self.newest: Newest | None = None
         self._kept: deque[Photo] = deque(maxlen=MOST_PLACES)
         self._next: dict[int, int] = {}
+        self._asked_for: tuple[int, Photo] | None = None
+        """The camera and the picture whose bytes were asked for last."""
         self._due_s = 0.0
         self._has_cameras = True
 
     def look(self, cameras: Cameras, now_s: float, *, wants_image: bool) -> None:
-        """Asks what was taken, and gets the last picture if it is wanted. What is not answered is asked again."""
+        """Asks what was taken, and gets the last picture if it is wanted.
+
+        What is not answered is asked again, but for the bytes of a picture that the camera has not given.
+        """
         if not self._has_cameras or now_s < self._due_s:
             return
         self._due_s = now_s + _LOOK_S
         try:
-            for info in cameras.get_all():
-                self._look_at(info, cameras, wants_image=wants_image)
+            found = cameras.get_all()
         except NotSupportedError:  # by this backend: so it stays
             self._has_cameras = False
         except UalError:
             return
+        else:
+            for info in found:
+                with suppress(UalError):  # one camera that does not answer keeps none from being asked
+                    self._look_at(info, cameras, wants_image=wants_image)
 
     def _look_at(self, info: CameraInfo, cameras: Cameras, *, wants_image: bool) -> None:
         camera = cameras[info.number]
@@ -56,8 +65,9 @@ class Taken:
             self.newest = Newest(info.number, photo, info.intrinsics, None)
             self.photos = tuple(self._kept)
         newest = self.newest
-        if newest is None or newest.number != info.number or newest.image is not None:
+        if newest is None or newest.number != info.number or newest[:2] == self._asked_for:
             return
         if wants_image and CameraAbility.IMAGE in info.abilities:
+            self._asked_for = newest.number, newest.photo
             image = camera.image(newest.photo.number)
             self.newest = newest._replace(image=image, lens=image.intrinsics or newest.lens)
