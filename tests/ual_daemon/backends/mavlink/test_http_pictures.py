@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import threading
 from collections.abc import Callable, Iterator
@@ -129,11 +130,22 @@ def test_a_picture_comes_as_it_is_with_its_size(
         (gives(b"<html>"), NotSupportedError, "no PNG and no JPEG"),
         (gives(JPEG[:30]), NotSupportedError, "no PNG and no JPEG"),
         (gives(b"\xff\xd8" + b"\xff\xe0\x00\x00" * 3), NotSupportedError, "no PNG and no JPEG"),
+        (gives(JPEG[:2] + b"\xff" * 9000 + JPEG[2:]), NotSupportedError, "no PNG and no JPEG"),
         (gives(PNG, length=len(PNG) + 1), LinkLostError, "cannot be read: IncompleteRead"),
-        (gives(PNG + bytes(2000)), UalError, "has more than"),
+        (gives(PNG + bytes(20000)), UalError, "has more than"),
         (lambda request: request.wfile.write(b"nonsense\r\n\r\n"), LinkLostError, "cannot be read"),
     ],
-    ids=["lacks it", "sends to another", "a page", "cut", "no way on", "ends early", "too large", "no HTTP"],
+    ids=[
+        "lacks it",
+        "sends to another",
+        "a page",
+        "cut",
+        "no way on",
+        "fill bytes",
+        "ends early",
+        "too large",
+        "no HTTP",
+    ],
 )
 def test_what_is_wrong_is_told(
     server: Server,
@@ -143,7 +155,7 @@ def test_what_is_wrong_is_told(
     error: type[UalError],
     text: str,
 ) -> None:
-    monkeypatch.setattr(http_pictures, "MOST_BYTES", 1000)
+    monkeypatch.setattr(http_pictures, "MOST_BYTES", 10000)
     server.answers["/1"] = answer
     with pytest.raises(error, match=text):
         pictures.fetch(f"{server.url}/1").result(LIMIT_S)
@@ -165,13 +177,30 @@ def test_a_server_that_says_nothing_is_not_waited_for_without_end(
         pictures.fetch(f"{server.url}/1").result(LIMIT_S)
 
 
-def test_a_server_that_never_ends_is_not_waited_for_without_end(
-    server: Server, pictures: HttpPictures, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("begin", [b"HTTP/1.1 200 OK\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 60000\r\n\r\n"])
+@pytest.mark.parametrize("how", ["late", "closed"])
+def test_a_server_that_says_a_byte_at_a_time_is_not_waited_for_without_end(
+    server: Server, pictures: HttpPictures, monkeypatch: pytest.MonkeyPatch, begin: bytes, how: str
 ) -> None:
-    monkeypatch.setattr(http_pictures, "TIMEOUT_S", 0.0)
-    server.answers["/1"] = gives(PNG + bytes(1 << 18))
-    with pytest.raises(UalTimeoutError, match="has not come within"):
-        pictures.fetch(f"{server.url}/1").result(LIMIT_S)
+    """Each byte is a sign of life, so only a limit for the whole ends it: in the header, or in the picture."""
+    monkeypatch.setattr(http_pictures, "TIMEOUT_S", 0.2 if how == "late" else LIMIT_S)
+    said = threading.Event()
+
+    def drip(request: BaseHTTPRequestHandler) -> None:
+        with contextlib.suppress(OSError):
+            request.wfile.write(begin)
+            while not server.released.wait(0.01):
+                request.wfile.write(b"x")
+                said.set()
+
+    server.answers["/1"] = drip
+    fetched = pictures.fetch(f"{server.url}/1")
+    assert said.wait(LIMIT_S)
+    if how == "closed":
+        pictures.close()
+    with pytest.raises(UalError, match="has not come within" if how == "late" else "closed"):
+        fetched.result(LIMIT_S)
+    assert how == "late" or fetched.done()
 
 
 def test_only_so_many_wait_and_the_end_cancels_them(server: Server, pictures: HttpPictures) -> None:

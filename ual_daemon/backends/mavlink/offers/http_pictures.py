@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+import socket
+import threading
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Any, NamedTuple
-from urllib.parse import urlsplit
-
-from typing_extensions import override
+from contextlib import closing, suppress
+from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import SplitResult, urlsplit, urlunsplit
 
 from ual.cameras import ImageFormat
 from ual.errors import LinkLostError, NotSupportedError, UalError, UalTimeoutError
 from ual_daemon.backends.engine.picture_worker import PictureWorker
 
 if TYPE_CHECKING:
-    from http.client import HTTPResponse
+    from http.client import HTTPConnection, HTTPResponse
 
 MOST_BYTES = 64 << 20
 TIMEOUT_S = 60.0
@@ -24,6 +23,8 @@ SILENCE_S = 5.0
 """... and its server may say nothing for so long."""
 _CHUNK = 1 << 16
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
+_MOST_MARKERS = 1000
+"""So many are looked at: 64 MiB of them would keep Python's lock for seconds, while something flies."""
 _STANDALONE = {0x01, *range(0xD0, 0xDA)}
 """Markers of a JPEG that have no length."""
 _FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
@@ -39,20 +40,6 @@ class Picture(NamedTuple):
     height_px: int
 
 
-def _opener() -> Callable[..., Any]:
-    """Returns what opens an address."""
-    import urllib.request  # late: only those wait for it who want pictures
-
-    class NoRedirect(urllib.request.HTTPRedirectHandler):
-        """A server may not send us to another one."""
-
-        @override
-        def redirect_request(self, *_: object) -> None:
-            return None
-
-    return urllib.request.build_opener(urllib.request.ProxyHandler({}), NoRedirect()).open
-
-
 class HttpPictures:
     """From any thread.
 
@@ -63,10 +50,13 @@ class HttpPictures:
     def __init__(self, hosts: tuple[str, ...]) -> None:
         self.hosts = frozenset(host.lower() for host in hosts)
         self._worker = PictureWorker("http-pictures")
+        self._lock = threading.Lock()
+        self._exchange: _Exchange | None = None
+        """The one that was begun last."""
         self._is_closed = False
 
     def fetch(self, url: str) -> Future[Picture]:
-        """Returns the future of a picture. It ends within `TIMEOUT_S` and `SILENCE_S` for each that waits before it."""
+        """Returns the future of a picture. It ends within `TIMEOUT_S`, and as much for each that waits before it."""
         refusal = self._refusal(url)
         if refusal is None:
             return self._worker.submit(lambda: self._fetched(url))
@@ -75,8 +65,11 @@ class HttpPictures:
         return failed
 
     def close(self) -> None:
-        """Cancels the pictures that wait. One that is being fetched ends within `SILENCE_S`."""
-        self._is_closed = True
+        """Cancels the pictures that wait, and ends the one that is being fetched."""
+        with self._lock:
+            exchange, self._is_closed = self._exchange, True
+        if exchange is not None:
+            exchange.end(_closed())
         self._worker.close()
 
     def _refusal(self, url: str) -> UalError | None:
@@ -92,37 +85,96 @@ class HttpPictures:
         return NotSupportedError(text, {"host": host})
 
     def _fetched(self, url: str) -> Picture:
-        import urllib.error
-        from http.client import HTTPException
+        from http.client import HTTPException  # late: only those wait for it who want pictures
 
+        exchange = _Exchange(url)
+        with self._lock:
+            self._exchange = exchange
+            if self._is_closed:
+                raise _closed()
         try:
-            with _opener()(url, timeout=SILENCE_S) as response:
-                return _picture(self._read(response), url)
+            return _picture(exchange.run(), url)
         except UalError:  # one of them is a TimeoutError, too
             raise
-        except urllib.error.HTTPError as error:
-            raise UalError(f"{url}: the camera's server answered {error.code} {error.reason}") from None
         except TimeoutError:
             raise UalTimeoutError(f"{url}: the camera's server has said nothing for {SILENCE_S:g} s") from None
         except (OSError, HTTPException, ValueError) as error:
-            reason = error.reason if isinstance(error, urllib.error.URLError) else error
-            raise LinkLostError(f"{url}: the camera's server cannot be read: {reason!r}") from None
+            raise LinkLostError(f"{url}: the camera's server cannot be read: {error!r}") from None
+
+
+class _Exchange:
+    """One request of a picture, which goes to its address alone: `http.client` follows to no other, by no proxy."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._lock = threading.Lock()
+        self._socket: socket.socket | None = None
+        self._why_ended: UalError | None = None
+
+    def end(self, why: UalError) -> None:
+        """Ends it with an error, whatever the server does meanwhile. From any thread."""
+        with self._lock:
+            self._why_ended = self._why_ended or why
+            connected = self._socket
+        if connected is not None:
+            with suppress(OSError):  # it has ended by itself
+                connected.shutdown(socket.SHUT_RDWR)
+
+    def run(self) -> bytes:
+        """Returns the bytes of the picture. Each wait of the socket has its limit, and so has the whole."""
+        late = UalTimeoutError(f"the picture has not come within {TIMEOUT_S:g} s")
+        timer = threading.Timer(TIMEOUT_S, self.end, (late,))
+        timer.daemon = True
+        timer.start()
+        try:
+            return self._asked()
+        except Exception:
+            self._require_going()  # else that is why
+            raise
+        finally:
+            timer.cancel()
+
+    def _asked(self) -> bytes:
+        address = urlsplit(self._url)
+        with closing(_connection_to(address)) as connection:
+            connection.connect()
+            with self._lock:
+                self._socket = connection.sock
+            self._require_going()
+            path = urlunsplit(("", "", address.path or "/", address.query, ""))
+            connection.request("GET", path, headers={"Connection": "close"})
+            return self._read(connection.getresponse())
 
     def _read(self, response: HTTPResponse) -> bytes:
-        data, until_s = bytearray(), time.monotonic() + TIMEOUT_S
+        if not 200 <= response.status < 300:
+            raise UalError(f"{self._url}: the camera's server answered {response.status} {response.reason}")
+        data = bytearray()
         while chunk := response.read(_CHUNK):
             data += chunk
             if len(data) > MOST_BYTES:
                 raise UalError(f"the picture has more than {MOST_BYTES >> 20} MiB")
-            if time.monotonic() > until_s:
-                raise UalTimeoutError(f"the picture has not come within {TIMEOUT_S:g} s ({len(data)} bytes have)")
-            if self._is_closed:
-                raise UalError("this UAV is closed")
+        self._require_going()  # one that has no length just ends
         if response.length:  # `read` says nothing of it
             from http.client import IncompleteRead
 
             raise IncompleteRead(bytes(data), response.length)
         return bytes(data)
+
+    def _require_going(self) -> None:
+        with self._lock:
+            if self._why_ended is not None:
+                raise self._why_ended from None
+
+
+def _connection_to(address: SplitResult) -> HTTPConnection:
+    from http.client import HTTPConnection, HTTPSConnection
+
+    kind = HTTPSConnection if address.scheme == "https" else HTTPConnection
+    return kind(address.hostname or "", address.port, timeout=SILENCE_S)
+
+
+def _closed() -> UalError:
+    return UalError("this UAV is closed")
 
 
 def _picture(data: bytes, url: str) -> Picture:
@@ -138,7 +190,9 @@ def _picture(data: bytes, url: str) -> Picture:
 def _size_of_jpeg(data: bytes) -> tuple[int, int] | None:
     """Returns the width and the height of a JPEG; None where it does not give them."""
     at = len(_JPEG)
-    while at + 9 <= len(data) and data[at] == 0xFF:
+    for _ in range(_MOST_MARKERS):
+        if at + 9 > len(data) or data[at] != 0xFF:
+            break
         marker = data[at + 1]
         if marker in _FRAMES:
             return int.from_bytes(data[at + 7 : at + 9], "big"), int.from_bytes(data[at + 5 : at + 7], "big")
