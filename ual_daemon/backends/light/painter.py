@@ -6,7 +6,9 @@ import os
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +22,9 @@ _MODULE = "ual_daemon.backends.light.painting_process"
 _PACKAGES = Path(__file__).parents[3]
 """Where `ual_daemon` is. The process starts there, so that no file of the user's directory is taken for a module."""
 _END_S = 5.0
+PATIENCE_S = 15.0
+"""A process that has not painted a picture by then is killed."""
+_NICENESS = 10
 
 
 class Painter:
@@ -58,16 +63,35 @@ class _Easel:
 
     def close(self) -> None:
         """See `Painter`."""
-        self._thread.shutdown(cancel_futures=True)
+        self._thread.shutdown(wait=False, cancel_futures=True)
+        with self._killing_after(_END_S):
+            self._thread.shutdown()
         self._end()
 
     def _painted(self, order: Order) -> bytes:
         connection = self._connection or self._start()
         try:
-            connection.send(order)
-            return connection.recv_bytes()
+            with self._killing_after(PATIENCE_S):
+                connection.send(order)
+                return connection.recv_bytes()
         except (EOFError, OSError):
             raise UalError(f"the process that paints pictures has ended: {self._end()}") from None
+
+    @contextmanager
+    def _killing_after(self, limit_s: float) -> Iterator[None]:
+        """Kills the process if what is waited for takes longer: it may have been stopped."""
+        timer = threading.Timer(limit_s, self._kill)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+    def _kill(self) -> None:
+        process = self._process
+        if process is not None:
+            process.kill()
 
     def _start(self) -> Connection:
         from multiprocessing import Pipe  # 20 ms, which only those wait for who want pictures
@@ -78,6 +102,7 @@ class _Easel:
             self._process = subprocess.Popen(  # noqa: S603 (our own command)
                 command, stdin=subprocess.DEVNULL, cwd=_PACKAGES, env=_environment(), pass_fds=(its.fileno(),)
             )
+        _give_way(self._process.pid)
         self._connection = ours
         return ours
 
@@ -93,6 +118,16 @@ class _Easel:
         except subprocess.TimeoutExpired:
             process.kill()
             return f"status {process.wait(_END_S)}"
+
+
+def _give_way(pid: int) -> None:
+    """Has a process that has just begun take the processor only where no flight needs it: the daemon may run in real
+    time, and its imports alone take 0.2 s.
+    """
+    with suppress(ProcessLookupError):  # it has ended already, which the next picture says
+        if hasattr(os, "sched_setscheduler") and os.sched_getscheduler(pid) in (os.SCHED_FIFO, os.SCHED_RR):
+            os.sched_setscheduler(pid, os.SCHED_OTHER, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, pid, os.getpriority(os.PRIO_PROCESS, pid) + _NICENESS)
 
 
 def _environment() -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from contextlib import suppress
@@ -12,13 +11,10 @@ from ual.cameras import ImageKind
 from ual_daemon.backends.light import painting, png
 from ual_daemon.backends.light.scene import Order
 
-_NICENESS = 10
-
 
 def main() -> None:
     """Paints until the daemon ends. The argument is the number of the connection's file."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the daemon's: it may have to land first
-    _give_way()
     connection = Connection(int(sys.argv[1]))
     with suppress(EOFError, ConnectionError):
         while True:
@@ -34,13 +30,6 @@ def _painted(order: Order) -> bytes:
         return png.encode(painting.segments(*where))
     measure = painting.depths if order.kind is ImageKind.DEPTH else painting.ranges
     return measure(*where).astype("<f4").tobytes()
-
-
-def _give_way() -> None:
-    """Takes the processor only where no flight needs it."""
-    if hasattr(os, "sched_setscheduler"):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # the daemon may run in real time
-    os.nice(_NICENESS)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
+import signal
 import struct
 import sys
 import zlib
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 
 from tests.ual_daemon.backends.light.drone import Drone
+from tests.waiting import until
 from ual.cameras import CameraIntrinsics, CameraMode, ImageFormat, ImageKind, StorageState
 from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalError
 from ual.geometry import Pose, Quaternion, Vector3
@@ -327,6 +329,38 @@ def test_a_process_that_ends_is_told_and_replaced() -> None:
     finally:
         painter.close()
     painter.close()
+
+
+@pytest.mark.parametrize("how", ["late", "closed"])
+def test_a_process_that_stops_is_not_waited_for_without_end(monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    monkeypatch.setattr(painter, "PATIENCE_S" if how == "late" else "_END_S", 0.1)
+    order = Order(Pose(Vector3(0.0, 0.0, 2.0), DOWN), CameraIntrinsics.of_view(8, 6, 1.2), Scene(0.0))
+    easel = painter._Easel()
+    try:
+        process = easel._thread.submit(lambda: easel._start() and easel._process).result(LIMIT_S)
+        assert process
+        os.kill(process.pid, signal.SIGSTOP)
+        waiting = easel.paint(order)
+        if how == "closed":
+            until(waiting.running, "the picture to be waited for")
+            easel.close()
+        with pytest.raises(UalError, match="the process that paints pictures has ended: status -9"):
+            waiting.result(LIMIT_S)
+    finally:
+        easel.close()
+
+
+def test_the_process_gives_way_from_its_begin_on() -> None:
+    """Also while it imports, with which it begins."""
+    easel = painter._Easel()
+    try:
+        easel._start()
+        process = easel._process
+        assert process is not None
+        own = os.getpriority(os.PRIO_PROCESS, 0)
+        assert os.getpriority(os.PRIO_PROCESS, process.pid) == min(own + 10, 19)
+    finally:
+        easel.close()
 
 
 def test_the_process_finds_packages_where_this_one_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
