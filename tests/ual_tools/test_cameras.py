@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import grpc
 import PIL.Image
@@ -18,6 +19,7 @@ from click.testing import CliRunner, Result
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
 from tests.waiting import until
+from ual._derived_parts import Camera
 from ual.cameras import CameraMode, CameraStatus, Image, Photo
 from ual.errors import InvalidArgumentError, NotSupportedError
 from ual.recording.reader import Recording
@@ -153,6 +155,25 @@ def test_pictures_are_fetched_once_as_files_with_their_places(daemon: DaemonProc
     refused = run(daemon, "camera", "fetch", blocked / "in")
     assert refused.exit_code == 1
     assert "Not a directory" in refused.output
+
+
+def test_a_picture_that_cannot_be_had_keeps_none_after_it_from_being_fetched(
+    daemon: DaemonProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for _ in range(3):
+        done(daemon, "camera", "photo")
+    given = Camera.image
+
+    def image(self: Camera, photo: int | None = None, **options: Any) -> Image:
+        if photo == 1:
+            raise InvalidArgumentError("photo: the bytes of picture 1 are kept no more", {"field": "photo"})
+        return given(self, photo, **options)
+
+    monkeypatch.setattr(Camera, "image", image)
+    told = run(daemon, "camera", "fetch", tmp_path)
+    assert [each.name[-9:] for each in sorted(tmp_path.glob("*.jpg"))] == ["00000.jpg", "00002.jpg"]
+    assert "photo 1: failed: photo: the bytes of picture 1 are kept no more" in told.output
+    assert told.exit_code == 1
 
 
 def test_pictures_are_recorded_where_that_is_asked_for(daemon: DaemonProcess, tmp_path: Path) -> None:

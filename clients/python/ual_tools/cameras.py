@@ -230,7 +230,7 @@ def fetch(session: Session, directory: Path, first: int, number: int) -> None:
     """Write what was taken into DIRECTORY, as JPEG with places.
 
     Each file says when, where and in which direction it was taken, for programs that make maps. Files that are there
-    already are left as they are.
+    already are left as they are. One that cannot be had keeps none after it from being written.
     """
     with session.connect() as uav:
         fetching = fetched.Fetching(uav, number, directory)
@@ -239,6 +239,8 @@ def fetch(session: Session, directory: Path, first: int, number: int) -> None:
             session.emit(
                 {"photo": each.number, "file": str(file), "done": what}, f"photo {each.number}: {what}: {file}"
             )
+    if fetching.error is not None:
+        raise fetching.error
 
 
 def _done(session: Session, command: str) -> None:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import io
 import math
+import struct
+import zlib
 from datetime import datetime, timezone
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -175,6 +177,27 @@ def test_a_jpeg_keeps_its_pixels_and_its_other_tags() -> None:
     again = to_jpeg(image(place=GeoPoint(5.0, 2.0, 3.0), data=jpeg))
     assert degrees_of(tags_of(again), "Latitude") == pytest.approx(5.0)
     assert (again.count(_segments.EXIF), again.count(_segments.XMP)) == (1, 1)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_own_tags_that_a_camera_wrote_wrongly_are_left_out() -> None:
+    """Pillow reads them, and fails where it writes them again."""
+    own = PIL.Image.Exif()
+    own[0x0110] = "Model 1"
+    data = encoded("JPEG", exif=own)
+    at = data.index(_segments.EXIF) + len(_segments.EXIF) + 8 + 2  # the first tag: its number, its type
+    assert data[at : at + 4] == b"\x01\x10\x00\x02"
+    for kind in range(14):
+        jpeg = to_jpeg(image(place=GeoPoint(1.0, 2.0, 3.0), data=data[: at + 3] + bytes((kind,)) + data[at + 4 :]))
+        assert degrees_of(tags_of(jpeg), "Latitude") == pytest.approx(1.0)
+
+
+def test_a_picture_that_tells_a_size_that_nothing_can_hold_is_refused() -> None:
+    whole = encoded("PNG")
+    head = whole[12:16] + struct.pack(">II", 1 << 16, 1 << 16) + whole[24:29]
+    data = whole[:12] + head + struct.pack(">I", zlib.crc32(head)) + whole[33:]
+    with pytest.raises(InvalidArgumentError, match=r"^image: "):
+        to_jpeg(Image(data, ImageFormat.PNG, 64, 48, STAMP_S))
 
 
 @pytest.mark.parametrize("data", [b"", b"no picture", encoded("JPEG")[:100]])

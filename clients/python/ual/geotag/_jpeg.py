@@ -20,11 +20,21 @@ def make(image: Image, camera: str) -> bytes:
     try:
         picture = PIL.Image.open(io.BytesIO(image.data))
         data = image.data if image.format is ImageFormat.JPEG else _encoded(picture)
-    except (OSError, SyntaxError) as error:
+    except (OSError, SyntaxError, ValueError, PIL.Image.DecompressionBombError) as error:
         raise InvalidArgumentError(f"image: {image!r} cannot be read: {error}", {"field": "image"}) from None
-    exif = picture.getexif()
-    _exif.write(image, camera, exif)
-    return _segments.with_metadata(data, exif.tobytes(), _exif.xmp(image))
+    return _segments.with_metadata(data, _written(image, camera, picture), _exif.xmp(image))
+
+
+def _written(image: Image, camera: str, picture: PIL.Image.Image) -> bytes:
+    """Returns the tags of a picture, with its own. Those that cannot be read, or written again, are left out."""
+    try:
+        exif = picture.getexif()
+        _exif.write(image, camera, exif)
+        return exif.tobytes()
+    except Exception:  # noqa: BLE001  Pillow raises half a dozen kinds of errors at tags that a camera wrote wrongly
+        exif = PIL.Image.Exif()
+        _exif.write(image, camera, exif)
+        return exif.tobytes()
 
 
 def _encoded(picture: PIL.Image.Image) -> bytes:
