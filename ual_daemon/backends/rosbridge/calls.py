@@ -62,6 +62,12 @@ class Calls:
         with self._lock:
             return not self._is_concurrent and (bool(self._open) or self._unanswered_since_s < math.inf)
 
+    def is_open(self, ident: str) -> bool:
+        """Whether the answer of a call is still wanted."""
+        with self._lock:
+            call = self._open.get(ident)
+        return call is not None and not call.answer.cancelled()
+
     def answer(self, operation: Mapping[str, Any]) -> None:
         """Takes an answer; one that is late, or of nobody's call, is dropped."""
         ident = str(operation.get("id"))

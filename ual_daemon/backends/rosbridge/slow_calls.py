@@ -40,16 +40,15 @@ class SlowCalls:
         return answer
 
     def serve(self) -> None:
-        """Sends what waits, and takes what has come."""
+        """Sends what waits, and takes what has come. What was withdrawn, or has waited for too long, does not leave."""
+        if self._drop_expired():
+            self._close()
+            self._calls.fail_all("an earlier call was not answered")
         try:
             self._send()
             self._receive()
         except OSError as error:
             self.end(str(error))
-            return
-        if self._drop_expired():
-            self._close()
-            self._calls.fail_all("an earlier call was not answered")
 
     def end(self, text: str) -> None:
         """Ends all calls: a connection is lost. `text` says why."""
@@ -64,8 +63,13 @@ class SlowCalls:
                 self._transport, self._fragments = self._connect(), Fragments()
             with self._lock:
                 waiting = self._unsent.popleft() if self._unsent else None
-            if waiting is not None:
-                self._transport.send(waiting[1])
+            if waiting is None:
+                return
+            ident, data = waiting
+            if self._calls.is_open(ident):
+                self._transport.send(data)
+            else:
+                self._calls.refuse(ident, "it was withdrawn")
 
     def _receive(self) -> None:
         for data in () if self._transport is None else self._transport.receive(0.0):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 
 import pytest
+from typing_extensions import override
 
 from tests.simulators.memory_transport import MemoryTransport
 from tests.simulators.rosbridge import Bridge, Message
@@ -18,12 +20,30 @@ from ual_daemon.backends.rosbridge.websocket import Transport
 ADD, LIMIT_S = "/uav/add", 5.0
 
 
+class Adder(Talker):
+    """Notes what it has added."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.added: list[float] = []
+
+    @property
+    @override
+    def services(self) -> Mapping[str, Callable[[Message], Message]]:
+        return {ADD: self._add}
+
+    def _add(self, arguments: Message) -> Message:
+        self.added.append(arguments["a"])
+        return {"sum": arguments["a"] + arguments["b"]}
+
+
 class Bench:
     """Slow calls to a bridge of ROS 2, which executes the operations of a client one after another."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
-        self.bridge = Bridge(2, [Talker()])
+        self.adder = Adder()
+        self.bridge = Bridge(2, [self.adder])
         self.connections_count = 0
         self.is_refused = False
         self.calls = SlowCalls(self._connect, lambda: self.now_s)
@@ -89,6 +109,27 @@ def test_what_cannot_connect_or_is_lost_ends() -> None:
     for ended, why in ((refused, "nobody listens there"), (lost, "is lost")):
         with pytest.raises(ServiceError, match=why):
             ended.result(0)
+
+
+@pytest.mark.parametrize("how", ["late", "withdrawn", "failed"])
+def test_a_call_whose_caller_was_told_otherwise_does_not_leave(how: str) -> None:
+    """It may change something: a picture would be taken, or a parameter written, long after its error."""
+    bench = Bench()
+    bench.add(0)
+    bench.pass_s(0.3)
+    waiting = bench.add(1)  # while the link is silent, for example: nothing is served
+    if how == "late":
+        bench.now_s += LIMIT_S + 1.0
+    elif how == "withdrawn":
+        waiting.cancel()
+    else:
+        bench.calls._calls.fail_all("an earlier call was not answered")  # another thread has called just before
+    bench.pass_s(0.3)
+    assert waiting.done()
+    assert bench.adder.added == [0]
+    answer = bench.add(2)
+    bench.pass_s(0.3)
+    assert answer.result(0) == {"sum": 3}
 
 
 def test_a_number_that_is_none_is_written_as_rosbridge_reads_it() -> None:
