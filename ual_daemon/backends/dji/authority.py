@@ -26,6 +26,8 @@ class Authority:
         self._is_taking_off = False
         self.is_lost = False
         """Whether another one was seen to fly it since authority was granted."""
+        self._is_doubted = False
+        """Whether that is only so because the first setpoints showed no effect yet."""
 
     def grant(self, *, is_granted: bool) -> None:
         """Notes the answer of the wrapper to our request, or our release."""
@@ -69,6 +71,7 @@ class Authority:
             self._lifted_s = None
         if display_mode == modes.SDK_CONTROL:
             self._has_followed = True
+            self.is_lost, self._is_doubted = self.is_lost and not self._is_doubted, False
             return True
         is_ignored = self._sent_s is not None and now_s - self._sent_s > _FOLLOWS_S
         is_waiting = display_mode in (modes.P_GPS, modes.ENGINE_START) or display_mode in modes.TAKING_OFF
@@ -76,7 +79,9 @@ class Authority:
         if display_mode in modes.TAKING_OFF:  # P_GPS comes after it, whatever showed on the ground
             self._sent_s, self._has_followed = None, False
         elif self._has_followed or is_ignored or is_cut_short or not is_waiting:
+            is_late = not (self.is_lost or self._has_followed or is_cut_short) and is_waiting
             self._lose(display_mode)
+            self._is_doubted = (self._is_doubted or is_late) and is_waiting
         return self._is_granted
 
     def _watch_ground(self, display_mode: int, now_s: float) -> None:
