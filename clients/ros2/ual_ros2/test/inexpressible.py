@@ -35,6 +35,9 @@ _NO_CAMERAS = Inexpressible("cameras are topics and services: what they are and 
 _NO_GIMBALS = Inexpressible("gimbals are not offered", "^gimbals$")
 _NO_GRIPPER = Inexpressible("what a UAV carries is told in short, without bounds and positions", "^gripper$")
 _NO_FENCE = Inexpressible("the autopilot's fence is not offered", "^fence$")
+_NO_MISSIONS = Inexpressible("missions of the autopilot are not offered", "^mission$")
+_NO_LOGS = Inexpressible("the autopilot's logs are not offered", "^logs$")
+_NO_CORRECTIONS = Inexpressible("corrections of satellites are not offered", "^corrections$")
 _NO_RATE = Inexpressible("the node has one `rate_hz` for all subscribers", "^rate_hz$")
 
 INEXPRESSIBLE: Mapping[str, Inexpressible] = {
@@ -70,4 +73,11 @@ INEXPRESSIBLE: Mapping[str, Inexpressible] = {
     "points_a_gimbal": _NO_GIMBALS,
     "reads_the_autopilots_fence": _NO_FENCE,
     "uploads_no_fence_in_flight": _NO_FENCE,
+    "reads_the_autopilots_mission": _NO_MISSIONS,
+    "keeps_an_uploaded_mission": _NO_MISSIONS,
+    "flies_a_mission_of_the_autopilot": _NO_MISSIONS,
+    "a_mission_of_the_autopilot_is_aborted": _NO_MISSIONS,
+    "lists_the_autopilots_logs": _NO_LOGS,
+    "downloads_a_log": _NO_LOGS,
+    "passes_on_no_correction_that_is_damaged": _NO_CORRECTIONS,
 }
