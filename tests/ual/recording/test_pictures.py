@@ -142,6 +142,28 @@ def test_a_picture_that_does_not_come_is_counted_and_the_next_one_is_recorded(re
     assert [each.data for each in messages(recorder, "image", CompressedImage)] == [b"bytes 1"]
 
 
+def test_the_pictures_of_a_daemon_that_was_started_anew_are_recorded(recorder: Recorder) -> None:
+    """Their numbers begin again: the second daemon takes fewer, as many and more than the first."""
+    camera = Camera(CameraAbility.PHOTO)
+    cameras: Any = Cameras(camera)
+    recorded = Pictures("uav_1", cameras, recorder)
+    recorded.start()
+    told = 0
+
+    def are_told() -> bool:
+        return recorded.figures.photos_count >= told
+
+    for boot, count in enumerate((3, 2, 2, 4)):
+        camera.taken = [Photo(number, 1000.0 * boot + number) for number in range(count)]
+        told += count
+        until(are_told, "all are told")
+    recorded.close()
+    recorder.close()
+    assert recorded.figures.photos_count == told
+    stamps = [convert.photo_from_proto(each).stamp_s for each in messages(recorder, "photos", pb.Photo)]
+    assert stamps == [0.0, 1.0, 2.0, 1000.0, 1001.0, 2000.0, 2001.0, 3000.0, 3001.0, 3002.0, 3003.0]
+
+
 def test_what_was_not_fetched_before_the_end_is_told_without_its_bytes(recorder: Recorder) -> None:
     camera = Camera(CameraAbility.IMAGE)
     cameras: Any = Cameras(camera)

@@ -53,6 +53,14 @@ def test_it_is_asked_once_a_second_and_a_picture_comes_once_where_it_is_wanted()
     assert taken.newest.image is not None
 
 
+def test_the_pictures_of_a_daemon_that_was_started_anew_are_drawn() -> None:
+    taken, cameras = Taken(), Cameras()
+    for boot, count in enumerate((3, 2)):
+        cameras.taken = [Photo(number, 1000.0 * boot + number) for number in range(count)]
+        look(taken, cameras, 10.0 + boot)
+    assert [each.stamp_s for each in taken.photos] == [0.0, 1.0, 2.0, 1000.0, 1001.0]
+
+
 def test_only_the_last_places_are_kept() -> None:
     taken, cameras = Taken(), Cameras()
     cameras.taken = [Photo(number, 0.0) for number in range(MOST_PLACES + 7)]

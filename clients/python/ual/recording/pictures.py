@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import defaultdict
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from ual.interface import Cameras
 from ual.recording.recorder import Entry, Output, Recorder
 from ual.recording.telemetry import stamp_of, transform_of
 from ual.recording.topics import of_protobuf
+from ual.shared.new_photos import NewPhotos
 from ual.v1 import camera_pb2 as pb
 from ual.wire import cameras as convert
 
@@ -95,7 +97,7 @@ class Pictures:
         self._cameras = cameras
         self._recorder = recorder
         self._topics: dict[int, PictureTopics] = {}
-        self._next: dict[int, int] = {}
+        self._new: defaultdict[int, NewPhotos] = defaultdict(NewPhotos)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"pictures of {ns}", daemon=True)
         self.figures = PictureFigures()
@@ -109,8 +111,7 @@ class Pictures:
 
         """
         for each in self._cameras.get_all():
-            taken = self._cameras[each.number].photos()
-            self._next[each.number] = taken[-1].number + 1 if taken else 0
+            self._new[each.number].of(self._cameras[each.number])  # these are not meant
         self._thread.start()
 
     def close(self, limit_s: float | None = None) -> None:
@@ -125,8 +126,7 @@ class Pictures:
 
     def _look(self) -> None:
         for info in self._cameras.get_all():
-            for photo in self._cameras[info.number].photos(self._next.get(info.number, 0)):
-                self._next[info.number] = photo.number + 1
+            for photo in self._new[info.number].of(self._cameras[info.number]):
                 self._record(info.number, photo, has_bytes=CameraAbility.IMAGE in info.abilities)
 
     def _record(self, number: int, photo: Photo, *, has_bytes: bool) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from contextlib import suppress
 from typing import NamedTuple
 
 from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, Image, Photo
 from ual.errors import NotSupportedError, UalError
 from ual.interface import Cameras
+from ual.shared.new_photos import NewPhotos
 
 MOST_PLACES = 300
 """Of one UAV: older ones are not drawn any more."""
@@ -32,7 +33,7 @@ class Taken:
         """The last ones, of all cameras, oldest first."""
         self.newest: Newest | None = None
         self._kept: deque[Photo] = deque(maxlen=MOST_PLACES)
-        self._next: dict[int, int] = {}
+        self._new: defaultdict[int, NewPhotos] = defaultdict(NewPhotos)
         self._asked_for: tuple[int, Photo] | None = None
         """The camera and the picture whose bytes were asked for last."""
         self._due_s = 0.0
@@ -59,8 +60,7 @@ class Taken:
 
     def _look_at(self, info: CameraInfo, cameras: Cameras, *, wants_image: bool) -> None:
         camera = cameras[info.number]
-        for photo in camera.photos(self._next.get(info.number, 0)):
-            self._next[info.number] = photo.number + 1
+        for photo in self._new[info.number].of(camera):
             self._kept.append(photo)
             self.newest = Newest(info.number, photo, info.intrinsics, None)
             self.photos = tuple(self._kept)
