@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import struct
 import threading
+import time
 from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -30,6 +31,7 @@ from ual_daemon.backends.mavlink.offers import http_pictures
 from ual_daemon.backends.mavlink.offers.cameras import MavlinkCamera
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
+from ual_daemon.extensions.shipped.cameras import ORDER_S
 
 PNG = png.encode(np.zeros((2, 3, 3), np.uint8))
 JPEG = b"".join(
@@ -201,6 +203,14 @@ def test_a_server_that_says_a_byte_at_a_time_is_not_waited_for_without_end(
     with pytest.raises(UalError, match="has not come within" if how == "late" else "closed"):
         fetched.result(LIMIT_S)
     assert how == "late" or fetched.done()
+
+
+def test_a_picture_ends_before_its_caller_gives_up_also_where_it_waits_for_others(server: Server) -> None:
+    """Else it would be fetched for no one, and hold up all that come after it."""
+    assert http_pictures.TIMEOUT_S + 1.0 < ORDER_S
+    with pytest.raises(UalTimeoutError, match="has not come within"):
+        http_pictures._Exchange(f"{server.url}/1", time.monotonic()).run()
+    assert server.asked == []
 
 
 def test_only_so_many_wait_and_the_end_cancels_them(server: Server, pictures: HttpPictures) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from concurrent.futures import Future
 from contextlib import closing, suppress
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     from http.client import HTTPConnection, HTTPResponse
 
 MOST_BYTES = 64 << 20
-TIMEOUT_S = 60.0
-"""A picture may take so long in all, ..."""
+TIMEOUT_S = 15.0
+"""A picture may take so long in all, since it was ordered: no caller waits longer (`ORDER_S`). ..."""
 SILENCE_S = 5.0
 """... and its server may say nothing for so long."""
 _CHUNK = 1 << 16
@@ -56,10 +57,10 @@ class HttpPictures:
         self._is_closed = False
 
     def fetch(self, url: str) -> Future[Picture]:
-        """Returns the future of a picture. It ends within `TIMEOUT_S`, and as much for each that waits before it."""
-        refusal = self._refusal(url)
+        """Returns the future of a picture. It ends within `TIMEOUT_S`, also where others wait before it."""
+        refusal, end_s = self._refusal(url), time.monotonic() + TIMEOUT_S
         if refusal is None:
-            return self._worker.submit(lambda: self._fetched(url))
+            return self._worker.submit(lambda: self._fetched(url, end_s))
         failed: Future[Picture] = Future()
         failed.set_exception(refusal)
         return failed
@@ -84,10 +85,10 @@ class HttpPictures:
         text = f"the picture is at {url[:200]!r}: add {host!r} to mavlink.picture_hosts, if it is the camera's"
         return NotSupportedError(text, {"host": host})
 
-    def _fetched(self, url: str) -> Picture:
+    def _fetched(self, url: str, end_s: float) -> Picture:
         from http.client import HTTPException  # late: only those wait for it who want pictures
 
-        exchange = _Exchange(url)
+        exchange = _Exchange(url, end_s)
         with self._lock:
             self._exchange = exchange
             if self._is_closed:
@@ -105,8 +106,9 @@ class HttpPictures:
 class _Exchange:
     """One request of a picture, which goes to its address alone: `http.client` follows to no other, by no proxy."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, end_s: float) -> None:
         self._url = url
+        self._end_s = end_s
         self._lock = threading.Lock()
         self._socket: socket.socket | None = None
         self._why_ended: UalError | None = None
@@ -123,7 +125,10 @@ class _Exchange:
     def run(self) -> bytes:
         """Returns the bytes of the picture. Each wait of the socket has its limit, and so has the whole."""
         late = UalTimeoutError(f"the picture has not come within {TIMEOUT_S:g} s")
-        timer = threading.Timer(TIMEOUT_S, self.end, (late,))
+        left_s = self._end_s - time.monotonic()
+        if left_s <= 0.0:
+            raise late
+        timer = threading.Timer(left_s, self.end, (late,))
         timer.daemon = True
         timer.start()
         try:
