@@ -57,6 +57,8 @@ class _Phase(Enum):
     FLYING = auto()
     PAUSING = auto()
     PAUSED = auto()
+    REREADING = auto()
+    """The same as VERIFYING, before a paused one goes on."""
 
 
 class TakeBack(Recover):
@@ -240,20 +242,26 @@ class AutopilotMission(Manoeuvre):
     def _verifying(self, snapshot: Snapshot) -> Step:
         if (step := self._unless_flown(snapshot)) is not None:
             return step
+        if (step := self._unless_kept("the autopilot flies on: it is not known what")) is not None:
+            return step
+        logs.event(_log, logging.INFO, "mission_found", task_id=self._task.id, item=self._item)
+        self._is_ours()
+        self._phase, self._waited = _Phase.FLYING, None
+        return Step()
+
+    def _unless_kept(self, advice: str) -> Step | None:
+        """Reads the mission from the autopilot. Returns what to do meanwhile, and its end; None if it is still ours."""
         if self._waited is None:
             self._waited = self._offer.download()
         if not self._waited.done():
             return Step()
         found = self._result()
         if isinstance(found, UalError):
-            return failed(with_advice(found, "the autopilot flies on: it is not known what"))
+            return failed(with_advice(found, advice))
         if found.digest != self._kept.digest:
             why = f"{NAME}: the autopilot has another mission now, which UAL has not started"
             return Step(has_ended=True, error=TaskAbortedError(why, {"by": "ground station"}), is_taken=True)
-        logs.event(_log, logging.INFO, "mission_found", task_id=self._task.id, item=self._item)
-        self._is_ours()
-        self._phase, self._waited = _Phase.FLYING, None
-        return Step()
+        return None
 
     def _choosing(self, snapshot: Snapshot) -> Step:
         if (step := self._unless_ours(snapshot)) is not None:
@@ -372,7 +380,17 @@ class AutopilotMission(Manoeuvre):
         if _mode(snapshot) != self._offer.pause_mode:
             return taken(snapshot, NAME)
         if not self._task.is_paused:
-            self._phase, self._began_in, self._was_paused = _Phase.CHOOSING, _mode(snapshot), True
+            self._phase, self._waited = _Phase.REREADING, None
+        return Step()
+
+    def _rereading(self, snapshot: Snapshot) -> Step:
+        """While it held, another station may have brought another mission, which nothing has checked."""
+        if _mode(snapshot) != self._offer.pause_mode:
+            return taken(snapshot, NAME)
+        if (step := self._unless_kept("the autopilot holds its position")) is not None:
+            return step
+        self._phase, self._waited = _Phase.CHOOSING, None
+        self._began_in, self._was_paused = _mode(snapshot), True
         return Step()
 
     def _unless_ours(self, snapshot: Snapshot) -> Step | None:
@@ -411,4 +429,5 @@ _STEPS: dict[_Phase, Callable[[AutopilotMission, Snapshot], Step]] = {
     _Phase.FLYING: AutopilotMission._flying,  # noqa: SLF001
     _Phase.PAUSING: AutopilotMission._pausing,  # noqa: SLF001
     _Phase.PAUSED: AutopilotMission._paused,  # noqa: SLF001
+    _Phase.REREADING: AutopilotMission._rereading,  # noqa: SLF001
 }

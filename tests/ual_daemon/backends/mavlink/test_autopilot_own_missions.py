@@ -252,6 +252,21 @@ def test_a_long_silence_in_which_another_mission_came_makes_it_theirs(flight: Fl
         task.wait(LIMIT_S)
 
 
+def test_another_mission_that_came_in_a_pause_is_not_flown(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, 90, 0), at(flight, 90, 90)]))
+    flight.uav.mission.pause()
+    flight.wait_for(lambda: "holds on our mission" in flight.uav.telemetry().state_reason, "its hold")
+    store = flight.autopilot.missions
+    with flight.autopilot.lock:
+        store.keep(0, [*store.lists[0], store.lists[0][-1]])
+    held = flight.uav.telemetry().flight_mode
+    flight.uav.mission.resume()
+    with pytest.raises(TaskAbortedError, match="has another mission now, which UAL has not started"):
+        task.wait(LIMIT_S)
+    assert flight.uav.telemetry().flight_mode == held
+
+
 def test_a_new_daemon_finds_its_mission_and_its_task_again(flight: Flight) -> None:
     stand_armed(flight)
     task_id = start(flight, [TakeOff(6.0), at(flight, 50, 0), at(flight, 50, 20), landing(flight, 20, 20)])
