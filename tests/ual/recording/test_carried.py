@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 
+from tests.conftest import LIMIT_S
 from tests.waiting import until
 from ual.errors import LinkLostError, NotSupportedError, UalError
 from ual.geometry import Quaternion, Transform, Vector3
@@ -178,3 +180,25 @@ def test_a_uav_that_carries_nothing_is_asked_once_and_has_no_topic(recorder: Rec
         assert (gimbals.asked_count, gripper.asked_count) == (1, 1)
     recorder.close()
     assert {each.topic for each in read(recorder.path)} <= {"/log"}
+
+
+def test_a_gimbal_that_is_found_as_the_recording_closes_is_not_watched(recorder: Recorder) -> None:
+    asked, is_closed = threading.Event(), threading.Event()
+
+    class Late(Gimbals):
+        def get_all(self) -> list[GimbalInfo]:
+            asked.set()
+            is_closed.wait(LIMIT_S)
+            return super().get_all()
+
+    gimbals = Late(GimbalStatus(100.0, in_body=DOWN))
+    of_gimbals: Any = gimbals
+    of_gripper: Any = Gripper(NOT_OFFERED)
+    recorded = Carried("uav_1", of_gimbals, of_gripper, frames, recorder)
+    recorded.start()
+    assert asked.wait(LIMIT_S)
+    recorded.close(0.0)
+    is_closed.set()
+    until(lambda: not any(each.is_alive() for each in recorded._threads), "its threads end by themselves")
+    assert len(recorded._threads) == 2, "another one was begun"
+    assert gimbals.statuses

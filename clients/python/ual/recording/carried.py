@@ -81,7 +81,9 @@ class Carried:
         self._equipment: Equipment | None = None
         self._watched: set[int] = set()
         self._closing = threading.Event()
+        self._lock = threading.Lock()
         self._threads: list[threading.Thread] = []
+        """Those that were started."""
         recorder.at_each_file(self._repeat)
 
     def start(self) -> None:
@@ -91,14 +93,17 @@ class Carried:
 
     def close(self, limit_s: float = 3.0) -> None:
         """Ends, once what is asked has been answered, or after a limit."""
-        self._closing.set()
-        for each in list(self._threads):
+        with self._lock:
+            self._closing.set()
+        for each in self._threads:
             each.join(limit_s)
 
     def _begin(self, look: Callable[[], bool], period_s: float) -> None:
         thread = threading.Thread(target=self._run, args=(look, period_s), name=f"carried by {self._ns}", daemon=True)
-        self._threads.append(thread)
-        thread.start()
+        with self._lock:  # none begins once it closes
+            if not self._closing.is_set():
+                thread.start()
+                self._threads.append(thread)
 
     def _run(self, look: Callable[[], bool], period_s: float) -> None:
         """Looks again and again, as long as that says that there may be something."""
