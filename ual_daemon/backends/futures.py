@@ -18,9 +18,9 @@ def done() -> Future[None]:
     return future
 
 
-def failed(error: BaseException) -> Future[None]:
-    """Returns a future that has ended with an error."""
-    future: Future[None] = Future()
+def failed(error: BaseException) -> Future[Any]:
+    """Returns a future, of any result, that has ended with an error."""
+    future: Future[Any] = Future()
     future.set_exception(error)
     return future
 

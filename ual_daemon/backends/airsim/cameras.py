@@ -7,7 +7,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from typing_extensions import override
 
@@ -18,8 +18,9 @@ from ual.cameras import (
     CameraStatus,
     ImageKind,
 )
-from ual.errors import InvalidArgumentError, LinkLostError, UalError
+from ual.errors import InvalidArgumentError, LinkLostError
 from ual.geometry import Pose
+from ual_daemon.backends import futures
 from ual_daemon.backends.airsim.camera_settings import NamedCamera
 from ual_daemon.backends.airsim.fetching import Fetched, PictureFetcher
 from ual_daemon.backends.airsim.pictures import intrinsics_of
@@ -109,7 +110,7 @@ class AirsimCamera(OfferedCamera):
     def status(self) -> Future[CameraStatus]:
         error = self._why_not()
         if error is not None:
-            return _failed(error)
+            return futures.failed(error)
         by_time, by_distance = self._by_time, self._by_distance
         return done(
             CameraStatus(
@@ -136,7 +137,7 @@ class AirsimCamera(OfferedCamera):
         try:
             return done(self._taken(photo, kind))
         except InvalidArgumentError as error:
-            return _failed(error)
+            return futures.failed(error)
 
     @override
     def start_interval(self, interval_s: float, count: int) -> Future[None]:
@@ -199,7 +200,7 @@ class AirsimCamera(OfferedCamera):
     def _begin(self, by_time: _ByTime | None, by_distance: tuple[float, DistanceTrigger] | None) -> Future[None]:
         error = self._why_not()
         if error is not None:
-            return _failed(error)
+            return futures.failed(error)
         with self._lock:
             self._set(by_time, by_distance)
         return done(None)
@@ -215,7 +216,7 @@ class AirsimCamera(OfferedCamera):
     def _encoded(self, kind: ImageKind) -> Future[EncodedImage]:
         error = self._why_not()
         if error is not None or self.settings is None:
-            return _failed(error or LinkLostError(f"camera {self._number} is not heard"))
+            return futures.failed(error or LinkLostError(f"camera {self._number} is not heard"))
         settings, place = self.settings, self._place()
         return then(self._fetch(settings.name, kind), lambda found: self._read(settings, place, kind, found))
 
@@ -331,9 +332,3 @@ class AirsimCameras(OfferedCameras):
 def _relative(body: Pose, camera: Pose) -> Pose:
     turn = body.orientation.inverse()
     return Pose(turn.rotate(camera.position - body.position), turn * camera.orientation)
-
-
-def _failed(error: UalError) -> Future[Any]:
-    future: Future[Any] = Future()
-    future.set_exception(error)
-    return future

@@ -12,7 +12,7 @@ import math
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from typing_extensions import override
 
@@ -23,8 +23,9 @@ from ual.cameras import (
     CameraStorage,
     StorageState,
 )
-from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, UalError, UalTimeoutError
+from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, UalTimeoutError
 from ual.geometry import Vector3
+from ual_daemon.backends import futures
 from ual_daemon.backends.chain import caught, done, then, then_wait
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.photo_log import PhotoLog
@@ -141,9 +142,9 @@ class DjiCamera(OfferedCamera):
     @override
     def start_interval(self, interval_s: float, count: int) -> Future[None]:
         if interval_s != int(interval_s) or interval_s > LONGEST_INTERVAL_S:
-            return _failed(_invalid("interval_s", f"{interval_s:g}: DJI takes whole seconds"))
+            return futures.failed(_invalid("interval_s", f"{interval_s:g}: DJI takes whole seconds"))
         if count > MOST_COUNT:
-            return _failed(_invalid("count", f"{count}: DJI takes at most {MOST_COUNT}, or 0 for no end"))
+            return futures.failed(_invalid("count", f"{count}: DJI takes at most {MOST_COUNT}, or 0 for no end"))
         self._by_distance = None
         order = {"num_photos_to_capture": count or FOREVER, "time_interval": int(interval_s)}
         begun = self._call("shoot_interval_photo", order, INTERVAL_S, _MAYBE_DONE)
@@ -153,7 +154,7 @@ class DjiCamera(OfferedCamera):
     def start_distance(self, distance_m: float) -> Future[None]:
         error = self._why_not()
         if error is not None:
-            return _failed(error)
+            return futures.failed(error)
         with self._lock:
             self._by_distance, self._by_time = (distance_m, DistanceTrigger(distance_m)), None
         return done(None)
@@ -191,7 +192,7 @@ class DjiCamera(OfferedCamera):
     @override
     def set_focus(self, percent: float | None) -> Future[None]:
         if percent is not None:
-            return _failed(_invalid("percent", "DJI's cameras focus by themselves only: leave it out"))
+            return futures.failed(_invalid("percent", "DJI's cameras focus by themselves only: leave it out"))
         return then(self._call("set_focus_mode", {"focus_mode": AUTO_FOCUS_ONCE}, doubt=_MAYBE_DONE), _nothing)
 
     # --- Pictures by distance: the link's thread ----------------------------------------------------------------------
@@ -269,10 +270,10 @@ class DjiCamera(OfferedCamera):
     ) -> Future[Message]:
         error = self._why_not()
         if error is not None:
-            return _failed(error)
+            return futures.failed(error)
         request = {"payload_index": self._position, **(arguments or {})}
         answer = self._around.call(service_of(name), request, limit_s)
-        whole = caught(answer, lambda failure: _failed(_explained(failure, self._number, doubt)))
+        whole = caught(answer, lambda failure: futures.failed(_explained(failure, self._number, doubt)))
         return then(whole, lambda values: self._accepted(name, values))
 
     def _accepted(self, name: str, values: Message) -> Message:
@@ -371,9 +372,3 @@ def _nothing(_: object) -> None:
 
 def _invalid(field: str, text: str) -> InvalidArgumentError:
     return InvalidArgumentError(f"{field}: {text}", {"field": field})
-
-
-def _failed(error: UalError | BaseException) -> Future[Any]:
-    future: Future[Any] = Future()
-    future.set_exception(error)
-    return future

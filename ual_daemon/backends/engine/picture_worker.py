@@ -5,9 +5,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from ual.errors import ResourceExhaustedError, UalError
+from ual_daemon.backends import futures
 
 T = TypeVar("T")
 
@@ -30,9 +31,9 @@ class PictureWorker:
         with self._lock:
             if self._waiting_count >= MOST_WAITING:
                 text = f"{MOST_WAITING} pictures are being made already, which is the limit: wait for one"
-                return _failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+                return futures.failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
             if self._is_closed:
-                return _failed(UalError("this UAV is closed"))
+                return futures.failed(UalError("this UAV is closed"))
             if self._executor is None:
                 self._executor = ThreadPoolExecutor(1, self._thread_name)
             self._waiting_count += 1
@@ -50,9 +51,3 @@ class PictureWorker:
     def _on_made(self) -> None:
         with self._lock:
             self._waiting_count -= 1
-
-
-def _failed(error: UalError) -> Future[Any]:
-    future: Future[Any] = Future()
-    future.set_exception(error)
-    return future

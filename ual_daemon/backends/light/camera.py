@@ -7,7 +7,7 @@ import math
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from typing_extensions import override
 
@@ -25,6 +25,7 @@ from ual.cameras import (
 from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual_daemon._version import __version__
+from ual_daemon.backends import futures
 from ual_daemon.backends.chain import then
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.photo_log import PhotoLog
@@ -253,7 +254,7 @@ class LightCamera(OfferedCamera):
         found = self._do(shot)
         error = found.exception(0)
         if error is not None:
-            return _failed(error)
+            return futures.failed(error)
         chosen = found.result(0)
         return then(self._paint(self._order(chosen, kind)), lambda data: _encoded(chosen, kind, data))
 
@@ -375,9 +376,9 @@ class LightCameras(OfferedCameras):
         with self._lock:
             if len(self._waiting) >= MOST_WAITING:
                 text = f"{MOST_WAITING} pictures are being painted already, which is the limit: wait for one"
-                return _failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+                return futures.failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
             if self._is_closed:
-                return _failed(UalError("this UAV is closed"))
+                return futures.failed(UalError("this UAV is closed"))
             painted = self._painter.paint(order)
             self._waiting.add(painted)
         painted.add_done_callback(self._on_painted)
@@ -394,12 +395,6 @@ def _encoded(shot: _Shot, kind: ImageKind, data: bytes) -> EncodedImage:
     width_px, height_px = shot.intrinsics.width_px, shot.intrinsics.height_px
     stamp_s, viewpoint = shot.taken.stamp_s, shot.taken.viewpoint
     return EncodedImage(data, encoding, width_px, height_px, stamp_s, shot.intrinsics, viewpoint, kind)
-
-
-def _failed(error: BaseException) -> Future[Any]:
-    future: Future[Any] = Future()
-    future.set_exception(error)
-    return future
 
 
 def _carrier(settings: LightCameraSettings, gimbals: Sequence[LightGimbal]) -> Callable[[Seen], Pose] | None:

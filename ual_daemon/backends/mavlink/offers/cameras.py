@@ -10,7 +10,7 @@ from typing import TypeVar
 from typing_extensions import override
 
 from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, CameraMode, CameraStatus, ImageKind, VideoStream
-from ual.errors import InvalidArgumentError, LinkLostError, NotSupportedError, UalError
+from ual.errors import InvalidArgumentError, LinkLostError, NotSupportedError
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import then
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures, Picture
@@ -124,12 +124,14 @@ class MavlinkCamera(OfferedCamera):
     @override
     def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
         if photo is None:
-            return _failed(NotSupportedError(f"{self._link.name} gives the pictures that it took: name a photo"))
+            return futures.failed(NotSupportedError(f"{self._link.name} gives the pictures that it took: name a photo"))
         taken = next(iter(self._link.photos.since(photo)), None)
         if taken is None or taken.number != photo:
-            return _failed(InvalidArgumentError(f"photo: {self._link.name} has told of no photo {photo}", _PHOTO))
+            return futures.failed(
+                InvalidArgumentError(f"photo: {self._link.name} has told of no photo {photo}", _PHOTO)
+            )
         if not taken.file_url:
-            return _failed(NotSupportedError(f"{self._link.name} has not told where its photo {photo} is"))
+            return futures.failed(NotSupportedError(f"{self._link.name} has not told where its photo {photo} is"))
         intrinsics = self.info.intrinsics
         return then(self._pictures.fetch(taken.file_url), lambda found: _encoded(found, taken, intrinsics))
 
@@ -147,12 +149,6 @@ def _encoded(found: Picture, taken: TakenPhoto, intrinsics: CameraIntrinsics | N
 
 def _is_for(intrinsics: CameraIntrinsics, found: Picture) -> bool:
     return (intrinsics.width_px, intrinsics.height_px) == (found.width_px, found.height_px)
-
-
-def _failed(error: UalError) -> Future[EncodedImage]:
-    future: Future[EncodedImage] = Future()
-    future.set_exception(error)
-    return future
 
 
 class MavlinkCameras(OfferedCameras):

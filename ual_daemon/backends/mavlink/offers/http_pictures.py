@@ -12,6 +12,7 @@ from urllib.parse import SplitResult, urlsplit, urlunsplit
 
 from ual.cameras import ImageFormat
 from ual.errors import LinkLostError, NotSupportedError, UalError, UalTimeoutError
+from ual_daemon.backends import futures
 from ual_daemon.backends.engine.picture_worker import PictureWorker
 
 if TYPE_CHECKING:
@@ -61,9 +62,7 @@ class HttpPictures:
         refusal, end_s = self._refusal(url), time.monotonic() + TIMEOUT_S
         if refusal is None:
             return self._worker.submit(lambda: self._fetched(url, end_s))
-        failed: Future[Picture] = Future()
-        failed.set_exception(refusal)
-        return failed
+        return futures.failed(refusal)
 
     def close(self) -> None:
         """Cancels the pictures that wait, and ends the one that is being fetched."""

@@ -105,7 +105,7 @@ class Services:
         `what` is what it is called for. `doubt` says, human-readable, what is not known where it has not answered.
         """
         answer = self.reach.call(service, arguments, limit_s)
-        return caught(answer, lambda error: _failed(explained(error, what, doubt)))
+        return caught(answer, lambda error: futures.failed(explained(error, what, doubt)))
 
     def call_free(
         self,
@@ -120,13 +120,13 @@ class Services:
         """As `call`, again after a while where the plugin is busy. `refusal` is called before each."""
         error = refusal()
         if error is not None:
-            return _failed(error)
+            return futures.failed(error)
 
         def again(failure: BaseException) -> Future[Message]:
             if not isinstance(failure, BusyError):
-                return _failed(failure)
+                return futures.failed(failure)
             if tries_count <= 1:
-                return _failed(UalTimeoutError(failure.message, failure.metadata))
+                return futures.failed(UalTimeoutError(failure.message, failure.metadata))
             return then_wait(
                 self.pause(BUSY_S),
                 lambda _: self.call_free(service, arguments, limit_s, what, doubt, tries_count - 1, refusal),
@@ -175,12 +175,6 @@ def explained(error: BaseException, what: str, doubt: str) -> BaseException:
     if isinstance(error, ServiceTimeoutError):
         return UalTimeoutError(f"cannot {what}: {error}{tail}", {"service": error.service})
     return LinkLostError(f"cannot {what}: {error}{tail}", {"service": error.service})
-
-
-def _failed(error: BaseException) -> Future[Any]:
-    future: Future[Any] = Future()
-    future.set_exception(error)
-    return future
 
 
 def _pass(source: Future[T], target: Future[T]) -> None:
