@@ -16,7 +16,6 @@ RULES = {
     "a mode of others": r"\bmode_before\b|\bfrom_modes?\b|\bovertak",
 }
 ALLOWED = {
-    "airsim/cameras.py": "a picture that waited as the simulator was closed, no command that flies",
     "airsim/commands.py": "the calls of a command that was ended",
     "airsim/session.py": "the answer to a command that was ended",
     "crazyflie/commander.py": "a Crazyflie without a pilot, which falls where UAL is silent: it hovers by itself",

@@ -27,6 +27,7 @@ from ual_daemon.backends.airsim.pictures import intrinsics_of
 from ual_daemon.backends.airsim.trail import Trail
 from ual_daemon.backends.chain import done, then
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
+from ual_daemon.backends.engine.due_photos import DuePhotos
 from ual_daemon.backends.engine.photo_log import PhotoLog
 from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
 from ual_daemon.geodesy import Projection
@@ -80,11 +81,10 @@ class AirsimCamera(OfferedCamera):
         self._photos: PhotoLog[TakenPhoto] = PhotoLog()
         self._kept: OrderedDict[int, EncodedImage] = OrderedDict()
         self._kept_bytes = 0
-        self._missed_count = 0
         self._intrinsics: CameraIntrinsics | None = None
         self._by_time: _ByTime | None = None
         self._by_distance: tuple[float, DistanceTrigger] | None = None
-        self._under_way: Future[TakenPhoto] | None = None
+        self._due = DuePhotos(self._number, self.take_photo, "the simulator still renders the one before")
 
     # --- What is asked ------------------------------------------------------------------------------------------------
 
@@ -118,7 +118,7 @@ class AirsimCamera(OfferedCamera):
                 interval_s=None if by_time is None else by_time.interval_s,
                 distance_m=None if by_distance is None else by_distance[0],
                 photos_count=self._photos.count,
-                missed_count=self._missed_count,
+                missed_count=self._due.missed_count,
             )
         )
 
@@ -165,10 +165,7 @@ class AirsimCamera(OfferedCamera):
                     self._set(None, None)
             elif self._by_distance is not None:
                 due_count = self._by_distance[1].due_count(pose.position)
-            if due_count:
-                self._missed_count += due_count - 1
-        if due_count:
-            self._shoot()
+        self._due.take(due_count)
 
     def end_boot(self) -> None:
         """Takes that the simulator was started anew: nothing is under way any more."""
@@ -176,24 +173,6 @@ class AirsimCamera(OfferedCamera):
             if self._by_time is not None or self._by_distance is not None:
                 _log.warning("camera %d takes no more pictures: the simulator was started anew", self._number)
             self._set(None, None)
-
-    def _shoot(self) -> None:
-        if self._under_way is not None and not self._under_way.done():
-            self._miss("the simulator still renders the one before")
-            return
-        self._under_way = taking = self.take_photo()
-        taking.add_done_callback(self._on_shot)
-
-    def _on_shot(self, taking: Future[TakenPhoto]) -> None:
-        error = None if taking.cancelled() else taking.exception()
-        if error is not None:
-            self._miss(str(error))
-
-    def _miss(self, why: str) -> None:
-        if not self._missed_count:
-            _log.warning("camera %d misses pictures: %s", self._number, why)
-        with self._lock:
-            self._missed_count += 1
 
     # --- How it is done -----------------------------------------------------------------------------------------------
 

@@ -28,6 +28,7 @@ from ual.geometry import Vector3
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import caught, done, then, then_wait
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
+from ual_daemon.backends.engine.due_photos import DuePhotos
 from ual_daemon.backends.engine.photo_log import PhotoLog
 from ual_daemon.backends.offers.cameras import OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
 from ual_daemon.backends.rosbridge import Message
@@ -88,14 +89,13 @@ class DjiCamera(OfferedCamera):
         self._around = around
         self._lock = threading.Lock()
         self._photos: PhotoLog[TakenPhoto] = PhotoLog()
-        self._missed_count = 0
         self._note = ""
         self._is_there = True
         self._by_distance: tuple[float, DistanceTrigger] | None = None
         self._by_time: tuple[float, float] | None = None
         """The interval, and when it ends by its count."""
         self._video_since_s: float | None = None
-        self._under_way: Future[TakenPhoto] | None = None
+        self._due = DuePhotos(self._number, self.take_photo, "the camera has not answered the order before")
 
     @property
     def is_busy(self) -> bool:
@@ -201,24 +201,7 @@ class DjiCamera(OfferedCamera):
         """Takes the picture that is due. Waits for nothing."""
         with self._lock:
             due_count = 0 if self._by_distance is None else self._by_distance[1].due_count(position)
-        if not due_count:
-            return
-        self._missed_count += due_count - 1
-        if self._under_way is not None and not self._under_way.done():
-            self._miss("the camera has not answered the order before")
-            return
-        self._under_way = self.take_photo()
-        self._under_way.add_done_callback(self._on_shot)
-
-    def _on_shot(self, taking: Future[TakenPhoto]) -> None:
-        error = None if taking.cancelled() else taking.exception()
-        if error is not None:
-            self._miss(str(error))
-
-    def _miss(self, why: str) -> None:
-        if not self._missed_count:
-            _log.warning("camera %d misses pictures: %s", self._number, why)
-        self._missed_count += 1
+        self._due.take(due_count)
 
     # --- How it is done -----------------------------------------------------------------------------------------------
 
@@ -242,7 +225,7 @@ class DjiCamera(OfferedCamera):
             is_recording=self._video_since_s is not None,
             recording_s=0.0 if self._video_since_s is None else now_s - self._video_since_s,
             photos_count=self._photos.count,
-            missed_count=self._missed_count,
+            missed_count=self._due.missed_count,
             storage=self._storage(stored),
             zoom_percent=_percent(zoomed),
         )
