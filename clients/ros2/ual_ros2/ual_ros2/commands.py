@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Awaitable, Iterable, Mapping
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
@@ -16,36 +14,8 @@ from ual.cameras import Photo
 from ual.gripper import Equipment
 from ual.parameters.values import Parameter
 from ual_ros2 import payload, pictures, values
-from ual_ros2.messages import Entity, Message
-
-
-def _in_no_frame(_: Message) -> Iterable[str]:
-    return ()
-
-
-def _nothing(_: object) -> Mapping[str, Message]:
-    return {}
-
-
-@dataclass(frozen=True)
-class Command:
-    """A service or action below ``<ns>/ual/``."""
-
-    name: str
-    kind: Entity
-    """The type of its messages."""
-    call: Callable[[ual.aio.Uav, Message], Awaitable[object]]
-    frames: Callable[[Message], Iterable[str]] = _in_no_frame
-    """The frames that the request is given in."""
-    told: Callable[[Any], Mapping[str, Message]] = _nothing
-    """The further fields of the response, of what the call has returned."""
-
-
-@dataclass(frozen=True)
-class Action(Command):
-    """An action, and whether it can be cancelled where there is a safety pilot: take-offs and landings cannot."""
-
-    can_be_cancelled: bool = True
+from ual_ros2.command import Action, Command
+from ual_ros2.messages import Message
 
 
 def _of_waypoint(request: Message) -> Iterable[str]:

@@ -11,7 +11,7 @@ from rclpy.action import ActionServer, CancelResponse
 
 import ual
 from ual_ros2 import outcome, values
-from ual_ros2.commands import Action
+from ual_ros2.command import Action
 from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Outcome, Run
 

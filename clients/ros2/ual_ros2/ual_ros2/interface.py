@@ -17,7 +17,8 @@ from std_srvs.srv import Empty, Trigger
 import ual
 from ual_ros2 import outcome, topics, values
 from ual_ros2.cameras import Cameras
-from ual_ros2.commands import ACTIONS, SERVICES, Command
+from ual_ros2.command import Command
+from ual_ros2.commands import ACTIONS, SERVICES
 from ual_ros2.frames import Frames, Tf
 from ual_ros2.goals import Goals
 from ual_ros2.health import Said

@@ -1,0 +1,39 @@
+"""What a command is: a service or an action, and the member of the client that it calls."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import ual
+from ual_ros2.messages import Entity, Message
+
+
+def _in_no_frame(_: Message) -> Iterable[str]:
+    return ()
+
+
+def _nothing(_: object) -> Mapping[str, Message]:
+    return {}
+
+
+@dataclass(frozen=True)
+class Command:
+    """A service or action below ``<ns>/ual/``."""
+
+    name: str
+    kind: Entity
+    """The type of its messages."""
+    call: Callable[[ual.aio.Uav, Message], Awaitable[object]]
+    frames: Callable[[Message], Iterable[str]] = _in_no_frame
+    """The frames that the request is given in."""
+    told: Callable[[Any], Mapping[str, Message]] = _nothing
+    """The further fields of the response, of what the call has returned."""
+
+
+@dataclass(frozen=True)
+class Action(Command):
+    """An action, and whether it can be cancelled where there is a safety pilot: take-offs and landings cannot."""
+
+    can_be_cancelled: bool = True
