@@ -144,18 +144,21 @@ def read_answer(call: Call, answer: Answer, after_s: float = 0.0) -> Reply:
     if call.service == topics.SET_MODE:
         unknown = Reply(Verdict.REFUSED, "MAVROS does not know the mode, or hears no autopilot")
         return Reply(Verdict.PASSED_ON) if answer.get("mode_sent") else unknown
-    result = int(answer.get("result", _ACCEPTED))
-    if call.service == topics.COMMAND:
-        return _read_move(result, after_s, is_done=bool(answer.get("success")))
-    if result not in (_ACCEPTED, _IN_PROGRESS):
-        return Reply(Verdict.REFUSED, _RESULTS.get(result, f"result {result}"))
-    return Reply(Verdict.ACCEPTED if answer.get("success") else Verdict.PASSED_ON)  # else no acknowledgement came
+    return _read_result(call, int(answer.get("result", _ACCEPTED)), after_s, is_done=bool(answer.get("success")))
 
 
-def _read_move(result: int, after_s: float, *, is_done: bool) -> Reply:
-    """MAVROS passes on the first acknowledgement only: of one that says "in progress" the end is never told."""
-    if is_done or result == _IN_PROGRESS:
+def _read_result(call: Call, result: int, after_s: float, *, is_done: bool) -> Reply:
+    """MAVROS passes on the first acknowledgement only: of one that says "in progress" the end is never told.
+
+    Arming and take-off show their effect, so they wait for it. Of what else is commanded only answers tell.
+    """
+    if is_done:
         return Reply(Verdict.ACCEPTED)
-    if result == _ACCEPTED or (result == _FAILED and after_s >= _NO_ACK_S):
+    if result == _FAILED and after_s >= _NO_ACK_S:
         return Reply(Verdict.LOST)
+    is_told_by_answer = call.service == topics.COMMAND
+    if result == _IN_PROGRESS:
+        return Reply(Verdict.ACCEPTED if is_told_by_answer else Verdict.PASSED_ON)
+    if result == _ACCEPTED:  # no acknowledgement came
+        return Reply(Verdict.LOST if is_told_by_answer else Verdict.PASSED_ON)
     return Reply(Verdict.REFUSED, _RESULTS.get(result, f"result {result}"))

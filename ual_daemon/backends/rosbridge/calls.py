@@ -11,6 +11,15 @@ from typing import Any, NamedTuple
 
 from ual_daemon.backends.rosbridge.operations import Message
 
+_LEFT = (
+    "transport error completing",
+    "returned no response",
+    "node shutdown interrupted",
+    "Timeout exceeded while waiting for service response",
+    "Service call exception",
+)
+"""What is in the words of rosbridge where a call has left, and its answer was lost: the first three with ROS 1."""
+
 
 class ServiceError(Exception):
     """A service was not executed: `words` says why, in the words of the other side."""
@@ -22,7 +31,7 @@ class ServiceError(Exception):
 
 
 class ServiceTimeoutError(ServiceError):
-    """A service has not answered in time. Whether it was executed is not known."""
+    """A service has not answered, in time or at all. Whether it was executed is not known."""
 
 
 class _Call(NamedTuple):
@@ -81,7 +90,7 @@ class Calls:
         if operation.get("result", True) and isinstance(values, dict | None):
             _end(call, values or {})
         else:
-            _end(call, ServiceError(call.service, str(values) or "refused without a reason"))
+            _end(call, _read_error(call.service, str(values)))
 
     def expire(self, now_s: float) -> tuple[str, ...]:
         """Ends the calls whose time is over, or whose caller has given up, and returns their ids."""
@@ -110,6 +119,12 @@ class Calls:
     def _take(self, ident: str) -> _Call | None:
         with self._lock:
             return self._open.pop(ident, None)
+
+
+def _read_error(service: str, text: str) -> ServiceError:
+    if any(each in text for each in _LEFT):
+        return ServiceTimeoutError(service, text)
+    return ServiceError(service, text or "refused without a reason")
 
 
 def _end(call: _Call, result: Message | ServiceError) -> None:

@@ -191,7 +191,7 @@ class RosbridgeLink:
         if connections is None or not (self.is_up or (service == TOPICS_SERVICE and self.state is LinkState.ASKING)):
             return _refused(service, self.why_not or f"not connected to {self.url}")
         ident, answer = self._calls.begin(service, now_s, timeout_s)
-        data = operations.call_service(service, arguments or {}, ident)
+        data = operations.call_service(service, arguments or {}, ident, timeout_s)
 
         def withdraw(ended: Future[Message]) -> None:
             if ended.cancelled():

@@ -56,12 +56,14 @@ def publish(topic: str, message: Message) -> bytes:
     return _encode({"op": "publish", "topic": topic, "msg": message})
 
 
-def call_service(service: str, arguments: Message, ident: str) -> bytes:
+def call_service(service: str, arguments: Message, ident: str, timeout_s: float) -> bytes:
     """Returns the operation that calls a service.
 
+    rosbridge of ROS 2 Jazzy and newer waits for so long for the answer (else for 5 s). Others do not read this.
     NaN is written as Python does: rosbridge's JSON reads that, and it refuses a call with null for a number.
     """
-    return json.dumps({"op": "call_service", "id": ident, "service": service, "args": arguments}).encode()
+    call = {"op": "call_service", "id": ident, "service": service, "args": arguments, "timeout": timeout_s}
+    return json.dumps(call).encode()
 
 
 def decode(data: str | bytes) -> dict[str, Any]:

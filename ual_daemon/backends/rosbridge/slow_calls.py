@@ -36,7 +36,7 @@ class SlowCalls:
         """Calls a service; see `RosbridgeLink.call_service`."""
         ident, answer = self._calls.begin(service, self._now_s(), timeout_s)
         with self._lock:
-            self._unsent.append((ident, operations.call_service(service, arguments, ident)))
+            self._unsent.append((ident, operations.call_service(service, arguments, ident, timeout_s)))
         return answer
 
     def serve(self) -> None:

@@ -14,7 +14,7 @@ from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.mavros import commands, messages
 from ual_daemon.backends.mavros.commands import TEXT_S, Answer, Call, read_answer
-from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
+from ual_daemon.backends.rosbridge.calls import Calls, ServiceError, ServiceTimeoutError
 from ual_daemon.backends.values import ControlState, Sample, Snapshot
 
 
@@ -252,15 +252,42 @@ def test_why_a_mode_was_not_entered_is_told(answer: dict[str, object], text: str
 
 
 @pytest.mark.parametrize(
-    ("answer", "verdict", "text"),
+    ("answer", "after_s", "verdict", "text"),
     [
-        ({"success": True, "result": 0}, Verdict.ACCEPTED, ""),
-        ({"success": False, "result": 2}, Verdict.REFUSED, "DENIED"),
-        ({"success": False, "result": 99}, Verdict.REFUSED, "result 99"),
-        ({"success": False, "result": 5}, Verdict.PASSED_ON, ""),
-        ({"success": False, "result": 0}, Verdict.PASSED_ON, ""),  # no acknowledgement came
+        ({"success": True, "result": 0}, 0.1, Verdict.ACCEPTED, ""),
+        ({"success": False, "result": 2}, 0.1, Verdict.REFUSED, "DENIED"),
+        ({"success": False, "result": 2}, 5.0, Verdict.REFUSED, "DENIED"),
+        ({"success": False, "result": 4}, 0.1, Verdict.REFUSED, "FAILED"),
+        ({"success": False, "result": 4}, 5.0, Verdict.LOST, ""),  # what MAVROS says where none came
+        ({"success": False, "result": 99}, 0.1, Verdict.REFUSED, "result 99"),
+        ({"success": False, "result": 5}, 0.1, Verdict.PASSED_ON, ""),
+        ({"success": False, "result": 0}, 0.1, Verdict.PASSED_ON, ""),  # no acknowledgement came
     ],
 )
-def test_what_the_answers_to_commands_say(answer: dict[str, object], verdict: Verdict, text: str) -> None:
-    reply = read_answer(commands.arm_or_disarm(is_arming=True).request, answer)
+@pytest.mark.parametrize(
+    "command", [commands.arm_or_disarm(is_arming=True), commands.climb(3.0)], ids=lambda command: command.what
+)
+def test_what_the_answers_to_commands_say(
+    command: Command[Call], answer: dict[str, object], after_s: float, verdict: Verdict, text: str
+) -> None:
+    reply = read_answer(command.request, answer, after_s)
     assert (reply.verdict, reply.text) == (verdict, text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "transport error completing service call: unable to receive data from sender",
+        "service [/mavros/cmd/arming] returned no response",
+        "node shutdown interrupted service call",
+        "Timeout exceeded while waiting for service response",
+        "Service call exception: the client was destroyed",
+    ],
+)
+def test_a_call_whose_answer_the_bridge_has_lost_may_have_been_executed(text: str) -> None:
+    calls = Calls()
+    ident, answer = calls.begin("/mavros/cmd/arming", 0.0, 6.0)
+    calls.answer({"op": "service_response", "id": ident, "values": text, "result": False})
+    error = answer.exception(0.0)
+    assert isinstance(error, ServiceError)
+    assert read_answer(commands.arm_or_disarm(is_arming=True).request, error).verdict is Verdict.LOST

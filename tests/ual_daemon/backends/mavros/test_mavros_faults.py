@@ -17,7 +17,7 @@ from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import OFFBOARD, Px4
 from tests.simulators.rosbridge import Answer, Message, Service
 from tests.waiting import until
-from ual.errors import LinkLostError, TaskAbortedError, UalError
+from ual.errors import LinkLostError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Pose
 from ual.types import State
 from ual_daemon import UAL
@@ -91,6 +91,19 @@ def px4() -> Iterator[Flight]:
     backend = make("px4")
     with UAL(backend, allow_arming=True) as uav:
         yield Flight(backend, uav)
+
+
+def test_arming_that_a_mavros_took_with_it_is_not_told_as_refused() -> None:
+    """With ROS 1 rosbridge says at once that the call was lost. Whether the autopilot got it is not known."""
+    backend = make("px4", 1)
+    with UAL(backend, allow_arming=True) as uav:
+        backend.autopilot.pilot_readies()
+        until(uav.is_ready, "a UAV that is ready", seen=uav.telemetry)
+        backend.node.dies_in = "cmd/arming"
+        with pytest.raises(
+            UalTimeoutError, match="MAVROS has not answered the command to arm, which may still be exec"
+        ):
+            uav.arm()
 
 
 def test_a_bridge_that_goes_in_flight_is_told_and_heals_by_itself(flight: Flight) -> None:

@@ -12,12 +12,7 @@ from tests.simulators.lockstep_mavros import LockstepMavros
 from tests.simulators.mission_store import FENCE, MISSION, RALLY
 from tests.ual_daemon.backends.mavros.test_mavros_faults import make
 from tests.waiting import until
-from ual.errors import (
-    LinkLostError,
-    NotSupportedError,
-    RejectedByAutopilotError,
-    WrongStateError,
-)
+from ual.errors import NotSupportedError, RejectedByAutopilotError, UalTimeoutError, WrongStateError
 from ual.fences.values import FencePlan, FenceZone, RallyPoint
 from ual.geometry import Vector3
 from ual.missions import HoldTime, Item, ReturnToLaunch, Speed, TakeOff, Waypoint
@@ -116,7 +111,7 @@ def test_a_mavros_that_dies_in_an_upload_is_told_and_the_next_one_reads(uav: UAL
     if backend.node.ros == 2:
         pytest.skip("it is not answered, and ends with its time: see the parameters")
     backend.node.dies_in = "mission/push"
-    with pytest.raises(LinkLostError, match="it is not known which mission the autopilot has now"):
+    with pytest.raises(UalTimeoutError, match="it is not known which mission the autopilot has now"):
         uav.mission.upload(mission(backend, 3))
     until(lambda: uav.state() is State.LANDED_DISARMED, "a state", seen=uav.telemetry)
     assert uav.mission.download().items == ()
