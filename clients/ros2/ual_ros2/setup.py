@@ -21,11 +21,11 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"lib/{NAME}", ["scripts/node"]),
         *map(shared, ("launch", "rviz", "urdf")),
     ],
     install_requires=["setuptools", "ual-client"],
     zip_safe=True,
     description="UAVs of the UAV abstraction layer (UAL) as a ROS 2 node: a client of their daemons",
     license="Apache-2.0",
-    entry_points={"console_scripts": [f"node = {NAME}.node:main"]},
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
@@ -64,6 +65,12 @@ class Machine:
 
     def ual(self, *words: str, **changes: str) -> subprocess.CompletedProcess[str]:
         """Runs ``ual`` with these words."""
+        running = self.begin(*words, **changes)
+        out, error = running.communicate(timeout=60.0)
+        return subprocess.CompletedProcess(running.args, running.returncode, out, error)
+
+    def begin(self, *words: str, **changes: str) -> subprocess.Popen[str]:
+        """Starts ``ual`` with these words."""
         program = "from ual_tools.main import main; main()"
         environment = {
             "PATH": str(self.root / "bin"),
@@ -73,7 +80,8 @@ class Machine:
             "AMENT_PREFIX_PATH": str(self.ros),
         }
         command = [sys.executable, "-c", program, *words]
-        return subprocess.run(command, env=environment | changes, capture_output=True, text=True, timeout=60.0)
+        pipe = subprocess.PIPE
+        return subprocess.Popen(command, env=environment | changes, stdout=pipe, stderr=pipe, text=True)
 
     def node(self, *words: str) -> dict[str, Any]:
         """Returns what the node says of how it was started."""
@@ -116,6 +124,21 @@ def test_the_interfaces_are_built_once_and_found_by_the_node(machine: Machine) -
     assert first["ament"] == f"{prefix}{os.pathsep}{machine.ros}"
 
 
+def test_two_programs_at_once_build_them_once(machine: Machine) -> None:
+    machine.node("ros2")
+    [prefix] = [path for path in machine.cache.iterdir() if path.is_dir()]
+    prefix.rename(machine.root / "built")
+    with prefix.with_suffix(".lock").open("w") as building:
+        fcntl.flock(building, fcntl.LOCK_EX)
+        waiting = machine.begin("ros2")
+        assert waiting.stderr is not None
+        assert waiting.stderr.readline() == "ual: another program builds ual_msgs already: waiting for it\n"
+        (machine.root / "built").rename(prefix)
+    said, _ = waiting.communicate(timeout=60.0)
+    assert json.loads(said)["ual_msgs"].startswith(str(prefix))
+    assert len(machine.steps()) == 6
+
+
 def test_what_ros_has_is_not_built(machine: Machine) -> None:
     for name in ("tf2_msgs", "ual_msgs"):
         machine._write(f"python/{name}/__init__.py", "")
@@ -136,7 +159,7 @@ def test_a_build_that_fails_is_told_and_leaves_nothing_half_done(machine: Machin
     assert done.returncode == 1
     assert "tf2_msgs cannot be built: `cmake -S` ended with 1" in done.stderr
     assert "no such generator" in done.stderr
-    [log] = machine.cache.iterdir()
+    [log] = machine.cache.glob("*.log")
     assert str(log) in done.stderr
     assert "no such generator" in log.read_text()
     machine.make_cmake(fails=False)

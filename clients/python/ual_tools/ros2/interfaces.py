@@ -5,13 +5,15 @@ So a program that imports `ual_msgs` needs no workspace. What ROS has already is
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -57,7 +59,11 @@ def ready(ros: Ros, directory: Path, tell: Callable[[str], None]) -> dict[str, s
         return {}
     prefix = directory / _key(ros, packages.values())
     if not prefix.is_dir():
-        _make(packages, prefix, ros, tell)
+        _require_tools()
+        prefix.parent.mkdir(parents=True, exist_ok=True)
+        with _alone(prefix.with_suffix(".lock"), tell):
+            if not prefix.is_dir():
+                _make(packages, prefix, ros, tell)
     return variables(prefix, ros, os.environ)
 
 
@@ -81,24 +87,29 @@ def _key(ros: Ros, sources: Iterable[Path]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _make(packages: Mapping[str, Path], prefix: Path, ros: Ros, tell: Callable[[str], None]) -> None:
+def _require_tools() -> None:
     if missing := [tool for tool in _TOOLS if shutil.which(tool) is None]:
         raise NotSupportedError(_NO_TOOLS.format(tools=" and no ".join(missing)))
-    prefix.parent.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def _alone(lock: Path, tell: Callable[[str], None]) -> Iterator[None]:
+    """Lets one process build, while the others wait: `ual ros2 &` and `ual ros2 --variables` begin at once."""
+    with lock.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            tell("another program builds ual_msgs already: waiting for it")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _make(packages: Mapping[str, Path], prefix: Path, ros: Ros, tell: Callable[[str], None]) -> None:
     tell(f"building {' and '.join(packages)}, once, into {prefix}: about a minute")
     with tempfile.TemporaryDirectory(dir=prefix.parent) as scratch:
         for name, source in packages.items():
             _build(name, source, Path(scratch), prefix.parent / f"{prefix.name}.log", ros)
-        _put(Path(scratch) / "installed", prefix)
-
-
-def _put(built: Path, prefix: Path) -> None:
-    """Moves it to its place at once, so that another process finds all of it or nothing."""
-    try:
-        built.rename(prefix)
-    except OSError:
-        if not prefix.is_dir():  # else another process has built the same meanwhile
-            raise
+        (Path(scratch) / "installed").rename(prefix)  # at once: another process finds all of it or nothing
 
 
 def _build(name: str, source: Path, scratch: Path, log: Path, ros: Ros) -> None:
