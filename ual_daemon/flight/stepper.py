@@ -137,6 +137,8 @@ class Stepper:
         goes_on = Ending(goes_on=True)
         if self._exchange(to.manoeuvre, lambda old: goes_on if old is manoeuvre and not manoeuvre.is_paused else None):
             to.begin()
+        else:  # what makes it hand over may have come while it was paused, and counts once it goes on
+            manoeuvre.is_fitted = False
 
     def _hold_by_autopilot(self, snapshot: Snapshot, during: str) -> None:
         """Commands the autopilot to hold its position by itself, until it has left the mode in which it obeys UAL.

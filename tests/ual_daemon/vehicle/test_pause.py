@@ -10,7 +10,7 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from tests.ual_daemon.tracker.test_tracker import assert_sent_within, wiretap
 from tests.ual_daemon.trajectory.trajectories import distance_from_path
 from ual.errors import TaskAbortedError, WrongStateError
-from ual.geometry import Transform, Twist, TwistStamped, Vector3
+from ual.geometry import IDENTITY, Transform, Twist, TwistStamped, Vector3
 from ual.types import AltitudeReference, State, TaskStatus
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import Tracker, VehicleSettings
@@ -155,6 +155,26 @@ def test_a_go_to_to_a_moving_goal_cannot_be_paused(flying: Stepped) -> None:
     with pytest.raises(WrongStateError, match="its goal moves"):
         flying.vehicle.commands.pause()
     assert not task.info().is_paused
+
+
+def test_a_goal_whose_frame_is_put_elsewhere_in_a_pause_is_flown_to_there(flying: Stepped) -> None:
+    """It was flown to where its frame had been before, and that was told as a success."""
+
+    def put(x: float, y: float) -> None:
+        flying.vehicle.frame_editor.add(Transform(Vector3(x, y, 0.0), IDENTITY, "uav_1/odom", "boat"))
+
+    put(10.0, 0.0)
+    task = flying.prepare.go_to_waypoint(at(0, 0, 3, frame_id="boat")).begin()
+    flying.run(1.0)
+    flying.vehicle.commands.pause()
+    flying.run(3.0)
+    held = flying.pose.position
+    put(0.0, 12.0)
+    flying.run(5.0)
+    assert (flying.pose.position - held).norm() < 0.1
+    flying.vehicle.commands.resume()
+    flying.end(task.future)
+    assert (flying.pose.position - Vector3(0.0, 12.0, 3.0)).norm() < 0.3
 
 
 def test_another_command_ends_a_paused_task_as_ever(flying: Stepped) -> None:
