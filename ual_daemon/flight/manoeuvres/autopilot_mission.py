@@ -57,6 +57,7 @@ class _Phase(Enum):
     FLYING = auto()
     PAUSING = auto()
     PAUSED = auto()
+    """It holds: by itself, or before it has begun by UAL's references."""
     REREADING = auto()
     """The same as VERIFYING, before a paused one goes on."""
 
@@ -266,6 +267,8 @@ class AutopilotMission(Manoeuvre):
     def _choosing(self, snapshot: Snapshot) -> Step:
         if (step := self._unless_ours(snapshot)) is not None:
             return step
+        if self._task.is_paused:
+            return self._stay_paused(snapshot)
         if self._waited is None:
             anew = self._first == 1 and not self._was_paused
             self._waited = self._offer.set_current(self._kept.items, self._item, self._why_not, anew=anew)
@@ -368,7 +371,7 @@ class AutopilotMission(Manoeuvre):
         assert self.command is not None
         mode = _mode(snapshot)
         if mode == self._offer.pause_mode:
-            self._phase = _Phase.PAUSED
+            self._phase, self._began_in, self._was_paused = _Phase.PAUSED, mode, True
             self.mission = self.mission.replace("flies our mission", "holds on our mission")
             return Step()
         if mode != self._began_in:
@@ -377,21 +380,27 @@ class AutopilotMission(Manoeuvre):
         return Step() if failure is None else failed(with_advice(failure, "the autopilot flies on"))
 
     def _paused(self, snapshot: Snapshot) -> Step:
-        if _mode(snapshot) != self._offer.pause_mode:
-            return taken(snapshot, NAME)
+        if (step := self._unless_ours(snapshot)) is not None:
+            return step
         if not self._task.is_paused:
             self._phase, self._waited = _Phase.REREADING, None
-        return Step()
+        return self._referring(snapshot)
 
     def _rereading(self, snapshot: Snapshot) -> Step:
         """While it held, another station may have brought another mission, which nothing has checked."""
-        if _mode(snapshot) != self._offer.pause_mode:
-            return taken(snapshot, NAME)
-        if (step := self._unless_kept("the autopilot holds its position")) is not None:
+        if (step := self._unless_ours(snapshot)) is not None:
             return step
+        if self._task.is_paused:
+            return self._stay_paused(snapshot)
+        if (step := self._unless_kept(self._stays())) is not None:
+            return step if step.has_ended else self._referring(snapshot)
         self._phase, self._waited = _Phase.CHOOSING, None
-        self._began_in, self._was_paused = _mode(snapshot), True
-        return Step()
+        return self._referring(snapshot)
+
+    def _stay_paused(self, snapshot: Snapshot) -> Step:
+        """Holds where it does, as it was paused anew, or before it has begun."""
+        self._phase, self._waited = _Phase.PAUSED, None
+        return self._referring(snapshot)
 
     def _unless_ours(self, snapshot: Snapshot) -> Step | None:
         """Returns the end of a mission before which others took the UAV; None while it is in the mode it began in."""
@@ -405,7 +414,9 @@ class AutopilotMission(Manoeuvre):
         return Step() if self._reference is None else Step(self._reference.setpoint(snapshot))
 
     def _stays(self) -> str:
-        return "the UAV stays on the ground" if not self._was_in_air else _HOLDS
+        if not self._was_in_air:
+            return "the UAV stays on the ground"
+        return "the autopilot holds its position" if self._reference is None else _HOLDS
 
     def _result(self) -> Any:  # noqa: ANN401  of what the phase waits for
         waited = self._waited

@@ -1,0 +1,159 @@
+"""A mission that the autopilot flies, by an autopilot whose mode a test sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+
+import pytest
+
+from tests.ual_daemon.flight.hand_made import Autopilot
+from ual.errors import TaskAbortedError, UalError
+from ual.geometry import Vector3
+from ual.missions import Item, Waypoint
+from ual.types import TaskKind
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.chain import done
+from ual_daemon.backends.light import LightBackend
+from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport, OnItsOwn
+from ual_daemon.backends.values import Control, LandedState
+from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission, TakeBack
+from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.tracker.references import Hold
+
+KEPT = KeptMission((Waypoint(47.0, 8.0, 5.0),), "1")
+
+
+class Missions(AutopilotMissions):
+    """Missions of an autopilot; `asked` is what it was asked for."""
+
+    mode, return_mode, pause_mode, done_mode = "MISSION", "RETURN", "PAUSE", "HOLD"
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.read: Future[KeptMission] = Future()
+
+    def require(self, items: Sequence[Item]) -> None:
+        """Takes any."""
+
+    def upload(self, items: Sequence[Item], refusal: Callable[[], UalError | None]) -> Future[KeptMission]:
+        raise NotImplementedError
+
+    def clear(self, refusal: Callable[[], UalError | None]) -> Future[KeptMission]:
+        raise NotImplementedError
+
+    def download(self) -> Future[KeptMission]:
+        self.asked.append("download")
+        self.read = Future()
+        return self.read
+
+    def report(self) -> MissionReport | None:
+        return None
+
+    def set_current(
+        self, items: Sequence[Item], item: int, refusal: Callable[[], UalError | None], *, anew: bool
+    ) -> Future[None]:
+        self.asked.append("set_current")
+        return done(None)
+
+    def fly(self) -> Future[None]:
+        self.asked.append("fly")
+        return done(None)
+
+    def on_its_own(self) -> Future[OnItsOwn]:
+        return done(OnItsOwn(None, "it goes on"))
+
+
+class Lab:
+    """A mission that was started in the air."""
+
+    def __init__(self) -> None:
+        self.autopilot = Autopilot(control=Control.REFERENCES, landed=LandedState.IN_AIR, mode="OFFBOARD")
+        self.offer = Missions()
+        self.task = self.autopilot.task(TaskKind.MISSION)
+        backend = LightBackend(BackendOptions("uav_1", settings={"speed_factor": 0}))
+        self.mission = AutopilotMission(
+            self.task, backend, self.offer, KEPT, 1, Hold(Vector3(1.0, 2.0, 3.0), 0.0), self._take_back, lambda: None
+        )
+
+    def _take_back(self, task: VehicleTask) -> TakeBack:
+        raise NotImplementedError
+
+    def enter(self, mode: str) -> None:
+        """The autopilot enters a mode."""
+        self.autopilot.mode, self.autopilot.control = mode, Control.OTHER
+        self.run()
+
+    def run(self) -> None:
+        """Lets it be stepped a few times."""
+        for _ in range(3):
+            step = self.autopilot.step(self.mission)
+            assert not step.has_ended, step.error
+
+    def fly(self) -> None:
+        """It is flown."""
+        self.run()
+        self.enter("MISSION")
+
+    def pause(self) -> None:
+        """It is paused, and the autopilot holds."""
+        self.task.is_paused = True
+        self.run()
+        self.enter("PAUSE")
+        self.offer.asked.clear()
+
+
+@pytest.fixture
+def lab() -> Lab:
+    return Lab()
+
+
+def test_a_paused_mission_is_read_again_and_goes_on(lab: Lab) -> None:
+    lab.fly()
+    lab.pause()
+    lab.task.is_paused = False
+    lab.run()
+    assert lab.offer.asked == ["download"]
+    lab.offer.read.set_result(KEPT)
+    lab.run()
+    assert lab.offer.asked == ["download", "set_current", "fly"]
+    lab.enter("MISSION")
+
+
+def test_a_pause_while_a_mission_is_read_again_keeps_it_where_it_holds(lab: Lab) -> None:
+    """It flew on, though it had been paused anew, and was held only then."""
+    lab.fly()
+    lab.pause()
+    lab.task.is_paused = False
+    lab.run()
+    lab.task.is_paused = True
+    lab.offer.read.set_result(KEPT)
+    lab.run()
+    assert "fly" not in lab.offer.asked
+    lab.task.is_paused = False
+    lab.run()
+    lab.offer.read.set_result(KEPT)  # others may have brought another one in that pause
+    lab.run()
+    assert lab.offer.asked == ["download", "download", "set_current", "fly"]
+    lab.enter("MISSION")
+
+
+def test_a_pause_before_a_mission_has_begun_keeps_it_on_its_references(lab: Lab) -> None:
+    lab.task.is_paused = True
+    lab.run()
+    assert lab.autopilot.step(lab.mission).setpoint is not None
+    assert "fly" not in lab.offer.asked
+    lab.task.is_paused = False
+    lab.run()
+    assert lab.autopilot.step(lab.mission).setpoint is not None
+    lab.offer.read.set_result(KEPT)
+    lab.run()
+    assert lab.offer.asked == ["download", "set_current", "fly"]
+    lab.enter("MISSION")
+
+
+def test_others_who_take_it_while_it_is_paused_end_it(lab: Lab) -> None:
+    lab.fly()
+    lab.pause()
+    lab.autopilot.mode = "POSCTL"
+    assert isinstance(lab.autopilot.step(lab.mission).error, TaskAbortedError)
