@@ -335,12 +335,13 @@ class Vehicle(ReportedVehicle):
         self._resolver.update(snapshot)
         if self._flight.lease.id != NOBODY:
             self._expire_lease()
-        self.missions.update(snapshot)
-        if snapshot.time_s >= self.gimbals.due_s:
-            self.gimbals.update(snapshot)
         if not self._follow_jumps(snapshot):
             self._flight.step(snapshot)
         self._publish(snapshot, self._flight.estimate(snapshot))
+        # After the flight and what is told of it: a defect of these must not take the UAV its setpoints.
+        self.missions.update(snapshot)
+        if snapshot.time_s >= self.gimbals.due_s:
+            self.gimbals.update(snapshot)
         self._fence_notice.observe(snapshot.time_s)
 
     def _follow_jumps(self, snapshot: Snapshot) -> bool:

@@ -507,6 +507,24 @@ def test_values_of_the_wrong_type_are_refused(flying: Stepped) -> None:
             command()
 
 
+@pytest.mark.parametrize("part", ["gimbals", "missions"])
+def test_a_defect_of_what_is_beside_flying_does_not_end_the_flight(
+    flying: Stepped, part: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The UAV got no more setpoints, and clients no more samples."""
+
+    def fail(snapshot: Snapshot) -> None:
+        raise RuntimeError("a defect")
+
+    broken = getattr(flying.vehicle, part)
+    monkeypatch.setattr(broken, "update", fail)
+    monkeypatch.setattr(flying.vehicle.gimbals, "due_s", -math.inf)
+    flying.samples.clear()
+    flying.end(flying.prepare.go_to_waypoint(at(3, 0, 3)).begin().future)
+    assert flying.pose.position.x == pytest.approx(3.0, abs=0.3)
+    assert flying.samples
+
+
 def test_an_unknown_task_is_an_invalid_argument(uav: Stepped) -> None:
     with pytest.raises(InvalidArgumentError, match="task_id"):
         uav.vehicle.task("go_to_waypoint-0")
