@@ -22,8 +22,8 @@ from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.explanation import Explanation
 from ual_daemon.flight.flown import SILENT, Ending, Flown
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
-from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
-from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
+from ual_daemon.flight.mission_stop import mission_stop
 from ual_daemon.flight.policy.authority import Authority
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
@@ -333,7 +333,7 @@ class Flight:
         """
         snapshot = self._backend.snapshot()
         if self.is_on_mission:
-            self._take_back_for_lease(why, snapshot)
+            self._stop_mission_for_lease(why, snapshot)
         elif self.raw_estimate(snapshot).state is State.FLYING_AUTO:
             stop = self.brake(snapshot)
             new = FlyReference("lease", stop, self._rules)
@@ -341,19 +341,19 @@ class Flight:
         else:
             self._exchange(None, partial(self._ends_with_lease, why, None))
 
-    def _take_back_for_lease(self, why: str, snapshot: Snapshot) -> None:
-        """Takes the control back from a mission, so that the UAV holds."""
-        state = self.raw_estimate(snapshot).state
-        if state not in (State.FLYING_MANUAL, State.FLYING_AUTO):  # it takes off or lands by itself, or stands
+    def _stop_mission_for_lease(self, why: str, snapshot: Snapshot) -> None:
+        stop = self.mission_stop("lease", snapshot)
+        if stop is None:
             self._exchange(None, partial(self._ends_with_lease, why, None))
             return
-        is_early = state is State.FLYING_AUTO
-        command = AutopilotCommand("take our references")
-        take_control = self._backend.take_control
-        limits = self.limits.get()
-        recover = Recover(command, limits, take_control, lambda _: None, name="lease", is_early=is_early)
-        if self._exchange(recover, partial(self._ends_with_lease, why, recover)) and not is_early:
-            recover.send()
+        stop.manoeuvre.begins_in(snapshot.control.settled_mode)
+        if self._exchange(stop.manoeuvre, partial(self._ends_with_lease, why, stop.manoeuvre)):
+            stop.begin()
+
+    def mission_stop(self, by: str, snapshot: Snapshot) -> Handover | None:
+        """Returns what is flown instead of the mission that the autopilot flies; see `mission_stop`."""
+        state = self.raw_estimate(snapshot).state
+        return mission_stop(by, self._flown.manoeuvre, state, self._backend, self.limits)
 
     def _ends_with_lease(self, why: str, new: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
         self._note_command("lease")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 from functools import partial
 
-from ual.errors import LeaseHeldError, LeaseLostError, PermissionDeniedError, UalError, WrongStateError
+from ual.errors import LeaseHeldError, LeaseLostError, LinkLostError, PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import TwistStamped, Vector3
 from ual.types import (
     Capability,
@@ -33,6 +33,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import Handover
 from ual_daemon.flight.manoeuvres.recover import Recover
 from ual_daemon.flight.manoeuvres.take_off import TakeOff
 from ual_daemon.flight.policy.lease import NOBODY
+from ual_daemon.flight.refusals import on_mission
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
@@ -48,6 +49,8 @@ from ual_daemon.vehicle.refusal_log import accepted
 from ual_daemon.vehicle.setpoints import Setpoints
 
 _LANDED = (State.LANDED_DISARMED, State.LANDED_ARMED)
+_NOT_FLOWN_YET = (*_LANDED, State.TAKING_OFF, State.FLYING_MANUAL)
+_SEEN = tuple(state for state in State if state is not State.UNINITIALIZED)
 
 
 def _climb(height_m: float, bounds: Limits, snapshot: Snapshot) -> Line:
@@ -139,6 +142,8 @@ class Commands:
             self._preconditions.require_capability(Capability.TAKE_OFF, "take_off")
             height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
+            if self._flight.is_on_mission:  # which takes off by itself
+                raise on_mission("take_off")
             snapshot = self._require_armed_for_take_off(order.lease_id)
             self._preconditions.require_own_ground("take_off")
             self._preconditions.require_no_failsafe("take_off", snapshot, force=request.force)
@@ -271,17 +276,35 @@ class Commands:
         with self._preconditions.logging_refusal("abort"):
             if task_id and self._tasks.get(task_id).future.done():
                 return
+            if (waiting := self._waiting(task_id)) is not None:
+                self.cancel(waiting, lease_id)
+                return
             if task_id and self._flight.raw_estimate(self._backend.snapshot()).state in _LANDED:
                 self.cancel(self._tasks.get(task_id), lease_id)  # a take-off that waits for the arming
                 return
             snapshot = self._preconditions.require_state("abort", lease_id, *self._abortable())
-            if self._is_flown_by_autopilot(snapshot) or self._is_mission(task_id):
+            if self._is_flown_by_autopilot(snapshot):
                 self._take_back("abort", snapshot, lease_id)
+            elif self._is_mission(task_id):
+                self._stop_mission("abort", snapshot, lease_id)
             else:
                 motion = measured_motion(snapshot)
                 stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
                 self._flight.begin_reference(stop, "abort", snapshot, Order(lease_id), only_task_id=task_id)
             accepted("abort", freeze=freeze, task_id=task_id or "any")
+
+    def _waiting(self, task_id: str) -> VehicleTask | None:
+        """Returns the task that is under way, or the one of this identifier, where UAL does not fly it yet: it waits on
+        the ground or for the control, or the autopilot takes off in a mission.
+        """
+        manoeuvre = self._flight.manoeuvre
+        task = None if manoeuvre is None else manoeuvre.task
+        if manoeuvre is None or task is None or not manoeuvre.is_replaceable or task_id not in ("", task.id):
+            return None
+        if manoeuvre.current_reference() is not None:
+            return None
+        state = self._flight.estimate(self._backend.snapshot()).state
+        return task if state in _NOT_FLOWN_YET and state not in self._abortable() else None
 
     def _abortable(self) -> tuple[State, ...]:
         if self._flight.has_safety_pilot:
@@ -307,27 +330,35 @@ class Commands:
         command = AutopilotCommand("take our references")
         state = self._flight.raw_estimate(snapshot).state
         limits, take_control = self._flight.limits.get(), self._backend.take_control
-        is_early = state is State.FLYING_AUTO
-        out_of = State.FLYING_MANUAL if is_early else state
-        recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=out_of, is_early=is_early)
+        recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=state)
         self._flight.begin(recover, Order(lease_id))
-        if not is_early:
-            recover.send()
+        recover.send()
+
+    def _stop_mission(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
+        """Stops a mission that the autopilot flies; one that lands only ends as a task."""
+        info, stop = self._flight.task_info(), self._flight.mission_stop(name, snapshot)
+        if stop is not None:
+            self._flight.begin(stop.manoeuvre, Order(lease_id))
+            stop.begin()
+        elif info is not None:
+            self._flight.drop_task(info.id, name, lease_id)
 
     def cancel(self, task: VehicleTask, lease_id: str = NOBODY) -> None:
         """Cancels a task: the UAV stops and holds its position. Nothing happens if the task has ended.
 
         Raises:
             WrongStateError: It is taking off or landing, which only the safety pilot can abort.
+            LinkLostError: The autopilot flies it by itself, and is not heard.
 
         """
         if task.future.done():
             return
         snapshot = self._backend.snapshot()
-        if self._is_flown_by_autopilot(snapshot) or (
-            self._is_mission(task.id) and self._flight.estimate(snapshot).state is State.FLYING_AUTO
-        ):
+        if self._is_flown_by_autopilot(snapshot):
             self._take_back("cancel", snapshot, lease_id)
+        elif self._is_mission(task.id):
+            seen = self._preconditions.require_state("cancel", lease_id, *_SEEN)
+            self._stop_mission("cancel", seen, lease_id)
         elif self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
             stop = self._flight.brake(snapshot)
             self._flight.begin_reference(stop, "cancel", snapshot, Order(lease_id), only_task_id=task.id)
@@ -345,7 +376,7 @@ class Commands:
             return False
         try:
             self.cancel(task, lease_id)
-        except (WrongStateError, LeaseHeldError, LeaseLostError):
+        except (WrongStateError, LeaseHeldError, LeaseLostError, LinkLostError):
             return False
         return True
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from concurrent.futures import Future
 
 import pytest
 
@@ -13,6 +14,8 @@ from ual.errors import GeofenceError, InvalidArgumentError, TaskAbortedError, Wr
 from ual.geometry import Vector3
 from ual.simulation import AckLost, Command, CommandRefused, FailsafeTriggered
 from ual.types import GeoPoint, ReturnToLaunchRequest, State, TaskStatus
+from ual_daemon.backends.light import LightBackend
+from ual_daemon.backends.light.physics import FlightMode
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
 HOME = Vector3(2.0, -1.0, 0.0)
@@ -246,3 +249,29 @@ def test_a_pilot_who_takes_over_while_control_is_taken_back_ends_it(flying: Step
     error = task.future.exception(timeout=0)
     assert isinstance(error, TaskAbortedError)
     assert error.metadata["by"] == "safety pilot"
+
+
+@pytest.mark.parametrize("by_id", [True, False])
+def test_an_abort_ends_a_return_that_still_takes_the_control_back(
+    flying: Stepped, by_id: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The abort was refused, and the UAV flew home once it followed UAL."""
+    backend = flying.vehicle.backend
+    assert isinstance(backend, LightBackend)
+    go(flying, 12.0, -9.0, 5.0)
+    backend.pilot_switch(FlightMode.HOLD)
+    flying.run(STEP_S)
+    asked: list[Future[None]] = []
+
+    def take_control() -> Future[None]:
+        asked.append(Future())
+        return asked[-1]
+
+    monkeypatch.setattr(backend, "take_control", take_control)
+    task = flying.prepare.return_to_launch().begin()
+    flying.run(0.5)
+    assert flying.state is State.FLYING_MANUAL
+    flying.vehicle.commands.abort(task_id=task.id if by_id else "")
+    with pytest.raises(TaskAbortedError, match="cancelled"):
+        task.future.result(0)
+    assert asked[0].cancelled()

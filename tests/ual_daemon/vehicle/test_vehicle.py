@@ -513,7 +513,7 @@ def test_a_defect_of_what_is_beside_flying_does_not_end_the_flight(
 ) -> None:
     """The UAV got no more setpoints, and clients no more samples."""
 
-    def fail(snapshot: Snapshot) -> None:
+    def fail(_: Snapshot) -> None:
         raise RuntimeError("a defect")
 
     broken = getattr(flying.vehicle, part)

@@ -57,7 +57,6 @@ class _Phase(Enum):
     FLYING = auto()
     PAUSING = auto()
     PAUSED = auto()
-    """It holds: by itself, or before it has begun by UAL's references."""
     REREADING = auto()
     """The same as VERIFYING, before a paused one goes on."""
 
@@ -120,6 +119,11 @@ class AutopilotMission(Manoeuvre):
         self._heard_s: float | None = None
         self._task: VehicleTask = task
         self._update_words()
+
+    @property
+    def modes(self) -> tuple[str, str]:
+        """The names of the modes in which the autopilot flies it, and in which it holds."""
+        return self._offer.mode, self._offer.pause_mode
 
     @property
     def items(self) -> Sequence[Item]:
@@ -267,8 +271,8 @@ class AutopilotMission(Manoeuvre):
     def _choosing(self, snapshot: Snapshot) -> Step:
         if (step := self._unless_ours(snapshot)) is not None:
             return step
-        if self._task.is_paused:
-            return self._stay_paused(snapshot)
+        if self._task.is_paused and self._was_paused:
+            return self._stay_paused()
         if self._waited is None:
             anew = self._first == 1 and not self._was_paused
             self._waited = self._offer.set_current(self._kept.items, self._item, self._why_not, anew=anew)
@@ -384,23 +388,23 @@ class AutopilotMission(Manoeuvre):
             return step
         if not self._task.is_paused:
             self._phase, self._waited = _Phase.REREADING, None
-        return self._referring(snapshot)
+        return Step()
 
     def _rereading(self, snapshot: Snapshot) -> Step:
         """While it held, another station may have brought another mission, which nothing has checked."""
         if (step := self._unless_ours(snapshot)) is not None:
             return step
         if self._task.is_paused:
-            return self._stay_paused(snapshot)
+            return self._stay_paused()
         if (step := self._unless_kept(self._stays())) is not None:
-            return step if step.has_ended else self._referring(snapshot)
+            return step
         self._phase, self._waited = _Phase.CHOOSING, None
-        return self._referring(snapshot)
+        return Step()
 
-    def _stay_paused(self, snapshot: Snapshot) -> Step:
-        """Holds where it does, as it was paused anew, or before it has begun."""
+    def _stay_paused(self) -> Step:
+        """Holds where it does, as it was paused anew before it has gone on."""
         self._phase, self._waited = _Phase.PAUSED, None
-        return self._referring(snapshot)
+        return Step()
 
     def _unless_ours(self, snapshot: Snapshot) -> Step | None:
         """Returns the end of a mission before which others took the UAV; None while it is in the mode it began in."""

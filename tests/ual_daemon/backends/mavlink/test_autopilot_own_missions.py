@@ -22,7 +22,7 @@ from ual.errors import (
 from ual.geometry import Twist, Vector3
 from ual.missions import HoldTime, Item, Jump, Land, ReturnToLaunch, Speed, TakeOff, Waypoint
 from ual.missions.plan import LinkLossAction, MissionStage
-from ual.types import State, TaskKind, TaskStatus
+from ual.types import State, TaskKind, TaskStatus, Telemetry
 
 HOME = (47.3977428, 8.5455967)
 SILENT = Faults(is_silent=True)
@@ -371,6 +371,39 @@ def test_with_a_mission_that_begins_anew_it_is_not_paused() -> None:
         flight.uav.abort()
     finally:
         flight.uav.close()
+
+
+@pytest.mark.parametrize("how", ["abort", "cancel", "lease"])
+def test_one_that_ends_before_it_lifts_off_stays_on_the_ground(flight: Flight, how: str) -> None:
+    """Its task had ended, by a cancel that was accepted, and the autopilot took off and flew all of it."""
+    ends: dict[str, Callable[[str], object]] = {
+        "abort": lambda _: flight.uav.abort(),
+        "cancel": lambda task_id: flight.uav.task(task_id).cancel(),
+        "lease": lambda _: flight.uav.lease("another"),
+    }
+    stand_armed(flight)
+
+    def end() -> None:
+        told = flight.uav.telemetry().task
+        assert told is not None
+        ends[how](told.id)
+
+    def is_entered(told: Telemetry) -> bool:
+        is_its_mode = told.flight_mode in ("AUTO.MISSION", "AUTO")
+        return told.task is not None and is_its_mode and told.state is State.LANDED_ARMED
+
+    def end_and_take_off() -> None:
+        with pytest.raises(WrongStateError, match="take_off: the autopilot flies a mission; stop it first"):
+            flight.uav.take_off(3.0, blocking=False)
+        end()
+
+    flight.when(is_entered, end_and_take_off)
+    task = flight.uav.task(start(flight, [TakeOff(6.0), at(flight, FAR_M, 0)]))
+    with pytest.raises(TaskAbortedError):
+        task.wait(LIMIT_S)
+    flight.let_pass(5.0)
+    assert flight.uav.telemetry().flight_mode in ("AUTO.LOITER", "BRAKE")
+    assert place_m(flight)[0] < 10.0  # a busy computer may be so late that it has lifted off
 
 
 def test_a_lease_that_is_taken_stops_it(flight: Flight) -> None:

@@ -138,20 +138,6 @@ def test_a_pause_while_a_mission_is_read_again_keeps_it_where_it_holds(lab: Lab)
     lab.enter("MISSION")
 
 
-def test_a_pause_before_a_mission_has_begun_keeps_it_on_its_references(lab: Lab) -> None:
-    lab.task.is_paused = True
-    lab.run()
-    assert lab.autopilot.step(lab.mission).setpoint is not None
-    assert "fly" not in lab.offer.asked
-    lab.task.is_paused = False
-    lab.run()
-    assert lab.autopilot.step(lab.mission).setpoint is not None
-    lab.offer.read.set_result(KEPT)
-    lab.run()
-    assert lab.offer.asked == ["download", "set_current", "fly"]
-    lab.enter("MISSION")
-
-
 def test_others_who_take_it_while_it_is_paused_end_it(lab: Lab) -> None:
     lab.fly()
     lab.pause()
