@@ -294,8 +294,9 @@ class Commands:
             accepted("abort", freeze=freeze, task_id=task_id or "any")
 
     def _waiting(self, task_id: str) -> VehicleTask | None:
-        """Returns the task that is under way, or the one of this identifier, where UAL does not fly it yet: it waits on
-        the ground or for the control, or the autopilot takes off in a mission.
+        """Returns the task that is under way, where UAL does not fly it yet: only that of an identifier, unless empty.
+
+        It waits on the ground or for the control, or the autopilot takes off in a mission.
         """
         manoeuvre = self._flight.manoeuvre
         task = None if manoeuvre is None else manoeuvre.task
