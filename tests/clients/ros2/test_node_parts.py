@@ -207,7 +207,7 @@ def test_while_one_is_sent_only_the_newest_waits() -> None:
             sent.append(value)
             await may_go_on.wait()
 
-        newest = Newest(asyncio.get_running_loop(), send, lambda _: None, clock=lambda: 0.0)
+        newest = Newest(asyncio.get_running_loop(), send, lambda *_: None, clock=lambda: 0.0)
         newest.put(1)
         await run_ready()
         for value in (2, 3, 4):
@@ -228,7 +228,7 @@ def test_a_value_of_another_thread_is_taken_by_the_event_loop_alone() -> None:
         async def send(value: int) -> None:
             sent.append(value)
 
-        newest = Newest(asyncio.get_running_loop(), send, lambda _: None, clock=lambda: 0.0)
+        newest = Newest(asyncio.get_running_loop(), send, lambda *_: None, clock=lambda: 0.0)
         putting = threading.Thread(target=newest.put, args=(1,))
         putting.start()
         putting.join()
@@ -250,7 +250,7 @@ def test_what_is_out_of_date_is_dropped() -> None:
             newest.put(2)
             now_s += STALE_S * 2
 
-        newest = Newest(asyncio.get_running_loop(), send, lambda _: None, clock=lambda: now_s)
+        newest = Newest(asyncio.get_running_loop(), send, lambda *_: None, clock=lambda: now_s)
         newest.put(1)
         await run_ready()
         assert sent == [1]
@@ -260,16 +260,19 @@ def test_what_is_out_of_date_is_dropped() -> None:
 
 def test_a_refusal_is_told_and_the_next_one_is_sent() -> None:
     async def check() -> None:
-        refusals: list[ual.UalError] = []
+        refusals: list[tuple[int, str]] = []
+
+        def on_refusal(value: int, error: ual.UalError) -> None:
+            refusals.append((value, error.message))
 
         async def send(value: int) -> None:
             raise ual.WrongStateError(f"not {value}")
 
-        newest = Newest(asyncio.get_running_loop(), send, refusals.append, clock=lambda: 0.0)
+        newest = Newest(asyncio.get_running_loop(), send, on_refusal, clock=lambda: 0.0)
         for value in (1, 2):
             newest.put(value)
             await run_ready()
-        assert [error.message for error in refusals] == ["not 1", "not 2"]
+        assert refusals == [(1, "not 1"), (2, "not 2")]
 
     asyncio.run(check())
 

@@ -1,36 +1,41 @@
 """A `ual.interface.Uav` that knows its UAV by ROS only: by services, actions and topics of the node, and by tf.
 
-What ROS has nothing for raises `InexpressibleError`. Three things are not ROS' part and are given: what the program
-knows of its UAV before (`Info`), the simulated world, in which the safety pilot is, and the time of that world.
+What ROS has nothing for raises `InexpressibleError`. Two things are not ROS' part and are given: the simulated world,
+in which the safety pilot is, and the time of that world.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
-from flying import CANCELED, LIMIT_S, Client, waited
-from geometry_msgs.msg import PointStamped, PoseStamped, PoseWithCovarianceStamped, TwistStamped
+from asked import Asked
+from flying import Client, waited
+from geometry_msgs.msg import PointStamped, TransformStamped
 from inexpressible import InexpressibleError
 from nav_msgs.msg import Path
+from ros_setpoints import Setpoints, pose_message
+from ros_tasks import KnownTask, Manoeuvre, error_of, info_of, known
 from sensor_msgs.msg import NavSatFix
 from std_srvs.srv import Trigger
 from telling import Told
 from typing_extensions import Self
-from ual_msgs import action, srv
+from ual_msgs import action, msg, srv
 
 import ual
 from ual.geometry import stamped_pose, stamped_twist
 from ual.interface import DryRun, Lease, Simulation, Task, Uav
 from ual.parameters.values import Parameter, ParameterType
+from ual.shared.time_limit import time_limit
 from ual.types import (
     FollowPathRequest,
     GoToWaypointGeoRequest,
     GoToWaypointRequest,
     LandRequest,
+    MotionRequest,
+    RecoverFromManualRequest,
     ReturnToLaunchRequest,
     TakeOffRequest,
     TaskRequest,
@@ -46,10 +51,6 @@ NAMES: Mapping[type, str] = {
     ReturnToLaunchRequest: "return_to_launch",
 }
 
-PUBLISHED = {"set_pose": PoseStamped, "set_velocity": TwistStamped, "external_pose_cov": PoseWithCovarianceStamped}
-TIMES, BETWEEN_S = 3, 0.03
-"""A topic may lose a message: so a pose is published more than once, and a velocity again and again anyway."""
-
 
 def inexpressible(member: str) -> NoReturn:
     """Says that ROS has nothing for a member."""
@@ -59,27 +60,27 @@ def inexpressible(member: str) -> NoReturn:
 class RosUav(Uav):
     """One UAV of a node."""
 
-    def __init__(self, client: Client, info: ual.Info, world: Simulation, now_s: Callable[[], float]) -> None:
+    def __init__(self, client: Client, ns: str, world: Simulation, now_s: Callable[[], float]) -> None:
         self._client = client
-        self._info = info
+        self._ns = ns
         self._world = world
         self._now_s = now_s
-        self._told = Told(client, info.namespace)
-        for name, kind in PUBLISHED.items():
-            client.publisher(kind, f"/{info.namespace}/ual/{name}", 10)  # the first message on a new one may be lost
+        self._told = Told(client, ns)
+        self._asked = Asked(client, ns)
+        self._setpoints = Setpoints(client, ns, self._call)
         waited(lambda: self.telemetry().transform is not None)
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
     @property
     def ns(self) -> str:
-        return self._info.namespace
+        return self._ns
 
     def close(self) -> None:
         """Does nothing: the client in ROS ends all."""
 
     def info(self) -> ual.Info:
-        return self._info
+        return self._asked.info()
 
     def telemetry(self) -> ual.Telemetry:
         return self._told.sample(self._now_s())
@@ -93,7 +94,7 @@ class RosUav(Uav):
         return self._told.transform(target_frame_id or "map", source_frame_id or f"{self.ns}/base_link")
 
     def frames(self) -> list[ual.Frame]:
-        return self._told.frames()
+        return [_frame(each) for each in self._call(srv.ListFrames, "list_frames").frames]
 
     @property
     def simulation(self) -> Simulation:
@@ -103,16 +104,17 @@ class RosUav(Uav):
 
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Task:
         """Begins by the service where that waits and has all fields, else by the action, so that both are flown."""
-        name = NAMES[type(request)]
+        self._setpoints.settle()
+        name, limit_s = NAMES[type(request)], time_limit(timeout_s)
         service = _service(request)
-        if blocking and timeout_s is None and service is not None:
+        if blocking and limit_s is None and service is not None:
             kind, fields = service
-            self._call(kind, name, **fields, blocking=True)
-            return Done(ual.TaskKind[name.upper()])
+            answer = self._call(kind, name, **fields, blocking=True)
+            return KnownTask(self._call, answer.task_id, ual.TaskKind[name.upper()])
         kind, fields = _goal(request)
-        manoeuvre = Manoeuvre(self, self._client, kind, name, fields)
-        if timeout_s is not None:
-            manoeuvre.wait_or_cancel(timeout_s)
+        manoeuvre = Manoeuvre(self._client, self._call, kind, self.ns, name, fields)
+        if limit_s is not None:
+            manoeuvre.wait_or_cancel(limit_s)
         elif blocking:
             manoeuvre.wait()
         else:
@@ -123,6 +125,7 @@ class RosUav(Uav):
         self._call(srv.SetHome, "set_home", set_z=set_z)
 
     def abort(self, freeze: bool = False) -> None:
+        self._setpoints.settle()
         self._call(srv.Abort, "abort", freeze=freeze)
 
     def arm(self, *, timeout_s: float | None = None) -> None:
@@ -132,9 +135,9 @@ class RosUav(Uav):
         self._trigger("disarm", timeout_s)
 
     def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
-        if force:
-            inexpressible("force")
-        self._trigger("recover", timeout_s)
+        if timeout_s is not None:
+            inexpressible("timeout_s")
+        self._call(srv.TakeControl, "take_control", force=force)
 
     def pause(self) -> None:
         self._trigger("pause")
@@ -143,16 +146,10 @@ class RosUav(Uav):
         self._trigger("resume")
 
     def set_pose(self, pose: ual.PoseStamped | ual.Pose) -> None:
-        message = _pose(stamped_pose(pose))
-        for _ in range(TIMES):
-            self._publish(PoseStamped, "set_pose", message)
-            time.sleep(BETWEEN_S)
+        self._setpoints.set_pose(stamped_pose(pose))
 
     def set_velocity(self, velocity: ual.TwistStamped | ual.Twist) -> None:
-        stamped, message = stamped_twist(velocity), TwistStamped()
-        message.header.frame_id = stamped.frame_id
-        values.fill_twist(message.twist, stamped.twist)
-        self._publish(TwistStamped, "set_velocity", message)
+        self._setpoints.set_velocity(stamped_twist(velocity))
 
     def set_external_pose(
         self,
@@ -161,14 +158,57 @@ class RosUav(Uav):
         position_std_dev_m: float | None = None,
         orientation_std_dev_rad: float | None = None,
     ) -> None:
-        stamped = stamped_pose(pose)
-        message = PoseWithCovarianceStamped()
-        message.header.frame_id = stamped.frame_id
-        message.header.stamp.sec, message.header.stamp.nanosec = values.split(stamped.stamp_s)
-        values.fill_pose(message.pose.pose, stamped.pose)
-        deviations = [position_std_dev_m or 0.0] * 3 + [orientation_std_dev_rad or 0.0] * 3
-        message.pose.covariance[::7] = [each**2 for each in deviations]
-        self._publish(PoseWithCovarianceStamped, "external_pose_cov", message)
+        self._setpoints.set_external_pose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
+
+    def geofence(self) -> ual.types.Geofence:
+        return self._asked.geofence()
+
+    def route(self) -> ual.types.Route | None:
+        told = self._call(srv.GetRoute, "get_route")
+        if not told.is_flown:
+            return None
+        points = tuple(values.vector(each.pose.position) for each in told.route.poses)
+        return ual.types.Route(told.route.header.frame_id, points, told.task_id, told.is_goal_moving)
+
+    def add_frame(self, transform: ual.Transform) -> None:
+        message = TransformStamped()
+        values.fill_transform(message, transform)
+        message.header.stamp.sec, message.header.stamp.nanosec = values.split(transform.stamp_s)
+        self._call(srv.AddFrame, "add_frame", transform=message)
+        self._told.wait_for_frame(transform)
+
+    def remove_frame(self, frame_id: str) -> None:
+        self._call(srv.RemoveFrame, "remove_frame", frame_id=frame_id)
+
+    def lease_info(self) -> ual.types.LeaseInfo | None:
+        return self._asked.lease()
+
+    def task(self, task_id: str) -> Task:
+        return KnownTask(self._call, task_id, info_of(self._call, task_id).kind)
+
+    @property
+    def dry_run(self) -> DryRun[ual.types.Plan]:
+        return DryRun(self._plan)
+
+    def _plan(self, motion: MotionRequest) -> ual.types.Plan:
+        match motion:
+            case ual.PoseStamped():
+                self._setpoints.ask_pose(motion)
+            case ual.TwistStamped():
+                self._setpoints.ask_velocity(motion)
+            case RecoverFromManualRequest(force):
+                self._call(srv.TakeControl, "take_control", force=force, dry_run=True)
+            case _:
+                return self._plan_of_task(motion)
+        return ual.types.Plan()
+
+    def _plan_of_task(self, request: TaskRequest) -> ual.types.Plan:
+        kind, fields = _goal(request)
+        name = f"/{self.ns}/ual/{NAMES[type(request)]}"
+        _, result = self._client.fly(kind, name, **fields, dry_run=True)
+        if not result.success:
+            raise error_of(result)
+        return ual.types.Plan(known(result.plan.length), known(result.plan.duration))
 
     @property
     def parameters(self) -> RosParameters:
@@ -183,40 +223,20 @@ class RosUav(Uav):
     def _trigger(self, name: str, timeout_s: float | None = None) -> None:
         if timeout_s is not None:
             inexpressible("timeout_s")
+        self._setpoints.settle()
         answer = self._client.call(Trigger, f"/{self.ns}/ual/{name}")
         if not answer.success:
             text, _, metadata = answer.message.partition("\n")
             reason, _, message = text.partition(": ")
             raise ual.errors.from_reason(reason, message, json.loads(metadata or "{}"))
 
-    def _publish(self, kind: Any, name: str, message: Any) -> None:
-        self._client.publish(kind, f"/{self.ns}/ual/{name}", message, 10)
-
     # --- What ROS has nothing for -------------------------------------------------------------------------------------
-
-    def geofence(self) -> ual.types.Geofence:
-        inexpressible("geofence")
-
-    def route(self) -> ual.types.Route | None:
-        inexpressible("route")
-
-    def add_frame(self, transform: ual.Transform) -> None:
-        inexpressible("add_frame")
-
-    def remove_frame(self, frame_id: str) -> None:
-        inexpressible("remove_frame")
 
     def lease(self, holder: str = "", *, take: bool = False) -> Lease:
         inexpressible("lease")
 
-    def lease_info(self) -> ual.types.LeaseInfo | None:
-        inexpressible("lease_info")
-
     def extension(self, name: str) -> Any:
         inexpressible("extension")
-
-    def task(self, task_id: str) -> Task:
-        inexpressible("task")
 
     @property
     def cameras(self) -> ual.interface.Cameras:
@@ -245,10 +265,6 @@ class RosUav(Uav):
     @property
     def corrections(self) -> ual.interface.Corrections:
         inexpressible("corrections")
-
-    @property
-    def dry_run(self) -> DryRun[ual.types.Plan]:
-        inexpressible("dry_run")
 
 
 class RosParameters:
@@ -302,131 +318,6 @@ class Subscribed:
         self.close()
 
 
-class Done(Task):
-    """A task whose service has answered that it is done. ROS gives it no name."""
-
-    id = ""
-
-    def __init__(self, kind: ual.TaskKind) -> None:
-        self._kind = kind
-
-    @property
-    def kind(self) -> ual.TaskKind:
-        return self._kind
-
-    def info(self) -> ual.TaskInfo:
-        return ual.TaskInfo("", self._kind, ual.TaskStatus.SUCCEEDED)
-
-    def done(self) -> bool:
-        return True
-
-    def wait(self, timeout_s: float | None = None) -> ual.TaskInfo:
-        return self.info()
-
-    def cancel(self) -> None:
-        """Does nothing: it has ended."""
-
-    def pause(self) -> None:
-        raise ual.WrongStateError("it has ended")
-
-    def resume(self) -> None:
-        raise ual.WrongStateError("it has ended")
-
-    def watch(self, rate_hz: float = 10.0) -> Iterator[ual.TaskInfo]:
-        yield self.info()
-
-
-class Manoeuvre(Task):
-    """A goal of an action."""
-
-    def __init__(self, uav: RosUav, client: Client, kind: Any, name: str, fields: Mapping[str, Any]) -> None:
-        self._uav = uav
-        self._client = client
-        self._kind = ual.TaskKind[name.upper()]
-        self._feedback: list[Any] = []
-        self._goal = client.begin(kind, f"/{uav.ns}/ual/{name}", self._feedback.append, **fields)
-        self._end = client.end_soon(self._goal)
-
-    @property
-    def id(self) -> str:
-        return bytes(self._goal.goal_id.uuid).hex()
-
-    @property
-    def kind(self) -> ual.TaskKind:
-        return self._kind
-
-    def info(self) -> ual.TaskInfo:
-        if not self.done():
-            now = self._uav.telemetry().task
-            is_paused = now is not None and now.is_paused
-            return ual.TaskInfo(self.id, self._kind, ual.TaskStatus.RUNNING, is_paused=is_paused)
-        result = self._end.result().result
-        failed = ual.TaskStatus.ABORTED if result.reason == "TASK_ABORTED" else ual.TaskStatus.FAILED
-        return ual.TaskInfo(self.id, self._kind, ual.TaskStatus.SUCCEEDED if result.success else failed)
-
-    def done(self) -> bool:
-        return bool(self._end.done())
-
-    def wait(self, timeout_s: float | None = None) -> ual.TaskInfo:
-        limit_s = LIMIT_S if timeout_s is None else timeout_s
-        if not self._ends_within(limit_s):
-            raise ual.UalTimeoutError(f"it has not ended within {limit_s:g} s")
-        result = self._end.result().result
-        if not result.success:
-            raise error_of(result)
-        return self.info()
-
-    def wait_until_begun(self) -> None:
-        """Returns once it flies, which the feedback tells, or has ended.
-
-        Raises:
-            UalError: It was refused.
-
-        """
-        waited(lambda: self._feedback or self.done())
-        if self.done() and not self._feedback:
-            self.wait()
-
-    def wait_or_cancel(self, timeout_s: float) -> None:
-        """Waits for the end; cancels it when the time has passed, as a program in ROS does.
-
-        Raises:
-            UalTimeoutError: It has not ended in time.
-            UalError: The error that it ended with.
-
-        """
-        if not self._ends_within(timeout_s):
-            self.cancel()
-            waited(self.done)
-            if self._end.result().status == CANCELED:
-                raise ual.UalTimeoutError(f"it has not ended within {timeout_s:g} s")
-        self.wait()
-
-    def _ends_within(self, time_s: float) -> bool:
-        deadline_s = time.monotonic() + time_s
-        while not self.done() and time.monotonic() < deadline_s:
-            time.sleep(0.005)
-        return self.done()
-
-    def cancel(self) -> None:
-        if not self.done() and not self._client.cancel(self._goal) and not self.done():
-            raise ual.WrongStateError("the node rejects that the goal is cancelled")
-
-    def pause(self) -> None:
-        self._uav.pause()
-
-    def resume(self) -> None:
-        self._uav.resume()
-
-    def watch(self, rate_hz: float = 10.0) -> Iterator[ual.TaskInfo]:
-        inexpressible("watch")
-
-
-def error_of(answer: Any) -> ual.UalError:
-    """The error of an answer or result that tells a refusal."""
-    return ual.errors.from_reason(answer.reason, answer.message, {each.key: each.value for each in answer.metadata})
-
-
 Call = tuple[Any, dict[str, Any]]
 """A type of messages, and the fields of its request or goal."""
 
@@ -439,7 +330,7 @@ def _service(request: TaskRequest) -> Call | None:
         case LandRequest():
             return srv.Land, {}
         case GoToWaypointRequest(waypoint, None):
-            return srv.GoToWaypoint, {"waypoint": _pose(waypoint)}
+            return srv.GoToWaypoint, {"waypoint": pose_message(waypoint)}
         case GoToWaypointGeoRequest(place, None) if place.yaw_rad is None:
             return srv.GoToWaypointGeo, _geo(place)
         case ReturnToLaunchRequest(height_m):
@@ -455,7 +346,7 @@ def _goal(request: TaskRequest) -> Call:
         case LandRequest():
             return action.Land, {}
         case GoToWaypointRequest(waypoint, max_speed_m_s):
-            return action.GoToWaypoint, {"waypoint": _pose(waypoint), "max_speed": max_speed_m_s or 0.0}
+            return action.GoToWaypoint, {"waypoint": pose_message(waypoint), "max_speed": max_speed_m_s or 0.0}
         case GoToWaypointGeoRequest(place, max_speed_m_s):
             yaw = {} if place.yaw_rad is None else {"has_yaw": True, "yaw": place.yaw_rad}
             return action.GoToWaypointGeo, {**_geo(place), **yaw, "max_speed": max_speed_m_s or 0.0}
@@ -465,13 +356,6 @@ def _goal(request: TaskRequest) -> Call:
             return action.ReturnToLaunch, {"height": return_height_m or 0.0}
 
 
-def _pose(stamped: ual.PoseStamped) -> Any:
-    message = PoseStamped()
-    message.header.frame_id = stamped.frame_id
-    values.fill_pose(message.pose, stamped.pose)
-    return message
-
-
 def _geo(place: ual.GeoWaypoint) -> dict[str, Any]:
     fix = NavSatFix(latitude=place.latitude_deg, longitude=place.longitude_deg, altitude=place.altitude_m)
     return {"waypoint": fix, "altitude_reference": place.altitude_reference.value}
@@ -479,7 +363,8 @@ def _geo(place: ual.GeoWaypoint) -> dict[str, Any]:
 
 def _path(request: FollowPathRequest) -> dict[str, Any]:
     fields: dict[str, Any] = {
-        "path": Path(poses=[_pose(each) for each in _poses(request.waypoints)]),
+        "path": Path(poses=[pose_message(each) for each in request.waypoints if isinstance(each, ual.PoseStamped)]),
+        "geo_waypoints": [_place(each) for each in request.waypoints if isinstance(each, ual.GeoWaypoint)],
         "corner_radius": request.corner_radius_m,
         "max_speed": request.max_speed_m_s or 0.0,
         "leg_speeds": list(request.leg_speeds_m_s),
@@ -494,8 +379,14 @@ def _path(request: FollowPathRequest) -> dict[str, Any]:
     return fields
 
 
-def _poses(waypoints: Sequence[ual.PoseStamped | ual.GeoWaypoint]) -> Iterator[ual.PoseStamped]:
-    for each in waypoints:
-        if isinstance(each, ual.GeoWaypoint):
-            inexpressible("a path of geographic waypoints")
-        yield each
+def _place(waypoint: ual.GeoWaypoint) -> Any:
+    yaw_rad = waypoint.yaw_rad
+    return msg.GeoWaypoint(**_geo(waypoint), has_yaw=yaw_rad is not None, yaw=0.0 if yaw_rad is None else yaw_rad)
+
+
+def _frame(told: Any) -> ual.Frame:
+    there = told.transform
+    link = ual.Transform(
+        values.vector(there.translation), values.quaternion(there.rotation), told.parent_frame_id, told.frame_id
+    )
+    return ual.Frame(told.frame_id, told.parent_frame_id, link if told.is_known else None, told.is_static)

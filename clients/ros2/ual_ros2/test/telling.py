@@ -24,6 +24,7 @@ RELIABLE = QoSProfile(depth=100)
 STATES = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Each state counts, also one that is short."""
 PARTS = {"pose", "velocity", "odom", "body"}
+NEAR_M = 1e-9
 REFERENCE_S = 0.5
 """A reference pose that is older than this, beside the sample, is not there any more."""
 
@@ -68,20 +69,20 @@ class Told:
         with self._changed:
             self._callbacks.append(callback)
 
+    def wait_for_frame(self, link: ual.Transform) -> None:
+        """Waits until tf tells where a frame lies, as every program in ROS that has added one."""
+
+        def is_there() -> bool:
+            told = self._links.get(link.child_frame_id)
+            return told is not None and (told[0].translation - link.translation).norm() < NEAR_M
+
+        with self._changed:
+            assert self._changed.wait_for(is_there, LIMIT_S), f"tf does not tell the frame {link.child_frame_id}"
+
     def end(self, callback: Callable[[ual.Telemetry], None]) -> None:
         """Ends calling back."""
         with self._changed:
             self._callbacks.remove(callback)
-
-    def frames(self) -> list[ual.Frame]:
-        """Returns the frames of tf. One that is nobody's child is a root."""
-        with self._changed:
-            links = dict(self._links)
-        roots = {link.frame_id for link, _ in links.values()} - links.keys()
-        return [
-            *(ual.Frame(root, "", None, True) for root in roots),
-            *(ual.Frame(name, link.frame_id, link, is_static) for name, (link, is_static) in links.items()),
-        ]
 
     def transform(self, target: str, source: str) -> ual.Transform:
         """Returns what takes coordinates from one frame of tf to another.
@@ -118,8 +119,9 @@ class Told:
     def _on_tf(self, message: Any, is_static: bool) -> None:
         with self._changed:
             for each in message.transforms:
-                link = replace(values.transform_stamped(each), stamp_s=_stamp_s(each))
+                link = values.transform_stamped(each, values.stamp_s(each.header.stamp))
                 self._links[link.child_frame_id] = link, is_static
+                self._changed.notify_all()
                 if link.child_frame_id == self._body:
                     self._put("body", link.stamp_s, link)
 
@@ -175,7 +177,7 @@ class Told:
 
 
 def _stamp_s(message: Any) -> float:
-    return float(message.header.stamp.sec + message.header.stamp.nanosec / values.NANO)
+    return values.stamp_s(message.header.stamp)
 
 
 def _place(fix: Any) -> ual.GeoPoint:
@@ -185,7 +187,7 @@ def _place(fix: Any) -> ual.GeoPoint:
 
 
 def _task(told: Any) -> ual.TaskInfo | None:
-    """The state tells the kind of the task, but not which one it is."""
+    """The state tells which task it is; how far it is, the feedback and `get_task` do."""
     if not told.task:
         return None
-    return ual.TaskInfo("", ual.TaskKind[told.task], ual.TaskStatus.RUNNING, is_paused=told.is_paused)
+    return ual.TaskInfo(told.task_id, ual.TaskKind[told.task], ual.TaskStatus.RUNNING, is_paused=told.is_paused)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
 from conftest import Processes
@@ -35,12 +34,11 @@ def flight(processes: Processes, client: Client) -> Iterator[Flight]:
     processes.daemon("--set", f"light.speed_factor={SPEED_FACTOR}")
     processes.node("ns:=uav_1", *NODE)
     with ual.Uav("uav_1") as world:
-        known = replace(world.info(), backend="", ual_version="")
 
         def now_s() -> float:
             return world.telemetry().stamp_s
 
-        yield Flight(RosUav(client, known, world.simulation, now_s), Tolerances.of_simulation())
+        yield Flight(RosUav(client, world.ns, world.simulation, now_s), Tolerances.of_simulation())
 
 
 def run_check(flight: Flight, check: Check) -> None:

@@ -10,7 +10,7 @@ import ual
 from ual_ros2.messages import Entity, Message
 
 
-def _in_no_frame(_: Message) -> Iterable[str]:
+def _none(_: Message) -> Iterable[Any]:
     return ()
 
 
@@ -26,10 +26,16 @@ class Command:
     kind: Entity
     """The type of its messages."""
     call: Callable[[ual.aio.Uav, Message], Awaitable[object]]
-    frames: Callable[[Message], Iterable[str]] = _in_no_frame
+    frames: Callable[[Message], Iterable[str]] = _none
     """The frames that the request is given in."""
     told: Callable[[Any], Mapping[str, Message]] = _nothing
     """The further fields of the response, of what the call has returned."""
+    stamps: Callable[[Message], Iterable[Message]] = _none
+    """The stamps of the request that count: they are made UTC before the call."""
+    needs_lease: bool = True
+    """Whether it flies: what does not is not refused while the node has lost its lease."""
+    changes_frames: bool = False
+    """Whether tf has others afterwards."""
 
 
 @dataclass(frozen=True)

@@ -89,20 +89,29 @@ class Goals:
         flying = self._pilot.begin_command(self._action, goal_handle.request)
         self._flying[_key(goal_handle)] = flying
         try:
-            await self._give_feedback(goal_handle, flying.task, known_id)
+            task_id = await self._give_feedback(goal_handle, flying.task, known_id)
         finally:
             del self._flying[_key(goal_handle)]
-        return await self._end(goal_handle, flying.task.result())
+        result = await self._end(goal_handle, flying.task.result())
+        result.task_id = result.task_id or task_id
+        return result
 
-    async def _give_feedback(self, goal_handle: Entity, task: asyncio.Task[Outcome], known_id: str) -> None:
-        """Publishes how the task stands until it has ended. The task that ran before the goal is not its own."""
-        feedback = self._action.kind.Feedback()
+    async def _give_feedback(self, goal_handle: Entity, task: asyncio.Task[Outcome], known_id: str) -> str:
+        """Publishes how the task stands until it has ended; returns its identifier, which is empty where none was seen.
+
+        The task that ran before the goal is not its own, nor is one that has replaced it.
+        """
+        feedback, own_id = self._action.kind.Feedback(), ""
         while not task.done():
             await asyncio.wait((task,), timeout=self._feedback_s)
             sample = self._pilot.newest
-            if sample is not None and sample.task is not None and sample.task.id != known_id:
+            if sample is None or sample.task is None or sample.task.id == known_id:
+                continue
+            own_id = own_id or sample.task.id
+            if sample.task.id == own_id:
                 values.fill_feedback(feedback, sample, sample.task)
                 goal_handle.publish_feedback(feedback)
+        return own_id
 
     async def _end(self, goal_handle: Entity, ended: Outcome) -> Message:
         if ended.is_success:

@@ -8,7 +8,7 @@ from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import KeyValue
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
@@ -16,6 +16,7 @@ from std_srvs.srv import Empty, Trigger
 
 import ual
 from ual_ros2 import outcome, topics, values
+from ual_ros2.about import About
 from ual_ros2.cameras import Cameras
 from ual_ros2.command import Command
 from ual_ros2.commands import ACTIONS, SERVICES
@@ -49,6 +50,13 @@ class Shared:
     tf: Tf
 
 
+class Given(NamedTuple):
+    """What came on a topic."""
+
+    topic: str
+    value: ual.PoseStamped | ual.TwistStamped | ual.types.ExternalPose
+
+
 class UavInterface:
     """One UAV in ROS. Its entities live from construction to `destroy`; it flies and tells between `begin` and `end`.
 
@@ -77,10 +85,9 @@ class UavInterface:
         self._cameras = Cameras(
             shared.node, self._uav, ns, shared.time, shared.tf.publish_moving, settings.camera_rate_hz
         )
-        self._setpoints: Newest[ual.PoseStamped | ual.TwistStamped] = Newest(self._loop, self._set, self._on_refusal)
-        self._external_poses: Newest[ual.types.ExternalPose] = Newest(
-            self._loop, self._set_external_pose, self._on_refusal
-        )
+        self._about = About(shared.node, self._loop, self._uav, ns, shared.time)
+        self._setpoints: Newest[Given] = Newest(self._loop, self._set, self._on_refusal)
+        self._external_poses: Newest[Given] = Newest(self._loop, self._set, self._on_refusal)
         self._make_inputs()
 
     # --- For the node: on ROS' executor -------------------------------------------------------------------------------
@@ -116,29 +123,36 @@ class UavInterface:
             node.destroy_subscription(subscription)
         self._topics.destroy()
         self._cameras.destroy()
+        self._about.destroy()
         self._run(self.close()).result()
 
     def _on_pose(self, message: Message) -> None:
-        self._put(self._setpoints, values.pose_stamped(message))
+        self._put(self._setpoints, "set_pose", values.pose_stamped(message))
 
     def _on_velocity(self, message: Message) -> None:
-        self._put(self._setpoints, values.twist_stamped(message))
+        self._put(self._setpoints, "set_velocity", values.twist_stamped(message))
 
     def _on_body_velocity(self, message: Message) -> None:
         """Takes a Twist, which names no frame: as ``cmd_vel`` of other robots, along the axes of the body."""
-        self._put(self._setpoints, ual.TwistStamped(values.twist(message), f"{self._ns}/base_link"))
+        self._put(self._setpoints, "cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link"))
 
     def _on_external_pose(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
-        self._put(self._external_poses, values.external_pose(message, stamp_s))
+        self._put(self._external_poses, "external_pose", values.external_pose(message, stamp_s))
 
     def _on_external_pose_with_covariance(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
-        self._put(self._external_poses, values.external_pose_with_covariance(message, stamp_s))
+        measured = values.external_pose_with_covariance(message, stamp_s)
+        self._put(self._external_poses, "external_pose_cov", measured)
 
-    def _put(self, stream: Newest[Any], value: object) -> None:
+    def _put(
+        self,
+        stream: Newest[Given],
+        topic: str,
+        value: ual.PoseStamped | ual.TwistStamped | ual.types.ExternalPose,
+    ) -> None:
         if self._is_active:
-            stream.put(value)
+            stream.put(Given(topic, value))
 
     def _serve(self, command: Command, request: Message) -> Future[Message]:
         return self._run(self._answered(command, request))
@@ -154,6 +168,7 @@ class UavInterface:
         self._said.address = self._uav.address
         self._heard_s = self._loop.time()
         works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed(), self._cameras.follow()]
+        works += [self._about.follow(), self._about.follow_route()]
         if self._shared.settings.lease_holder is not None:
             self._not_leased = ual.LeaseLostError("the node has not acquired its lease yet", {"by": "nothing"})
             works.append(self._acquire())
@@ -180,6 +195,7 @@ class UavInterface:
             run.cancel(why)
         await asyncio.gather(*self._watching, *(run.task for run in self._commands), return_exceptions=True)
         self._watching = []
+        self._about.end()
         await self._frames.take_back()
         await self._release()
         self._topics.tell_unknown(why, self._said)
@@ -228,12 +244,22 @@ class UavInterface:
     async def _perform(self, command: Command, request: Message) -> Mapping[str, Message]:
         if not self._is_active:
             raise ual.WrongStateError("the node is not active: activate it (ros2 lifecycle set)", {"needed": "active"})
-        self._require_lease()
+        if command.needs_lease:
+            self._require_lease()
         await self._frames.provide(command.frames(request))
-        return command.told(await command.call(self._uav, request))
+        for stamp in command.stamps(request):
+            self._shared.time.make_utc(stamp)
+        told = command.told(await command.call(self._uav, request))
+        if command.changes_frames:
+            await self._frames.publish()
+        return told
 
-    async def _set(self, value: ual.PoseStamped | ual.TwistStamped) -> None:
+    async def _set(self, given: Given) -> None:
         if not self._is_active:  # it ended after ROS' thread had taken this one
+            return
+        value = given.value
+        if isinstance(value, ual.types.ExternalPose):
+            await self._set_external_pose(value)
             return
         self._require_lease()
         if value.frame_id:
@@ -244,15 +270,15 @@ class UavInterface:
             await self._uav.set_velocity(value)
 
     async def _set_external_pose(self, measured: ual.types.ExternalPose) -> None:
-        if self._is_active:
-            await self._uav.set_external_pose(
-                measured.pose,
-                position_std_dev_m=measured.position_std_dev_m,
-                orientation_std_dev_rad=measured.orientation_std_dev_rad,
-            )
+        await self._uav.set_external_pose(
+            measured.pose,
+            position_std_dev_m=measured.position_std_dev_m,
+            orientation_std_dev_rad=measured.orientation_std_dev_rad,
+        )
 
-    def _on_refusal(self, error: ual.UalError) -> None:
-        """A topic has no answer: so its refusal is told in the log, once, and in the diagnostics."""
+    def _on_refusal(self, given: Given, error: ual.UalError) -> None:
+        """A topic has no answer: so its refusal is told in `refusals`, in the diagnostics, and once in the log."""
+        self._about.refuse(given.topic, error)
         text = f"{error.reason}: {error.message}"
         if text != self._said.refused:
             _log.warning("%s: a setpoint is refused: %s", self._ns, text)
@@ -302,6 +328,7 @@ class UavInterface:
         self._newest = sample
         self._heard_s = self._loop.time()
         self._topics.publish(sample)
+        self._about.note(sample.task)
 
     async def _check(self) -> None:
         """Publishes what changes slowly, and says when nothing comes any more."""

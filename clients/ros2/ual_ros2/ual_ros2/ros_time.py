@@ -30,6 +30,12 @@ class RosTime:
             return 0.0
         return float(stamp.sec + stamp.nanosec / values.NANO - self._offset_s())
 
+    def make_utc(self, stamp: Message) -> None:
+        """Turns a stamp into one of UTC; an empty one, which means now, stays so."""
+        utc_s = self.utc_s(stamp)
+        if utc_s:
+            stamp.sec, stamp.nanosec = values.split(max(0.0, utc_s))
+
     def _offset_s(self) -> float:
         """How far ROS' clock is before UTC."""
         if not self._clock.ros_time_is_active:

@@ -25,7 +25,7 @@ class Newest(Generic[T]):
         self,
         loop: asyncio.AbstractEventLoop,
         send: Callable[[T], Awaitable[object]],
-        on_refusal: Callable[[ual.UalError], None],
+        on_refusal: Callable[[T, ual.UalError], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._loop = loop
@@ -62,4 +62,4 @@ class Newest(Generic[T]):
         try:
             await self._send(value)
         except ual.UalError as error:
-            self._on_refusal(error)
+            self._on_refusal(value, error)

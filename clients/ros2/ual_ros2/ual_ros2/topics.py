@@ -44,6 +44,7 @@ class _Told(NamedTuple):
     armed: bool = False
     task: str = ""
     is_paused: bool = False
+    task_id: str = ""
     frame_lost: str = ""
     failsafe: str = ""
     held_by: str = ""
@@ -58,6 +59,7 @@ class _Told(NamedTuple):
             armed=sample.armed,
             task="" if task is None else task.kind.name,
             is_paused=task is not None and task.is_paused,
+            task_id="" if task is None else task.id,
             frame_lost=sample.frame_lost,
             failsafe="" if about is None else about.failsafe,
             held_by="" if about is None else about.held_by,

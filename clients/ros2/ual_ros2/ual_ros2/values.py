@@ -86,11 +86,11 @@ def twist_stamped(message: Message) -> ual.TwistStamped:
     return ual.TwistStamped(twist(message.twist), message.header.frame_id)
 
 
-def transform_stamped(message: Message) -> ual.Transform:
+def transform_stamped(message: Message, stamp_s: float = 0.0) -> ual.Transform:
     """Reads a TransformStamped. Its stamp is left out: it may be of a clock that is not UTC."""
     moved = message.transform
     return ual.Transform(
-        vector(moved.translation), quaternion(moved.rotation), message.header.frame_id, message.child_frame_id
+        vector(moved.translation), quaternion(moved.rotation), message.header.frame_id, message.child_frame_id, stamp_s
     )
 
 
@@ -110,6 +110,18 @@ def path_heading(number: int) -> ual.PathHeading:
         raise _unknown("heading", number) from None
 
 
+def geo_waypoint(message: Message) -> ual.GeoWaypoint:
+    """Reads a GeoWaypoint, or a goal of GoToWaypointGeo."""
+    place = message.waypoint
+    return ual.GeoWaypoint(
+        place.latitude,
+        place.longitude,
+        place.altitude,
+        altitude_reference(message.altitude_reference),
+        message.yaw if message.has_yaw else None,
+    )
+
+
 def _unknown(field: str, number: int) -> ual.InvalidArgumentError:
     return ual.InvalidArgumentError(f"{field}: {number} is none of its constants", {"field": field})
 
@@ -127,6 +139,22 @@ def height(number: float) -> float | None:
 def point_stamped(message: Message) -> ual.PointStamped:
     """Reads a PointStamped."""
     return ual.PointStamped(vector(message.point), message.header.frame_id)
+
+
+def waypoints(goal: Message) -> list[ual.PoseStamped] | list[ual.GeoWaypoint]:
+    """Reads the path or the places of FollowPath."""
+    if not goal.geo_waypoints:
+        return path(goal.path)
+    if goal.path.poses:
+        raise ual.InvalidArgumentError(
+            "geo_waypoints: the goal has a path, too; give only one of both", {"field": "geo_waypoints"}
+        )
+    return [geo_waypoint(each) for each in goal.geo_waypoints]
+
+
+def stamp_s(stamp: Message) -> float:
+    """Reads a stamp, in seconds."""
+    return float(stamp.sec + stamp.nanosec / NANO)
 
 
 def path(message: Message) -> list[ual.PoseStamped]:
@@ -205,6 +233,7 @@ def fill_feedback(message: Message, sample: ual.Telemetry, task: ual.TaskInfo) -
     message.state = STATE_NUMBERS[sample.state]
     message.reason = sample.state_reason
     message.is_paused = task.is_paused
+    message.task_id = task.id
     if hasattr(message, "waypoint_index"):  # of FollowPath only
         message.waypoint_index = -1 if task.waypoint_index is None else task.waypoint_index
 

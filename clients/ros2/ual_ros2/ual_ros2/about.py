@@ -1,0 +1,162 @@
+"""The topics of one UAV that change seldom: they are asked for while they are heard, and published at each change."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from typing import Any
+
+from diagnostic_msgs.msg import KeyValue
+from geometry_msgs.msg import Point
+from nav_msgs.msg import Path
+from ual_msgs.msg import Geofence, Info, Lease, Refusal
+
+import ual
+from ual_ros2 import descriptions, routes, topics
+from ual_ros2.messages import Entity, Message
+from ual_ros2.refusals import Refusals
+from ual_ros2.ros_time import RosTime
+
+LOOK_S = 1.0
+"""How often the daemon is asked for what is heard. The way is asked for at each new task, too."""
+
+
+class About:
+    """Who a UAV is, where it may fly, its lease, its way, and its refused setpoints. Only the event loop calls it."""
+
+    def __init__(self, node: Entity, loop: asyncio.AbstractEventLoop, uav: ual.aio.Uav, ns: str, time: RosTime) -> None:
+        self._node = node
+        self._ns = ns
+        self._time = time
+        self._uav = uav
+        self._refused = self._publisher(Refusal, "refusals", topics.RELIABLE)
+        self._asked = [
+            _Asked(self._publisher(Info, "info"), uav.info, self._info),
+            _Asked(self._publisher(Geofence, "geofence"), self._ask_geofence, self._geofence),
+            _Asked(self._publisher(Lease, "lease"), uav.lease_info, self._lease),
+        ]
+        self._route = _Asked(self._publisher(Path, "route"), uav.route, self._path)
+        self._task_id = ""
+        self._has_changed = asyncio.Event()
+        self._refusals = Refusals(loop, self._tell_refusal)
+
+    def destroy(self) -> None:
+        """Ends the topics."""
+        for publisher in (self._refused, self._route.publisher, *(each.publisher for each in self._asked)):
+            self._node.destroy_publisher(publisher)
+
+    def refuse(self, topic: str, error: ual.UalError) -> None:
+        """Tells that a setpoint of a topic was refused."""
+        self._refusals.note(topic, error)
+
+    def note(self, task: ual.TaskInfo | None) -> None:
+        """Takes the running task of a sample: another one has another way."""
+        task_id = "" if task is None else task.id
+        if task_id != self._task_id:
+            self._task_id = task_id
+            self._has_changed.set()
+
+    async def follow(self) -> None:
+        """Publishes for ever what has changed."""
+        while True:
+            for each in self._asked:
+                if not await each.look():
+                    each.told = None  # who listens next hears what holds then
+            await asyncio.sleep(LOOK_S)
+
+    async def follow_route(self) -> None:
+        """Publishes the way for ever."""
+        while True:
+            self._has_changed.clear()
+            await self._look_at_route()
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._has_changed.wait(), LOOK_S)
+
+    def end(self) -> None:
+        """Tells no more; no way that was flown stays on the topic."""
+        self._refusals.end()
+        self._clear_route()
+
+    async def _look_at_route(self) -> None:
+        if not await self._route.look():
+            self._clear_route()
+
+    def _clear_route(self) -> None:
+        """A topic that keeps its last message must not give a later listener the way of a task that has ended."""
+        told, self._route.told = self._route.told, None
+        if told not in (None, (None,)):
+            self._route.publisher.publish(self._stamped(Path()))
+
+    async def _ask_geofence(self) -> ual.types.Geofence | str:
+        """Where it may fly; or why that is not known."""
+        try:
+            return await self._uav.geofence()
+        except ual.WrongStateError as error:  # FRAME_LOST, too
+            return error.message
+
+    def _publisher(self, kind: Entity, name: str, qos: Entity = topics.LATCHED) -> Entity:
+        topic = f"/{self._ns}/ual/{name}"
+        return self._node.create_publisher(kind, topic, qos, qos_overriding_options=topics.overridable())
+
+    async def _info(self, info: ual.Info) -> Message:
+        message = self._stamped(Info())
+        descriptions.fill_info(message, info)
+        return message
+
+    async def _geofence(self, geofence: ual.types.Geofence | str) -> Message:
+        message = self._stamped(Geofence())
+        if isinstance(geofence, str):
+            message.unknown = geofence
+        else:
+            descriptions.fill_geofence(message, geofence, Point)
+        return message
+
+    async def _lease(self, lease: ual.types.LeaseInfo | None) -> Message:
+        message = self._stamped(Lease())
+        if lease is not None:
+            descriptions.fill_lease(message, lease)
+            self._time.stamp(message.since, lease.since_s)
+        return message
+
+    async def _path(self, route: ual.types.Route | None) -> Message:
+        return self._stamped(await routes.path(route))
+
+    def _tell_refusal(self, topic: str, error: ual.UalError, count: int) -> None:
+        if topics.is_heard(self._refused):
+            message = self._stamped(Refusal())
+            descriptions.fill_refusal(message, topic, error, count, KeyValue)
+            self._refused.publish(message)
+
+    def _stamped(self, message: Message) -> Message:
+        self._time.stamp_now(message.header.stamp)
+        return message
+
+
+class _Asked:
+    """A topic that keeps its last message, and what it has told."""
+
+    def __init__(
+        self, publisher: Entity, ask: Callable[[], Awaitable[object]], make: Callable[[Any], Awaitable[Message]]
+    ) -> None:
+        self.publisher = publisher
+        self._ask = ask
+        self._make = make
+        self.told: object = None
+        """In a tuple, as what is told may be None. None: nothing, since it is heard."""
+
+    async def look(self) -> bool:
+        """Publishes what has changed since it was told. What is not heard is not asked for.
+
+        Returns False where it is not heard, or not known.
+        """
+        if not topics.is_heard(self.publisher):
+            return False
+        try:
+            asked = (await self._ask(),)
+        except ual.UalError:  # mostly the daemon is not there, which `state` tells
+            return False
+        if asked != self.told:
+            self.publisher.publish(await self._make(asked[0]))
+            self.told = asked
+        return True
