@@ -31,7 +31,7 @@ class Asked:
             autopilot_version=told.autopilot_version,
             is_simulation=told.is_simulation,
             capabilities=frozenset(ual.types.Capability[name] for name in told.capabilities),
-            limits=_limits(told.limits),
+            limits=_limits(told),
             ual_version=told.ual_version,
             is_arming_allowed=told.is_arming_allowed,
             url=told.url,

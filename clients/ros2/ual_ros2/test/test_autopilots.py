@@ -16,7 +16,8 @@ from typing import Any
 import pytest
 from conftest import ROS_ONLY, Processes, in_ros, registry, reserve_domain
 from flying import CANCELED, Client, waited
-from ros_uav import RosParameters, error_of
+from ros_tasks import error_of
+from ros_uav import RosParameters
 from ual_msgs import action, srv
 
 import ual

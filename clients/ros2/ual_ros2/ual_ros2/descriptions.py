@@ -20,11 +20,11 @@ def fill_info(message: Message, info: ual.Info) -> None:
     for name in ("is_simulation", "is_arming_allowed", "has_safety_pilot"):
         setattr(message, name, getattr(info, name))
     message.capabilities = sorted(each.name for each in info.capabilities)
-    limits, told = info.limits, message.limits
-    told.horizontal_speed, told.climb_speed = limits.horizontal_speed_m_s, limits.climb_speed_m_s
-    told.descent_speed, told.yaw_rate = limits.descent_speed_m_s, limits.yaw_rate_rad_s
-    told.horizontal_acceleration = limits.horizontal_acceleration_m_s2
-    told.vertical_acceleration = limits.vertical_acceleration_m_s2
+    limits = info.limits
+    message.horizontal_speed, message.yaw_rate = limits.horizontal_speed_m_s, limits.yaw_rate_rad_s
+    message.climb_speed, message.descent_speed = limits.climb_speed_m_s, limits.descent_speed_m_s
+    message.horizontal_acceleration = limits.horizontal_acceleration_m_s2
+    message.vertical_acceleration = limits.vertical_acceleration_m_s2
 
 
 def fill_geofence(message: Message, geofence: ual.types.Geofence, point: Callable[[], Message]) -> None:
