@@ -189,6 +189,14 @@ def test_an_empty_stamp_means_now() -> None:
     assert RosTime(Clock(50.0), lambda: 1000.0).utc_s(messages.stamp()) == 0.0
 
 
+def test_a_stamp_of_a_request_is_made_utc_and_an_empty_one_stays_so() -> None:
+    simulated, given, empty = RosTime(Clock(50.0), lambda: 1000.0), messages.stamp(49, 500_000_000), messages.stamp()
+    simulated.make_utc(given)
+    simulated.make_utc(empty)
+    assert (given.sec, given.nanosec) == (999, 500_000_000)
+    assert (empty.sec, empty.nanosec) == (0, 0)
+
+
 # --- Setpoints --------------------------------------------------------------------------------------------------------
 
 

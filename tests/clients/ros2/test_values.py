@@ -159,3 +159,31 @@ def test_feedback_has_nan_for_what_is_not_known() -> None:
     assert (message.distance_left, message.state, message.reason, message.is_paused) == (4.0, 4, "in the air", True)
     assert math.isnan(message.progress)
     assert message.waypoint_index == -1
+
+
+def place_on_earth(**fields: object) -> SimpleNamespace:
+    waypoint = SimpleNamespace(latitude=37.0, longitude=-6.0, altitude=5.0)
+    given = {"altitude_reference": 0, "has_yaw": False, "yaw": 0.0, **fields}
+    return SimpleNamespace(waypoint=waypoint, **given)
+
+
+def test_a_geographic_waypoint() -> None:
+    assert values.geo_waypoint(place_on_earth()) == ual.GeoWaypoint(37.0, -6.0, 5.0)
+    turned = values.geo_waypoint(place_on_earth(altitude_reference=2, has_yaw=True, yaw=1.5))
+    assert (turned.altitude_reference, turned.yaw_rad) == (ual.AltitudeReference.AMSL, 1.5)
+    with pytest.raises(ual.InvalidArgumentError, match="altitude_reference: 9"):
+        values.geo_waypoint(place_on_earth(altitude_reference=9))
+
+
+def test_a_path_is_of_poses_or_of_places() -> None:
+    stamped = SimpleNamespace(header=messages.header(), pose=messages.pose())
+    path = SimpleNamespace(header=messages.header("map"), poses=[stamped])
+    nothing = SimpleNamespace(header=messages.header(), poses=[])
+    [by_pose] = values.waypoints(SimpleNamespace(path=path, geo_waypoints=[]))
+    assert isinstance(by_pose, ual.PoseStamped)
+    assert by_pose.frame_id == "map"
+    assert values.waypoints(SimpleNamespace(path=nothing, geo_waypoints=[place_on_earth()])) == [
+        ual.GeoWaypoint(37.0, -6.0, 5.0)
+    ]
+    with pytest.raises(ual.InvalidArgumentError, match="only one of both"):
+        values.waypoints(SimpleNamespace(path=path, geo_waypoints=[place_on_earth()]))

@@ -11,9 +11,9 @@ from flying import LATCHED, LIMIT_S, Client
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import NavSatFix
+from ros_tasks import known
 from tf2_msgs.msg import TFMessage
-from ual_msgs.msg import State
+from ual_msgs.msg import GeoPosition, State
 
 import ual
 from ual_ros2 import values
@@ -45,7 +45,7 @@ class Told:
         hear, ual_ = client.node.create_subscription, f"/{ns}/ual"
         hear(State, f"{ual_}/state", lambda message: self._note("_state", message), STATES)
         hear(PoseStamped, f"{ual_}/ref_pose", lambda message: self._note("_reference", message), ALL)
-        hear(NavSatFix, f"{ual_}/fix", lambda message: self._note("_fix", message), ALL)
+        hear(GeoPosition, f"{ual_}/position_geo", lambda message: self._note("_fix", message), ALL)
         hear(TFMessage, "/tf_static", lambda message: self._on_tf(message, True), LATCHED)
         hear(TFMessage, "/tf", lambda message: self._on_tf(message, False), RELIABLE)
         for name, kind in (("pose", PoseStamped), ("velocity", TwistStamped), ("odom", Odometry)):
@@ -181,9 +181,8 @@ def _stamp_s(message: Any) -> float:
 
 
 def _place(fix: Any) -> ual.GeoPoint:
-    """A fix tells no altitude but that above the ellipsoid."""
-    altitude_m = None if fix.altitude != fix.altitude else fix.altitude
-    return ual.GeoPoint(fix.latitude, fix.longitude, altitude_ellipsoid_m=altitude_m)
+    altitudes_m = (known(each) for each in (fix.altitude_amsl, fix.altitude_home, fix.altitude_ellipsoid))
+    return ual.GeoPoint(fix.latitude, fix.longitude, *altitudes_m)
 
 
 def _task(told: Any) -> ual.TaskInfo | None:

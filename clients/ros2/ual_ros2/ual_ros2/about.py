@@ -1,4 +1,4 @@
-"""The topics of one UAV that change seldom: they are asked for while they are heard, and published at each change."""
+"""Topics of one UAV beside its motion. What changes seldom is asked for while it is heard, and told at each change."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import KeyValue
 from geometry_msgs.msg import Point
 from nav_msgs.msg import Path
-from ual_msgs.msg import Geofence, Info, Lease, Refusal
+from ual_msgs.msg import Geofence, GeoPosition, Info, Lease, Refusal
 
 import ual
 from ual_ros2 import descriptions, routes, topics
@@ -23,7 +23,10 @@ LOOK_S = 1.0
 
 
 class About:
-    """Who a UAV is, where it may fly, its lease, its way, and its refused setpoints. Only the event loop calls it."""
+    """Who a UAV is, where it may fly, its lease, its way, its place on Earth, and its refused setpoints.
+
+    Only the event loop calls it.
+    """
 
     def __init__(self, node: Entity, loop: asyncio.AbstractEventLoop, uav: ual.aio.Uav, ns: str, time: RosTime) -> None:
         self._node = node
@@ -37,13 +40,15 @@ class About:
             _Asked(self._publisher(Lease, "lease"), uav.lease_info, self._lease),
         ]
         self._route = _Asked(self._publisher(Path, "route"), uav.route, self._path)
+        self._position = self._publisher(GeoPosition, "position_geo", topics.SENSOR_DATA)
         self._task_id = ""
         self._has_changed = asyncio.Event()
         self._refusals = Refusals(loop, self._tell_refusal)
 
     def destroy(self) -> None:
         """Ends the topics."""
-        for publisher in (self._refused, self._route.publisher, *(each.publisher for each in self._asked)):
+        asked = (each.publisher for each in self._asked)
+        for publisher in (self._refused, self._position, self._route.publisher, *asked):
             self._node.destroy_publisher(publisher)
 
     def refuse(self, topic: str, error: ual.UalError) -> None:
@@ -56,6 +61,15 @@ class About:
         if task_id != self._task_id:
             self._task_id = task_id
             self._has_changed.set()
+
+    def publish_slow(self, sample: ual.Telemetry) -> None:
+        """Publishes where it is on Earth."""
+        if sample.position_geo is not None and topics.is_heard(self._position):
+            message = GeoPosition()
+            descriptions.fill_position(message, sample.position_geo, sample.gps)
+            message.header.frame_id = f"{self._ns}/base_link"
+            self._time.stamp(message.header.stamp, sample.stamp_s)
+            self._position.publish(message)
 
     async def follow(self) -> None:
         """Publishes for ever what has changed."""

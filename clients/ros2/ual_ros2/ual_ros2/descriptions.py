@@ -74,6 +74,19 @@ def fill_frame(message: Message, frame: ual.Frame) -> Message:
     return message
 
 
+def fill_position(message: Message, position: ual.GeoPoint, gps: ual.GpsInfo | None) -> None:
+    """Fills a GeoPosition, but for its header."""
+    message.latitude, message.longitude = position.latitude_deg, position.longitude_deg
+    message.altitude_amsl = values.known(position.altitude_amsl_m)
+    message.altitude_home = values.known(position.altitude_home_m)
+    message.altitude_ellipsoid = values.known(position.altitude_ellipsoid_m)
+    message.gps_fix, message.satellites_count = ("", 0) if gps is None else (gps.fix.name, gps.satellites_count)
+    message.horizontal_accuracy = values.known(None if gps is None else gps.horizontal_accuracy_m)
+    message.vertical_accuracy = values.known(None if gps is None else gps.vertical_accuracy_m)
+    message.corrections_age = values.known(None if gps is None else gps.corrections_age_s)
+    message.baseline = values.known(None if gps is None else gps.baseline_m)
+
+
 def fill_refusal(message: Message, topic: str, error: ual.UalError, count: int, key_value: KeyValue) -> None:
     """Fills a Refusal, but for its stamp."""
     message.topic, message.count = topic, count

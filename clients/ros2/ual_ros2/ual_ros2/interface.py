@@ -295,7 +295,7 @@ class UavInterface:
         settings = self._shared.settings
         while True:
             try:
-                self._lease = await self._uav.lease(settings.lease_holder or "")
+                self._lease = await self._uav.lease(settings.lease_holder or "", take=settings.lease_take)
                 self._not_leased = None
                 break
             except ual.UalError as error:
@@ -341,6 +341,7 @@ class UavInterface:
                 self._tell_unknown(f"the daemon at {self._uav.address} tells nothing")
             elif self._newest is not None:
                 self._topics.publish_slow(self._newest, self._said)
+                self._about.publish_slow(self._newest)
 
     def _note_connection(self) -> None:
         self._said.address = self._uav.address

@@ -20,6 +20,7 @@ DEFAULTS: dict[str, tuple[Any, str]] = {
     "token_file": ("", "a file with the token that is shown to the daemons"),
     "lease": (False, "whether to be the only program that flies the UAVs, while the node is active"),
     "lease_holder": ("ual_ros2", "how this program is called where others are refused by its lease"),
+    "lease_take": (False, "whether to take the lease from its holder, which only a commander may"),
     "rate_hz": (30.0, "how often pose, velocity, odom, ref_pose and tf are published"),
     "slow_rate_hz": (2.0, "how often battery, fix and health are published, and frames are looked for"),
     "camera_rate_hz": (5.0, "how often each picture of a camera that is heard is fetched and published"),
@@ -39,6 +40,7 @@ class Settings:
     credentials: ual.Credentials
     lease_holder: str | None
     """None: fly without a lease."""
+    lease_take: bool
     rate_hz: float
     slow_rate_hz: float
     camera_rate_hz: float
@@ -71,6 +73,7 @@ def settings_of(given: dict[str, Any]) -> Settings:
         tls_ca=given["tls_ca"] or None,
         credentials=_credentials(given),
         lease_holder=str(given["lease_holder"]) if given["lease"] else None,
+        lease_take=bool(given["lease_take"]),
         rate_hz=_rate(given, "rate_hz"),
         slow_rate_hz=_rate(given, "slow_rate_hz"),
         camera_rate_hz=_rate(given, "camera_rate_hz"),
