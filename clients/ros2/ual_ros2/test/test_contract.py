@@ -12,7 +12,6 @@ from flying import ABORTED, LATCHED, SUCCEEDED, Client, pose, velocity, waited
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Path
 from sensor_msgs.msg import NavSatFix
-from std_srvs.srv import Trigger
 from ual_msgs import action, msg, srv
 
 import ual
@@ -234,7 +233,7 @@ def test_what_is_told_to_each_new_listener(client: Client, uav: ual.Uav) -> None
     with uav.lease("survey"):
         waited(lambda: leases[-1].is_held)
         assert (leases[-1].holder, leases[-1].identity) == ("survey", "local")
-        assert client.call(Trigger, f"{UAL}/pause").message.startswith("LEASE_HELD: ")
+        assert client.call(srv.SetPose, f"{UAL}/set_pose", pose=pose(0.0, 0.0, 3.0)).reason == "LEASE_HELD"
         assert client.call(srv.ListFrames, f"{UAL}/list_frames").success
     waited(lambda: not leases[-1].is_held)
     assert len(infos) == 1, "what does not change is not published again"
