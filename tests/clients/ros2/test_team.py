@@ -39,10 +39,11 @@ def test_rviz_shows_each_uav_with_its_model() -> None:
     shown = displays(team.rviz(TEMPLATE, ["uav_1", "boat"], "/share/a model.urdf"))
     assert list(shown) == ["Ground", "Frames", "uav_1", "boat"]
     assert "uav_1" not in str(shown["boat"])
-    model, track, reference = shown["boat"]["Displays"]
+    model, track, reference, way = shown["boat"]["Displays"]
     assert (model["TF Prefix"], model["Description File"]) == ("boat", "/share/a model.urdf")
     assert track["Topic"]["Value"] == "/boat/ual/odom"
     assert reference["Topic"]["Value"] == "/boat/ual/ref_pose"
+    assert way["Topic"] == {"Value": "/boat/ual/route", "Durability Policy": "Transient Local"}
 
 
 def test_the_template_itself_shows_uav_1() -> None:
