@@ -79,9 +79,7 @@ def test_the_counts_are_those_of_all(loop: Loop, told: list[tuple[str, str, int]
     assert len(told) <= 100 * 0.02 / AGAIN_S + 2
 
 
-def test_the_end_tells_what_was_counted_and_leaves_no_timer(
-    loop: Loop, told: list[object], refusals: Refusals
-) -> None:
+def test_the_end_tells_what_was_counted_and_leaves_no_timer(loop: Loop, told: list[object], refusals: Refusals) -> None:
     refusals.note("set_pose", ual.GeofenceError("far 0"))
     refusals.note("set_pose", ual.GeofenceError("far 1"))
     refusals.note("cmd_vel", ual.WrongStateError("landed"))
