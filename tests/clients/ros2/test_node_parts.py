@@ -55,11 +55,38 @@ def test_which_uavs_are_meant(parameters: dict[str, Any], ns: object, address: o
         ({"feedback_rate_hz": 1e9}, "feedback_rate_hz"),
         ({"token_file": "/nowhere"}, "token_file: cannot read /nowhere"),
         ({"tls_key": "key.pem"}, "a certificate and its key are needed together"),
+        ({"rate_hz": "fast"}, "rate_hz: 'fast' is not a number"),
+        ({"rate_hz": True}, "rate_hz: True is not a number"),
+        ({"autostart": "no"}, "autostart: 'no' is not true or false"),
+        ({"ns": 5}, "ns: 5 is not text"),
+        ({"ns": [1, 2]}, "ns: .* is not text"),
+        ({"lease_holder": 7}, "lease_holder: 7 is not text"),
     ],
 )
 def test_what_is_wrong_is_named(parameters: dict[str, Any], wrong: dict[str, Any], text: str) -> None:
     with pytest.raises(ual.InvalidArgumentError, match=text):
         settings.settings_of(parameters | wrong)
+
+
+def test_a_rate_may_be_a_whole_number(parameters: dict[str, Any]) -> None:
+    assert settings.settings_of(parameters | {"rate_hz": 50}).rate_hz == 50.0
+
+
+def test_a_parameter_that_is_set_too_late_or_wrong_is_refused_with_what_to_do() -> None:
+    late = settings.refusal({"rate_hz": 50.0, "use_sim_time": True}, is_configured=True)
+    assert late.startswith("rate_hz is read when the node is configured: `ros2 lifecycle set`")
+    assert settings.refusal({"rate_hz": -3.0}, is_configured=False) == "rate_hz: -3.0 is not a rate of 0 to 1000 Hz"
+    assert settings.refusal({"ns": 5}, is_configured=False) == "ns: 5 is not text"
+    assert settings.refusal({"rate_hz": 50.0, "ns": "uav_1"}, is_configured=False) == ""
+    assert settings.refusal({"use_sim_time": True, "qos_overrides./tf": 1}, is_configured=True) == ""
+
+
+def test_a_parameter_that_the_node_does_not_have_is_told_with_the_nearest() -> None:
+    given = ("rate", "ns", "qos_overrides./uav_1/ual/pose.publisher.depth", "colour", "use_sim_time")
+    assert settings.unknown(given, {*settings.DEFAULTS, "use_sim_time"}) == [
+        "there is no parameter colour",
+        "there is no parameter rate: do you mean rate_hz?",
+    ]
 
 
 @pytest.mark.parametrize("name", ["uav_1", "_a", "Uav22"])

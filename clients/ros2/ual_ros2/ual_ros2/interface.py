@@ -74,6 +74,8 @@ class UavInterface:
         self._newest: ual.Telemetry | None = None
         self._heard_s = 0.0
         self._refused_s = 0.0
+        self._trouble = ""
+        """Why nothing is known of it, while that is so: it is in the log once."""
         self._is_active = False
         self._has_safety_pilot = True
         self._lease: ual.aio.Lease | None = None
@@ -325,6 +327,9 @@ class UavInterface:
             await asyncio.sleep(RETRY_S)
 
     def _on_sample(self, sample: ual.Telemetry) -> None:
+        if self._trouble:
+            _log.info("%s: it tells again", self._ns)
+            self._trouble = ""
         self._newest = sample
         self._heard_s = self._loop.time()
         self._topics.publish(sample)
@@ -355,6 +360,9 @@ class UavInterface:
             self._said.lease = "none" if self._lease is None else "held"
 
     def _tell_unknown(self, reason: str) -> None:
+        if not self._trouble:
+            _log.warning("%s: nothing is known of it: %s", self._ns, reason)
+        self._trouble = reason
         self._newest = None
         self._topics.tell_unknown(reason, self._said)
 

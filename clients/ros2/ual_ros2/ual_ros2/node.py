@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import logging
 import signal
 import sys
 import threading
-from collections.abc import Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import TimeoutError  # noqa: A004 (Python's own from 3.11 on)
 from contextlib import suppress
 from typing import Any
 
 import rclpy
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -36,6 +38,23 @@ ANSWERS_S = 0.2
 """How long ROS' executor still runs in the end, so that the results of goals leave."""
 
 
+Transition = Callable[["UalNode", LifecycleState], TransitionCallbackReturn]
+
+
+def _loud(transition: Transition) -> Transition:
+    """Says why a transition has failed: rclpy says nothing, and calls `on_error`."""
+
+    @functools.wraps(transition)
+    def tried(node: UalNode, state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            return transition(node, state)
+        except Exception as error:  # noqa: BLE001 (whatever it is, it must be said)
+            node.get_logger().error(f"{transition.__name__} failed: {type(error).__name__}: {error}")
+            return TransitionCallbackReturn.ERROR
+
+    return tried
+
+
 class UalNode(LifecycleNode):
     """A lifecycle node that is a client of daemons. It tells and flies while it is active."""
 
@@ -46,47 +65,72 @@ class UalNode(LifecycleNode):
         self._shared: Shared | None = None
         self._uavs: dict[str, UavInterface] = {}
         self._is_active = False
+        self.has_shut_down = False
         self._failure = ""
-        self._nameless: set[str] = set()
+        self._left_out: set[str] = set()
         # Not ROS' clock, which may stand still or jump.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._is_starting = bool(self.get_parameter("autostart").value)
         self.create_timer(LOOK_S, self._look, clock=steady)
+        self.add_on_set_parameters_callback(self._on_parameters)
+        for words in parameters.unknown(self._parameter_overrides, self._parameters):  # rclpy has them nowhere else
+            self.get_logger().warning(words)
 
+    def _on_parameters(self, given: Sequence[Entity]) -> SetParametersResult:
+        values = {each.name: each.value for each in given}
+        reason = parameters.refusal(values, is_configured=self._shared is not None)
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    @_loud
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Reads the parameters and makes all topics, services and actions."""
         try:
             settings = parameters.read(self)
             named = self._named(settings)
+            time = RosTime(self.get_clock())
+            self._shared = Shared(self, self._loop, settings, time, Tf(self, time))
+            for ns, address in named.items():
+                self._add(ns, address)
         except ual.UalError as error:
             return self._failed(error)
-        time = RosTime(self.get_clock())
-        self._shared = Shared(self, self._loop, settings, time, Tf(self, time))
-        for ns, address in named.items():
-            self._add(ns, address)
         return TransitionCallbackReturn.SUCCESS
 
+    @_loud
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begins to tell and to fly."""
+        self._is_starting = False
         self._is_active = True
         for uav in self._uavs.values():
             self._wait(uav.begin())
         return TransitionCallbackReturn.SUCCESS
 
+    @_loud
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ends what it flies: a go-to or path ends, and the UAV holds; a take-off or a landing goes on."""
         self._end("the node is not active")
         return TransitionCallbackReturn.SUCCESS
 
+    @_loud
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ends all topics, services and actions, and the connections."""
+        self._is_starting = False
         self._destroy_all()
         return TransitionCallbackReturn.SUCCESS
 
+    @_loud
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ends what it flies, from any state. Services and actions stay until the process ends, for their answers."""
         self._is_starting = False
+        self.has_shut_down = True
         self._end("the node has ended")
+        return TransitionCallbackReturn.SUCCESS
+
+    @_loud
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ends all after a transition that failed, once: the node is unconfigured then, and waits for its user."""
+        self._is_starting = False
+        self._end("the node has failed")
+        self._destroy_all()
         return TransitionCallbackReturn.SUCCESS
 
     async def close(self) -> None:
@@ -106,14 +150,14 @@ class UalNode(LifecycleNode):
 
     def _found(self) -> set[str]:
         """Returns the UAVs of this computer whose names ROS can have; says once of each other that it cannot."""
-        found = {daemon.ns for daemon in discovery.list_daemons()} - self._nameless
+        found = {daemon.ns for daemon in discovery.list_daemons()} - self._left_out
         for ns in tuple(found):
             try:
                 parameters.require_name(ns)
             except ual.InvalidArgumentError as error:
                 self.get_logger().error(error.message)
-                self._nameless.add(ns)
-        return found - self._nameless
+                self._left_out.add(ns)
+        return found - self._left_out
 
     def _ask_name(self, settings: Settings, address: str) -> str:
         with ual.Uav(address=address, tls_ca=settings.tls_ca, credentials=settings.credentials) as uav:
@@ -130,17 +174,26 @@ class UalNode(LifecycleNode):
             self._start()
         if self._shared is not None and not self._shared.settings.uavs:
             for ns in self._found() - self._uavs.keys():
-                self._add(ns, "")
-                if self._is_active:
-                    self._wait(self._uavs[ns].begin())
+                self._add_late(ns)
+
+    def _add_late(self, ns: str) -> None:
+        """Adds a UAV while others fly: if that fails, it is said, and they go on."""
+        try:
+            self._add(ns, "")
+        except Exception as error:  # noqa: BLE001 (whatever it is, the others fly)
+            self.get_logger().error(f"{ns} is left out: {type(error).__name__}: {error}")
+            self._left_out.add(ns)
+            return
+        if self._is_active:
+            self._wait(self._uavs[ns].begin())
 
     def _start(self) -> None:
         if self._shared is None and self.trigger_configure() is not TransitionCallbackReturn.SUCCESS:
             return
-        self._is_starting = False
         self.trigger_activate()
 
     def _failed(self, error: ual.UalError) -> TransitionCallbackReturn:
+        self._destroy_all()
         text = f"{error.reason}: {error.message}"
         if text != self._failure:
             self.get_logger().error(f"not configured: {text}")
@@ -189,7 +242,11 @@ class _RosLog(logging.Handler):
 async def run(argv: Sequence[str] | None, stop: asyncio.Event) -> bool:
     """Runs the node until `stop` is set. Returns False where it failed before."""
     loop = asyncio.get_running_loop()
-    rclpy.init(args=None if argv is None else list(argv), signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=None if argv is None else list(argv), signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rclpy's own have no other base
+        print(f"ual_ros2: its arguments are wrong: {error}", file=sys.stderr)
+        return False
     node = UalNode(loop)
     for name in ("ual", "ual_ros2"):
         logging.getLogger(name).addHandler(_RosLog(node))
@@ -201,7 +258,7 @@ async def run(argv: Sequence[str] | None, stop: asyncio.Event) -> bool:
     await stop.wait()
     if has_failed.is_set():
         await node.end_all("the node has failed")
-    else:
+    elif not node.has_shut_down:
         await _finish(node, executor)
     rclpy.try_shutdown()
     spinning.join(ENDING_S)

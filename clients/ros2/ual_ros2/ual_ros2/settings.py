@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,7 @@ DEFAULTS: dict[str, tuple[Any, str]] = {
     "autostart": (True, "whether the node configures and activates itself"),
 }
 _IS_ONE_OR_MANY = ("ns", "address")
+_WHEN_READ = "{0} is read when the node is configured: `ros2 lifecycle set` it to deactivate and cleanup first"
 
 
 @dataclass(frozen=True)
@@ -48,12 +51,35 @@ class Settings:
 
 
 def declare(node: Entity) -> None:
-    """Declares the parameters."""
+    """Declares the parameters. Their types are checked here: ROS' own words for a wrong one do not help."""
     from rcl_interfaces.msg import ParameterDescriptor  # imported late: all else here needs no ROS
 
     for name, (default, text) in DEFAULTS.items():
-        descriptor = ParameterDescriptor(description=text, dynamic_typing=name in _IS_ONE_OR_MANY)
-        node.declare_parameter(name, default, descriptor)
+        node.declare_parameter(name, default, ParameterDescriptor(description=text, dynamic_typing=True))
+
+
+def unknown(given: Iterable[str], known: Container[str]) -> list[str]:
+    """Returns the words for those that are given and that the node does not have, with the nearest that it has."""
+    wrong = sorted(name for name in given if name not in known and not name.startswith("qos_overrides."))
+    near = {name: get_close_matches(name, DEFAULTS, 1) for name in wrong}
+    return [
+        f"there is no parameter {name}" + "".join(f": do you mean {other}?" for other in near[name]) for name in wrong
+    ]
+
+
+def refusal(given: Mapping[str, Any], *, is_configured: bool) -> str:
+    """Returns why these values cannot be set now. Empty: they can."""
+    ours = {name: value for name, value in given.items() if name in DEFAULTS}
+    if ours and is_configured:
+        return _WHEN_READ.format(", ".join(ours))
+    try:
+        for name, value in ours.items():
+            _require_type(name, value)
+            if name.endswith("rate_hz"):
+                _rate(ours, name)
+    except ual.InvalidArgumentError as error:
+        return error.message
+    return ""
 
 
 def read(node: Entity) -> Settings:
@@ -66,8 +92,10 @@ def read(node: Entity) -> Settings:
     return settings_of({name: node.get_parameter(name).value for name in DEFAULTS})
 
 
-def settings_of(given: dict[str, Any]) -> Settings:
+def settings_of(given: Mapping[str, Any]) -> Settings:
     """Checks the values of the parameters; see `read`."""
+    for name in DEFAULTS:
+        _require_type(name, given[name])
     return Settings(
         uavs=_pairs(_listed(given["ns"]), _listed(given["address"])),
         tls_ca=given["tls_ca"] or None,
@@ -93,6 +121,23 @@ def require_name(ns: str) -> str:
     return ns
 
 
+def _require_type(name: str, value: Any) -> None:  # noqa: ANN401 (what ROS has read)
+    default = DEFAULTS[name][0]
+    if isinstance(default, bool):
+        _require(isinstance(value, bool), name, value, "true or false")
+    elif isinstance(default, float):
+        _require(isinstance(value, (int, float)) and not isinstance(value, bool), name, value, "a number")
+    elif name in _IS_ONE_OR_MANY and not isinstance(value, str):
+        _require(isinstance(value, Sequence) and all(isinstance(each, str) for each in value), name, value, "text")
+    else:
+        _require(isinstance(value, str), name, value, "text")
+
+
+def _require(is_right: bool, name: str, value: object, what: str) -> None:
+    if not is_right:
+        raise _invalid(name, f"{value!r} is not {what}")
+
+
 def _listed(value: str | list[str]) -> list[str]:
     listed = [value] if isinstance(value, str) else list(value)
     return [each for each in listed if each]
@@ -106,7 +151,7 @@ def _pairs(names: list[str], addresses: list[str]) -> tuple[tuple[str, str], ...
     return tuple(zip_longest(names, addresses, fillvalue=""))
 
 
-def _credentials(given: dict[str, Any]) -> ual.Credentials:
+def _credentials(given: Mapping[str, Any]) -> ual.Credentials:
     """Those of the parameters, or where none is given those of the environment, as for every client."""
     names = ("token_file", "tls_certificate", "tls_key")
     if not any(given[name] for name in names):
@@ -122,7 +167,7 @@ def _token(file: str) -> str:
         raise _invalid("token_file", f"cannot read {file}: {error}") from None
 
 
-def _rate(given: dict[str, Any], name: str) -> float:
+def _rate(given: Mapping[str, Any], name: str) -> float:
     rate_hz = given[name]
     if not 0.0 < rate_hz <= 1000.0:
         raise _invalid(name, f"{rate_hz} is not a rate of 0 to 1000 Hz")

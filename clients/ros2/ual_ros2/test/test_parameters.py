@@ -1,0 +1,102 @@
+"""Parameters that are wrong, late or unknown, and the lifecycle's ends: what a user is told by ROS' own tools."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from conftest import Processes, in_ros, registry, reserve_domain
+from flying import Client, waited
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+
+
+@pytest.fixture
+def processes(tmp_path: Path) -> Iterator[Processes]:
+    """Starts nodes of one test."""
+    with registry(tmp_path) as processes:
+        yield processes
+
+
+@pytest.fixture
+def client() -> Iterator[Client]:
+    """A program in ROS, in a domain of its own."""
+    reserve_domain()
+    with in_ros() as client:
+        yield client
+
+
+def is_in(client: Client, state: str) -> None:
+    """Waits until the node is in a state of the lifecycle."""
+    waited(lambda: client.call_again(GetState, "/ual/get_state").current_state.label == state)
+
+
+def change(client: Client, transition: int) -> bool:
+    """Lets the node change its state of the lifecycle; returns whether it has."""
+    return bool(client.call(ChangeState, "/ual/change_state", transition=Transition(id=transition)).success)
+
+
+def set_rate(client: Client, rate_hz: float) -> tuple[bool, str]:
+    """Does what ``ros2 param set /ual rate_hz`` does."""
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=rate_hz)
+    wanted = Parameter(name="rate_hz", value=value)
+    [result] = client.call(SetParameters, "/ual/set_parameters", parameters=[wanted]).results
+    return result.successful, result.reason
+
+
+def test_a_parameter_is_set_before_the_node_is_configured_and_only_a_right_one(
+    client: Client, processes: Processes
+) -> None:
+    processes.node("ns:=uav_1", "rate_hz:=50")  # a whole number is a rate, too
+    is_in(client, "active")
+    is_set, reason = set_rate(client, 20.0)
+    assert not is_set
+    assert "rate_hz is read when the node is configured: `ros2 lifecycle set` it to deactivate and cleanup" in reason
+    assert change(client, Transition.TRANSITION_DEACTIVATE)
+    assert change(client, Transition.TRANSITION_CLEANUP)
+    assert set_rate(client, -3.0) == (False, "rate_hz: -3.0 is not a rate of 0 to 1000 Hz")
+    assert set_rate(client, 20.0) == (True, "")
+    assert change(client, Transition.TRANSITION_CONFIGURE)
+
+
+def test_what_rclpy_refuses_is_said_and_leaves_the_node_unconfigured(client: Client, processes: Processes) -> None:
+    processes.node("ns:=uav_1", "rate:=3.0", "qos_overrides./uav_1/ual/pose.publisher.reliability:=best")
+    waited(lambda: "on_configure failed: RuntimeError: Unexpected QoS override" in processes.said())
+    assert "there is no parameter rate: do you mean rate_hz?" in processes.said()
+    is_in(client, "unconfigured")
+
+
+def test_a_file_that_is_not_there_is_told_by_the_node(client: Client, processes: Processes) -> None:
+    node = processes.node("ns:=uav_1", "autostart:=false", "tls_ca:=/nowhere")
+    is_in(client, "unconfigured")
+    assert not change(client, Transition.TRANSITION_CONFIGURE)
+    assert "not configured: INVALID_ARGUMENT: tls_ca: cannot read /nowhere" in processes.said()
+    assert node.poll() is None
+
+
+def test_a_node_that_was_shut_down_ends_at_ctrl_c(client: Client, processes: Processes) -> None:
+    node = processes.node("ns:=uav_1")
+    is_in(client, "active")
+    assert change(client, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    is_in(client, "finalized")
+    node.send_signal(signal.SIGINT)
+    assert node.wait(60.0) == 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [(["nonsense"], "nonsense"), (["--params-file", "/nowhere.yaml"], "/nowhere.yaml")],
+)
+def test_arguments_that_are_wrong_end_it_with_one_line(wrong: list[str], said: str) -> None:
+    command = [sys.executable, "-m", "ual_ros2", "--ros-args", *wrong]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60.0)
+    assert done.returncode == 1
+    assert "ual_ros2: its arguments are wrong: " in done.stderr
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
