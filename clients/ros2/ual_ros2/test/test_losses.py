@@ -237,3 +237,5 @@ def test_a_parameter_changes_the_qos_of_a_topic(client: Client, processes: Proce
     of_topic = client.node.get_publishers_info_by_topic
     [found] = waited(lambda: of_topic(f"{UAL}/pose"))
     assert found.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    [other] = waited(lambda: of_topic(f"{UAL}/velocity"))
+    assert other.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT

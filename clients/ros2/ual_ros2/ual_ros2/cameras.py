@@ -168,4 +168,4 @@ class _Camera:
 
     def _publisher(self, kind: Entity, name: str) -> Entity:
         topic = f"/{self._ns}/ual/camera_{self._number}/{name}"
-        return self._node.create_publisher(kind, topic, topics.SENSOR_DATA, qos_overriding_options=topics.overridable())
+        return self._node.create_publisher(kind, topic, **topics.overridable(topics.SENSOR_DATA))

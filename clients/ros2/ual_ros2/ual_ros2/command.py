@@ -36,6 +36,8 @@ class Command:
     """Whether it flies: what does not is not refused while the node has lost its lease."""
     changes_frames: bool = False
     """Whether tf has others afterwards."""
+    may_be_late: bool = False
+    """Whether it is also obeyed long after it was sent: it ends a flight, or moves nothing."""
 
 
 @dataclass(frozen=True)

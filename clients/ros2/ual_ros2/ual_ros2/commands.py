@@ -76,9 +76,19 @@ def _order_winch(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
 SERVICES = (
     *flights.SERVICES,
     Command(
-        "get_parameter", srv.GetParameter, lambda uav, request: uav.parameters.get(request.name), told=_told_parameter
+        "get_parameter",
+        srv.GetParameter,
+        lambda uav, request: uav.parameters.get(request.name),
+        told=_told_parameter,
+        may_be_late=True,
     ),
-    Command("list_parameters", srv.ListParameters, lambda uav, _: uav.parameters.get_all(), told=_told_parameters),
+    Command(
+        "list_parameters",
+        srv.ListParameters,
+        lambda uav, _: uav.parameters.get_all(),
+        told=_told_parameters,
+        may_be_late=True,
+    ),
     Command(
         "set_parameter",
         srv.SetParameter,
@@ -103,7 +113,9 @@ SERVICES = (
         ),
     ),
     Command("set_relay", srv.SetRelay, lambda uav, request: uav.gripper.set_relay(request.state, relay=request.relay)),
-    Command("list_equipment", srv.ListEquipment, lambda uav, _: uav.gripper.get_all(), told=_told_devices),
+    Command(
+        "list_equipment", srv.ListEquipment, lambda uav, _: uav.gripper.get_all(), told=_told_devices, may_be_late=True
+    ),
 )
 
 ACTIONS = flights.ACTIONS

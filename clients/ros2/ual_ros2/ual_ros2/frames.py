@@ -29,9 +29,8 @@ class Tf:
     """``/tf`` and ``/tf_static``, shared by all UAVs of the node. Only the event loop publishes."""
 
     def __init__(self, node: Entity, time: RosTime) -> None:
-        options = {"qos_overriding_options": topics.overridable()}
-        self.moving = node.create_publisher(TFMessage, "/tf", topics.TF, **options)
-        self._static = node.create_publisher(TFMessage, "/tf_static", topics.LATCHED, **options)
+        self.moving = node.create_publisher(TFMessage, "/tf", **topics.overridable(topics.TF))
+        self._static = node.create_publisher(TFMessage, "/tf_static", **topics.overridable(topics.LATCHED))
         self._node = node
         self._time = time
         self._published: dict[str, ual.Transform] = {}

@@ -23,6 +23,7 @@ from ual_ros2.commands import ACTIONS, SERVICES
 from ual_ros2.frames import Frames, Tf
 from ual_ros2.goals import Goals
 from ual_ros2.health import Said
+from ual_ros2.lateness import BEAT_S, Lateness, Pulse
 from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Outcome, Run
 from ual_ros2.ros_time import RosTime
@@ -35,6 +36,8 @@ _log = logging.getLogger(__name__)
 RETRY_S = 0.5
 SILENT_S = 1.0
 """Without a sample for this long (or three of them), the UAV is told to be unknown."""
+STAMPED = ("set_pose", "set_velocity")
+"""The setpoints that say in their header for when they are."""
 REFUSED_S = 5.0
 """How long a refused setpoint stands in the diagnostics."""
 
@@ -71,6 +74,8 @@ class UavInterface:
         settings = shared.settings
         self._uav = ual.aio.Uav(ns, address=address or None, tls_ca=settings.tls_ca, credentials=settings.credentials)
         self._said = Said()
+        self._lateness = Lateness(settings.refuses_late)
+        self._pulse = Pulse()
         self._newest: ual.Telemetry | None = None
         self._heard_s = 0.0
         self._refused_s = 0.0
@@ -111,7 +116,10 @@ class UavInterface:
 
     def _subscribe(self, kind: Entity, name: str, callback: Entity) -> Entity:
         return self._shared.node.create_subscription(
-            kind, f"/{self._ns}/ual/{name}", callback, topics.NEWEST, qos_overriding_options=topics.overridable()
+            kind,
+            f"/{self._ns}/ual/{name}",
+            callback=partial(self._on_input, name, callback),
+            **topics.overridable(topics.NEWEST),
         )
 
     def destroy(self) -> None:
@@ -128,36 +136,39 @@ class UavInterface:
         self._about.destroy()
         self._run(self.close()).result()
 
+    def _on_input(self, name: str, callback: Entity, message: Message, info: Mapping[str, int]) -> None:
+        if not self._is_active:
+            return
+        # The daemon checks the stamps of poses from outside.
+        stamp_s = self._shared.time.utc_s(message.header.stamp) if name in STAMPED else 0.0
+        try:
+            self._lateness.require_setpoint(info["source_timestamp"] / values.NANO, stamp_s)
+        except ual.UalError as error:
+            self._loop.call_soon_threadsafe(self._refuse, name, error)
+        else:
+            callback(message)
+
     def _on_pose(self, message: Message) -> None:
-        self._put(self._setpoints, "set_pose", values.pose_stamped(message))
+        self._setpoints.put(Given("set_pose", values.pose_stamped(message)))
 
     def _on_velocity(self, message: Message) -> None:
-        self._put(self._setpoints, "set_velocity", values.twist_stamped(message))
+        self._setpoints.put(Given("set_velocity", values.twist_stamped(message)))
 
     def _on_body_velocity(self, message: Message) -> None:
         """Takes a Twist, which names no frame: as ``cmd_vel`` of other robots, along the axes of the body."""
-        self._put(self._setpoints, "cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link"))
+        self._setpoints.put(Given("cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link")))
 
     def _on_external_pose(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
-        self._put(self._external_poses, "external_pose", values.external_pose(message, stamp_s))
+        self._external_poses.put(Given("external_pose", values.external_pose(message, stamp_s)))
 
     def _on_external_pose_with_covariance(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
         measured = values.external_pose_with_covariance(message, stamp_s)
-        self._put(self._external_poses, "external_pose_cov", measured)
+        self._external_poses.put(Given("external_pose_cov", measured))
 
-    def _put(
-        self,
-        stream: Newest[Given],
-        topic: str,
-        value: ual.PoseStamped | ual.TwistStamped | ual.types.ExternalPose,
-    ) -> None:
-        if self._is_active:
-            stream.put(Given(topic, value))
-
-    def _serve(self, command: Command, request: Message) -> Future[Message]:
-        return self._run(self._answered(command, request))
+    def _serve(self, command: Command, request: Message, sent_s: float) -> Future[Message]:
+        return self._run(self._answered(command, request, sent_s))
 
     def _run(self, coroutine: Coroutine[Any, Any, Any]) -> Future[Any]:
         return asyncio.run_coroutine_threadsafe(coroutine, self._loop)
@@ -167,10 +178,11 @@ class UavInterface:
     async def begin(self) -> None:
         """Begins to tell of the UAV and to fly it."""
         self._is_active = True
+        self._pulse = Pulse()
         self._said.address = self._uav.address
         self._heard_s = self._loop.time()
         works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed(), self._cameras.follow()]
-        works += [self._about.follow(), self._about.follow_route()]
+        works += [self._about.follow(), self._about.follow_route(), self._beat()]
         if self._shared.settings.lease_holder is not None:
             self._not_leased = ual.LeaseLostError("the node has not acquired its lease yet", {"by": "nothing"})
             works.append(self._acquire())
@@ -222,9 +234,9 @@ class UavInterface:
         self._require_lease()
         await self._uav.abort()
 
-    def begin_command(self, command: Command, request: Message) -> Run:
-        """Begins a command, which `end` ends."""
-        run = Run(lambda: self._perform(command, request))
+    def begin_command(self, command: Command, request: Message, sent_s: float = 0.0) -> Run:
+        """Begins a command, which `end` ends. It was sent at a time of UTC (0: not known)."""
+        run = Run(lambda: self._perform(command, request, sent_s))
         self._commands.add(run)
         run.task.add_done_callback(lambda task: self._on_ended(command, run, task.result()))
         return run
@@ -234,8 +246,8 @@ class UavInterface:
         if not ended.is_success:
             _log.warning("%s: %s: %s", self._ns, command.name, ended.text)
 
-    async def _answered(self, command: Command, request: Message) -> Message:
-        ended = await self.begin_command(command, request).task
+    async def _answered(self, command: Command, request: Message, sent_s: float) -> Message:
+        ended = await self.begin_command(command, request, sent_s).task
         response = command.kind.Response()
         if command.kind is Empty:
             return response
@@ -243,9 +255,11 @@ class UavInterface:
             return outcome.fill_trigger(response, ended)
         return outcome.fill(response, ended, KeyValue)
 
-    async def _perform(self, command: Command, request: Message) -> Mapping[str, Message]:
+    async def _perform(self, command: Command, request: Message, sent_s: float) -> Mapping[str, Message]:
         if not self._is_active:
             raise ual.WrongStateError("the node is not active: activate it (ros2 lifecycle set)", {"needed": "active"})
+        if not command.may_be_late:
+            self._require_present(sent_s)
         if command.needs_lease:
             self._require_lease()
         await self._frames.provide(command.frames(request))
@@ -279,14 +293,28 @@ class UavInterface:
         )
 
     def _on_refusal(self, given: Given, error: ual.UalError) -> None:
+        self._refuse(given.topic, error)
+
+    def _refuse(self, topic: str, error: ual.UalError) -> None:
         """A topic has no answer: so its refusal is told in `refusals`, in the diagnostics, and once in the log."""
-        self._about.refuse(given.topic, error)
+        self._about.refuse(topic, error)
         text = f"{error.reason}: {error.message}"
         if text != self._said.refused:
             _log.warning("%s: a setpoint is refused: %s", self._ns, text)
         self._said.refused = text
         self._said.refused_count += 1
         self._refused_s = self._loop.time()
+
+    def _require_present(self, sent_s: float) -> None:
+        if sent_s:
+            self._lateness.require_command(sent_s)
+        else:
+            self._pulse.require_running()
+
+    async def _beat(self) -> None:
+        while True:
+            self._pulse.beat()
+            await asyncio.sleep(BEAT_S)
 
     def _require_lease(self) -> None:
         if self._not_leased is not None:

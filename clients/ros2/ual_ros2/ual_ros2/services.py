@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 
+from ual_ros2 import values
 from ual_ros2.messages import Entity, Message
 
 
@@ -15,14 +16,16 @@ class LateService:
     waited for would cost a whole core. Here the executor hands the future to what sends the response, and is done.
     """
 
-    def __init__(self, node: Entity, kind: Entity, name: str, begin: Callable[[Message], Future[Message]]) -> None:
+    def __init__(
+        self, node: Entity, kind: Entity, name: str, begin: Callable[[Message, float], Future[Message]]
+    ) -> None:
+        """`begin` gets the request, and when it was sent (UTC; 0: not known)."""
         self._begin = begin
-        self.entity = node.create_service(kind, name, self._on_request)
+        self.entity = node.create_service(kind, name, lambda request, _: request)
         self._send = self.entity.send_response
         self.entity.send_response = self._answer
 
-    def _on_request(self, request: Message, response: Message) -> Future[Message]:
-        return self._begin(request)
-
-    def _answer(self, future: Future[Message], header: Message) -> None:
+    def _answer(self, request: Message, header: Message) -> None:
+        """Takes the place of what sends responses, because only that is given the header."""
+        future = self._begin(request, header.source_timestamp / values.NANO)
         future.add_done_callback(lambda done: self._send(done.result(), header))

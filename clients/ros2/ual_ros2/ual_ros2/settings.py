@@ -27,6 +27,7 @@ DEFAULTS: dict[str, tuple[Any, str]] = {
     "slow_rate_hz": (2.0, "how often battery, fix and health are published, and frames are looked for"),
     "camera_rate_hz": (5.0, "how often each picture of a camera that is heard is fetched and published"),
     "feedback_rate_hz": (10.0, "how often actions give feedback"),
+    "refuse_late": (True, "whether what was sent too long ago, or is stamped so, is refused"),
     "autostart": (True, "whether the node configures and activates itself"),
 }
 _IS_ONE_OR_MANY = ("ns", "address")
@@ -48,6 +49,7 @@ class Settings:
     slow_rate_hz: float
     camera_rate_hz: float
     feedback_rate_hz: float
+    refuses_late: bool
 
 
 def declare(node: Entity) -> None:
@@ -106,6 +108,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
         slow_rate_hz=_rate(given, "slow_rate_hz"),
         camera_rate_hz=_rate(given, "camera_rate_hz"),
         feedback_rate_hz=_rate(given, "feedback_rate_hz"),
+        refuses_late=bool(given["refuse_late"]),
     )
 
 

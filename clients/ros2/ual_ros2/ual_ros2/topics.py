@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -30,9 +31,13 @@ TF = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 
 
-def overridable() -> Entity:
-    """Returns what lets parameters (``qos_overrides./uav_1/ual/pose.publisher.reliability``) change a topic's QoS."""
-    return QoSOverridingOptions(_OVERRIDABLE)
+def overridable(qos: QoSProfile) -> dict[str, Entity]:
+    """Returns the arguments of a topic whose QoS parameters may change.
+
+    They are named ``qos_overrides./uav_1/ual/pose.publisher.reliability``. rclpy writes them into the profile that it
+    is given: so each topic gets one of its own.
+    """
+    return {"qos_profile": copy.copy(qos), "qos_overriding_options": QoSOverridingOptions(_OVERRIDABLE)}
 
 
 class _Told(NamedTuple):
@@ -134,7 +139,7 @@ class Topics:
 
     def _publisher(self, kind: Entity, name: str, qos: Entity = SENSOR_DATA) -> Entity:
         topic = f"/{self._ns}/ual/{name}"
-        return self._node.create_publisher(kind, topic, qos, qos_overriding_options=overridable())
+        return self._node.create_publisher(kind, topic, **overridable(qos))
 
     def _make_messages(self) -> None:
         self._pose_message, self._ref_pose_message = PoseStamped(), PoseStamped()

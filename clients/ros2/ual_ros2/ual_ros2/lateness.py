@@ -1,0 +1,98 @@
+"""What comes late is not flown. It needs no ROS.
+
+DDS keeps messages for a node that stands still (stopped, a computer that slept), and sends requests again after an
+outage of a network. So it may deliver what was sent for another moment, and whose sender has given up since.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import ual
+
+SETPOINT_S = 0.5
+"""How old a setpoint may be: for so long the daemon flies one that is not followed by another."""
+COMMAND_S = 3.0
+"""How old the request of a command may be. A person that has heard nothing for so long begins to look why."""
+BEAT_S = 0.25
+"""How often it is noted that the program runs."""
+QUEUED_S = 5.0
+"""For so long after it stood still, what comes may have been sent meanwhile: DDS asks for what is missing every 3 s."""
+
+
+class Lateness:
+    """Refuses what was sent too long ago, by the clock of its sender's computer. Any thread may ask it."""
+
+    def __init__(self, is_refused: bool, utc_s: Callable[[], float] = time.time) -> None:
+        self._is_refused = is_refused
+        self._utc_s = utc_s
+
+    def require_setpoint(self, sent_s: float, stamp_s: float) -> None:
+        """Requires a setpoint of the present.
+
+        Args:
+            sent_s: When its message was sent, UTC; 0: not known.
+            stamp_s: What its header says, UTC; 0: nothing.
+
+        Raises:
+            UalTimeoutError: It is older than 0.5 s, or of the future.
+
+        """
+        self._require(sent_s, SETPOINT_S, "was sent")
+        self._require(stamp_s, SETPOINT_S, "is stamped")
+
+    def require_command(self, sent_s: float) -> None:
+        """Requires a request of the present, sent at a time of UTC (0: not known).
+
+        Raises:
+            UalTimeoutError: It is older than 3 s, or of the future.
+
+        """
+        self._require(sent_s, COMMAND_S, "was sent")
+
+    def _require(self, at_s: float, limit_s: float, how: str) -> None:
+        age_s = self._utc_s() - at_s
+        if not self._is_refused or not at_s or abs(age_s) <= limit_s:
+            return
+        when = f"{age_s:.1f} s ago" if age_s > 0.0 else f"{-age_s:.1f} s in the future"
+        raise ual.UalTimeoutError(
+            f"it {how} {when}, and {limit_s:g} s are allowed: it is not flown. If it was sent just now, the clocks of "
+            "the two computers differ: synchronize them, or set refuse_late to false",
+            {"age_s": f"{age_s:.3f}", "limit_s": f"{limit_s:g}"},
+        )
+
+
+class Pulse:
+    """Notes that the program stood still, as it does while it is stopped or the computer sleeps.
+
+    It is for goals of actions, of which rclpy does not say when they were sent.
+    """
+
+    def __init__(self, clock: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME)) -> None:
+        self._clock = clock
+        self._beat_s = clock()
+        self._stood_s = 0.0
+        self._until_s = 0.0
+
+    def beat(self) -> None:
+        """Says that the program runs."""
+        now_s = self._clock()
+        late_s, self._beat_s = now_s - self._beat_s, now_s
+        if late_s > COMMAND_S:
+            self._stood_s, self._until_s = late_s, now_s + QUEUED_S
+
+    def require_running(self) -> None:
+        """Requires that what comes now was not sent while the program stood still.
+
+        Raises:
+            UalTimeoutError: It may have been.
+
+        """
+        self.beat()
+        if self._beat_s < self._until_s:
+            raise ual.UalTimeoutError(
+                f"the node stood still for {self._stood_s:.1f} s, and this may have been sent meanwhile: it is not "
+                "flown. Send it again",
+                {"stood_still_s": f"{self._stood_s:.3f}"},
+            )

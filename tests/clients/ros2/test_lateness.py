@@ -1,0 +1,62 @@
+"""What was sent too long ago is refused, by clocks that a test sets."""
+
+from __future__ import annotations
+
+import pytest
+
+import ual
+from ual_ros2.lateness import COMMAND_S, QUEUED_S, SETPOINT_S, Lateness, Pulse
+
+NOW_S = 1_000_000.0
+
+
+class Clock:
+    now_s = NOW_S
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.4, -0.4])
+def test_a_setpoint_of_the_present_is_taken(age_s: float) -> None:
+    Lateness(True, Clock()).require_setpoint(NOW_S - age_s, NOW_S - age_s)
+
+
+def test_a_time_that_is_not_known_is_not_checked() -> None:
+    Lateness(True, Clock()).require_setpoint(0.0, 0.0)
+    Lateness(True, Clock()).require_command(0.0)
+
+
+@pytest.mark.parametrize(
+    ("sent_s", "stamp_s", "text"),
+    [
+        (NOW_S - SETPOINT_S - 0.1, 0.0, "it was sent 0.6 s ago, and 0.5 s are allowed: it is not flown"),
+        (NOW_S, NOW_S - 86_400.0, "it is stamped 86400.0 s ago"),
+        (NOW_S, NOW_S + 2.0, "it is stamped 2.0 s in the future"),
+    ],
+)
+def test_a_setpoint_of_another_time_is_refused(sent_s: float, stamp_s: float, text: str) -> None:
+    with pytest.raises(ual.UalTimeoutError, match=text) as refused:
+        Lateness(True, Clock()).require_setpoint(sent_s, stamp_s)
+    assert refused.value.metadata["limit_s"] == "0.5"
+    Lateness(False, Clock()).require_setpoint(sent_s, stamp_s)
+
+
+def test_an_old_request_is_refused() -> None:
+    lateness = Lateness(True, Clock())
+    lateness.require_command(NOW_S - COMMAND_S + 0.1)
+    with pytest.raises(ual.UalTimeoutError, match=r"it was sent 5\.0 s ago, and 3 s are allowed"):
+        lateness.require_command(NOW_S - 5.0)
+
+
+def test_what_comes_after_the_node_stood_still_is_refused_for_a_while() -> None:
+    clock = Clock()
+    pulse = Pulse(clock)
+    clock.now_s += COMMAND_S - 0.1
+    pulse.require_running()
+    clock.now_s += 5.0
+    for _ in range(2):
+        with pytest.raises(ual.UalTimeoutError, match=r"the node stood still for 5\.0 s"):
+            pulse.require_running()
+    clock.now_s += QUEUED_S
+    pulse.require_running()
