@@ -111,7 +111,7 @@ class About:
 
     def _publisher(self, kind: Entity, name: str, qos: Entity = topics.LATCHED) -> Entity:
         topic = f"/{self._ns}/ual/{name}"
-        return self._node.create_publisher(kind, topic, qos, qos_overriding_options=topics.overridable())
+        return self._node.create_publisher(kind, topic, **topics.overridable(qos))
 
     async def _info(self, info: ual.Info) -> Message:
         message = self._stamped(Info())
