@@ -329,9 +329,11 @@ class Flight:
     def stop_for_lease(self, why: str) -> None:
         """Aborts what is under way because the lease begins or ends: the UAV holds its position.
 
-        A take-off or a landing goes on, and in a flight that is not UAL's nothing is sent.
+        A take-off or a landing goes on, and in a flight that is not UAL's nothing is sent. An arming that has not left
+        yet does not leave any more.
         """
         snapshot = self._backend.snapshot()
+        self._watched.end_callers(TaskAbortedError(why, {"by": "lease"}), snapshot)
         if self.is_on_mission:
             self._stop_mission_for_lease(why, snapshot)
         elif self.raw_estimate(snapshot).state is State.FLYING_AUTO:
@@ -429,13 +431,13 @@ class Flight:
         return manoeuvre.task
 
     def watch(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> Future[None]:
-        """Watches a command that is not a manoeuvre; see `WatchedCommands.add`.
+        """Watches a caller's command that is not a manoeuvre; see `WatchedCommands.add`.
 
         Raises:
             WrongStateError: UAL is shutting down.
 
         """
-        return self._watched.add(command, is_done)
+        return self._watched.add(command, is_done, is_callers=True)
 
     # --- The end ------------------------------------------------------------------------------------------------------
 

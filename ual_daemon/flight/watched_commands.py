@@ -21,9 +21,10 @@ _log = logging.getLogger(__name__)
 class _Watched:
     """A command, the condition that shows its effect, and the future that ends then."""
 
-    def __init__(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> None:
+    def __init__(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool], *, is_callers: bool) -> None:
         self.command = command
         self.is_done = is_done
+        self.is_callers = is_callers
         self.future = running_future()
 
     def end(self, error: UalError | None) -> None:
@@ -45,14 +46,18 @@ class WatchedCommands:
         """Whether no command is watched."""
         return not self._watched
 
-    def add(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> Future[None]:
+    def add(
+        self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool], *, is_callers: bool = False
+    ) -> Future[None]:
         """Watches a command. The future ends when `is_done` holds, or with the error by which the command failed.
+
+        `is_callers` says whether a caller has given it, so that it ends with the lease (`end_callers`).
 
         Raises:
             WrongStateError: UAL is shutting down.
 
         """
-        watched = _Watched(command, is_done)
+        watched = _Watched(command, is_done, is_callers=is_callers)
         with self._lock:
             if self._is_closed:
                 raise shutting_down(command.what)
@@ -70,6 +75,12 @@ class WatchedCommands:
             ended, self._watched, self._is_closed = self._watched, (), True
         for watched in ended:
             watched.end(error)
+
+    def end_callers(self, error: UalError, snapshot: Snapshot) -> None:
+        """Ends the commands of callers that show no effect yet, with an error: they are not sent any more."""
+        for watched in self._watched:
+            if watched.is_callers and not watched.is_done(snapshot) and self._remove(watched):
+                watched.end(error)
 
     def step(self, snapshot: Snapshot, estimate: Estimate) -> None:
         """Ends the commands whose effect shows in a snapshot, and those that failed: with a lost link, all did."""

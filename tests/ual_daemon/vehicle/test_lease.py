@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 
 import pytest
 
@@ -52,6 +53,28 @@ def test_what_another_program_flies_ends_when_one_acquires_the_lease(uav: Steppe
     assert ended_by_lease(task, "survey has acquired the lease")
     assert holds(uav)
     assert uav.state is State.FLYING_AUTO
+
+
+def test_an_arming_that_has_not_left_ends_when_another_acquires_the_lease(
+    uav: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It left up to 4.5 s later, and the motors started for a program that had lost the UAV."""
+    waiting: Future[None] = Future()
+    monkeypatch.setattr(uav.vehicle.backend, "arm", lambda: waiting)
+    arming = uav.vehicle.commands.arm()
+    uav.run(0.5)
+    assert not arming.done()
+    uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
+    with pytest.raises(TaskAbortedError, match="survey has acquired the lease"):
+        arming.result(0)
+    assert waiting.cancelled()
+
+
+def test_an_arming_that_shows_is_done_when_another_acquires_the_lease(uav: Stepped) -> None:
+    arming = uav.vehicle.commands.arm()
+    uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
+    uav.run(STEP_S)
+    assert arming.result(0) is None
 
 
 @pytest.mark.parametrize("how", ["released", "taken"])
