@@ -17,6 +17,8 @@ QUIET_S = 0.3
 """... with none that fits the old boot for so long. An autopilot that boots is silent for longer."""
 SHORTEST_BOOT_S = 2.0
 """No autopilot reboots twice within this time."""
+WRAP_S = (1 << 32) / 1000.0
+"""After so long, 49.7 days, MAVLink's milliseconds since boot begin anew. The UAV of a dock may never be switched off."""
 _FASTEST = 50.0
 """A simulator's time may pass so many times as fast as ours."""
 
@@ -49,6 +51,8 @@ class BootTime:
         """Takes the time since boot from a message. Returns whether the autopilot is now known to have rebooted."""
         self.is_doubtful = False
         passed_s = now_s - self._received_s
+        if has_wrapped(self.boot_s, boot_s) and _follows(self.boot_s, boot_s + WRAP_S, passed_s):
+            self.boot_s -= WRAP_S
         # After a silence a new boot may have run for longer than the last one had, but not for as long as the silence.
         has_booted_since = boot_s < passed_s - REBOOT_S
         fits = not has_booted_since and _follows(self.boot_s, boot_s, passed_s)
@@ -76,6 +80,11 @@ class BootTime:
         candidate.boot_s, candidate.received_s = max(candidate.boot_s, boot_s), now_s
         candidate.count += 1
         return candidate.count
+
+
+def has_wrapped(old_boot_s: float, boot_s: float) -> bool:
+    """Whether a time since boot is so much smaller than one before it that it may have begun anew."""
+    return old_boot_s - boot_s > WRAP_S / 2
 
 
 def _follows(old_boot_s: float, boot_s: float, passed_s: float) -> bool:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
+from ual_daemon.backends.engine.boot_time import has_wrapped
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
@@ -324,6 +325,8 @@ class Telemetry:
         if not self.pose.is_next(now_s):
             return
         measured_s = milli(message.time_boot_ms)
+        if has_wrapped(self._measured_s, measured_s):
+            self._clock_offset = ClockOffset()
         stamp_s = self._clock_offset.to_utc(measured_s, now_s, utc_now_s)
         attitude = self._attitude.fresh(now_s)
         if attitude is None:

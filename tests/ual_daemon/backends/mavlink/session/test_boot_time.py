@@ -7,8 +7,8 @@ import random
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, attitude, heartbeat, position
-from ual_daemon.backends.engine.boot_time import PROOFS_COUNT, QUIET_S, SHORTEST_BOOT_S, BootTime
+from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, UTC_S, Harness, attitude, heartbeat, position
+from ual_daemon.backends.engine.boot_time import PROOFS_COUNT, QUIET_S, SHORTEST_BOOT_S, WRAP_S, BootTime
 from ual_daemon.backends.mavlink.wire.messages import Message
 
 
@@ -54,6 +54,32 @@ def test_reboots_are_believed_no_more_often_than_an_autopilot_can_boot() -> None
     run(boot, 1000.0, 0.0, 1.0)
     count = sum(run(boot, 500.0 - 2.0 * number, 1.0 + 0.4 * number, 0.4) for number in range(100))
     assert 2 <= count <= 40.0 / SHORTEST_BOOT_S + 1
+
+
+@pytest.mark.parametrize("silence_s", [0.0, 0.9])
+def test_milliseconds_that_begin_anew_after_49_days_are_no_reboot(silence_s: float) -> None:
+    """In flight all that was known was discarded, and the task ended. With a silence of 0.3 s before, at once."""
+    boot = BootTime()
+    assert run(boot, WRAP_S - 1.0, 0.0, 1.0) == 0
+    anew_s = 1.0 + silence_s
+    for step in range(100):
+        assert not boot.update(silence_s + step / 50.0, anew_s + step / 50.0)
+        assert not boot.is_doubtful
+    assert boot.boot_s == pytest.approx(silence_s + 99 / 50.0)
+    assert run(boot, 0.5, anew_s + 30.0, 1.0) == 1  # a true one after that
+
+
+def test_a_pose_goes_on_while_the_milliseconds_begin_anew() -> None:
+    harness = Harness()
+    for step in range(100):
+        harness.now_s = step / 50.0
+        message = position(harness.now_s)
+        message.time_boot_ms = ((1 << 32) - 1000 + step * 20) % (1 << 32)
+        harness.receive(heartbeat(), attitude(), message)
+        motion = harness.snapshot().motion
+        assert motion.pose.time_s == harness.now_s
+        assert motion.stamp_s == pytest.approx(UTC_S + harness.now_s, abs=0.01)
+    assert harness.discovery.link_statistics(harness.now_s).reboots_count == 0
 
 
 def test_a_simulator_may_run_much_faster_than_our_clock() -> None:
