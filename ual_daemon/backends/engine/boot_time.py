@@ -18,7 +18,7 @@ QUIET_S = 0.3
 SHORTEST_BOOT_S = 2.0
 """No autopilot reboots twice within this time."""
 WRAP_S = (1 << 32) / 1000.0
-"""After so long, 49.7 days, MAVLink's milliseconds since boot begin anew. The UAV of a dock may never be switched off."""
+"""After so long, 49.7 days, MAVLink's milliseconds since boot begin anew. A UAV in a dock may never be switched off."""
 _FASTEST = 50.0
 """A simulator's time may pass so many times as fast as ours."""
 

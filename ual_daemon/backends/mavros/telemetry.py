@@ -293,13 +293,15 @@ class Telemetry:
             self._geo.discard()
             return
         point = _place(message)
-        if not self.plausibility.accepts_geo_point(point):
+        if not self._accepts_place(message):
             return
         self._geo.set(message, now_s)
         self.origin.on_geo(_milliseconds(message), point)
 
     def _on_above_home(self, message: Message, now_s: float) -> None:
         above_m = number(message["data"])
+        if not self.plausibility.accepts_altitude(above_m):
+            return
         self._above_home_m.set(above_m, now_s)
         geo, home = self._geo.sample, self._home.value
         if geo is None or home is None or now_s - geo.time_s > _SAME_MOMENT_S:
@@ -318,9 +320,11 @@ class Telemetry:
         if origin is None:
             return
         place = origin["position"]
+        if not self._accepts_place(place):
+            return
         amsl_m = self._geoid.amsl_m(number(place["altitude"]))
         point = _place(place)
-        if amsl_m is None or place == self._placed.value or not self.plausibility.accepts_geo_point(point):
+        if amsl_m is None or place == self._placed.value:
             return
         self._placed.set(place, now_s)
         self.origin.on_origin(self.autopilot.projection(point.latitude_deg, point.longitude_deg, amsl_m))
@@ -356,7 +360,7 @@ class Telemetry:
             self._place_origin(now_s)
 
     def _on_home(self, message: Message, now_s: float) -> None:
-        if self.plausibility.accepts_geo_point(_place(message["geo"])):
+        if self._accepts_place(message["geo"]):
             self._home.set(message, now_s)
             self.home_s = math.inf
 
@@ -384,6 +388,11 @@ class Telemetry:
         self.parameters.clear()
         self.missions.discard()
         self.origin = LocalOrigin()
+
+    def _accepts_place(self, message: Message) -> bool:
+        """Judges a place on Earth with its altitude: a height is computed from it, by which ArduPilot takes off."""
+        judge = self.plausibility
+        return judge.accepts_geo_point(_place(message)) and judge.accepts_altitude(number(message["altitude"]))
 
     # --- What follows from it -----------------------------------------------------------------------------------------
 
