@@ -32,7 +32,7 @@ from ual_daemon.flight.refusals import not_pausable, not_replaceable, on_mission
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
 from ual_daemon.flight.state import Estimate, estimate
-from ual_daemon.flight.stepper import Stepper
+from ual_daemon.flight.stepper import Stepper, has_led_to_ground
 from ual_daemon.flight.stopping import Stopping, next_start
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.flight.watched_commands import WatchedCommands
@@ -154,6 +154,16 @@ class Flight:
         """Whether the autopilot flies a mission by itself, as a task of UAL."""
         manoeuvre = self._flown.manoeuvre
         return manoeuvre is not None and bool(manoeuvre.mission)
+
+    def is_following(self, snapshot: Snapshot) -> bool:
+        """Returns whether the UAV follows references: in the air, or on the ground after what is flown has led there.
+
+        An autopilot that has touched down so must not lose its stream before it disarms; see `ReferenceRules`.
+        """
+        state, manoeuvre = self.raw_estimate(snapshot).state, self._flown.manoeuvre
+        if state is not State.LANDED_ARMED or manoeuvre is None:
+            return state is State.FLYING_AUTO
+        return has_led_to_ground(manoeuvre, snapshot)
 
     def task_info(self) -> TaskInfo | None:
         """Returns the running task; None if there is none."""
@@ -336,7 +346,7 @@ class Flight:
         self._watched.end_callers(TaskAbortedError(why, {"by": "lease"}), snapshot)
         if self.is_on_mission:
             self._stop_mission_for_lease(why, snapshot)
-        elif self.raw_estimate(snapshot).state is State.FLYING_AUTO:
+        elif self.is_following(snapshot):
             stop = self.brake(snapshot)
             new = FlyReference("lease", stop, self._rules)
             self._exchange(new, partial(self._ends_with_lease, why, new), stop.setpoint(snapshot), snapshot)

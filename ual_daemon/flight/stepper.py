@@ -12,7 +12,7 @@ from ual.errors import UalError, UalTimeoutError, WrongStateError
 from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, Snapshot
+from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.fitting import Fitting
 from ual_daemon.flight.flown import SILENT, Ending, Flown
@@ -118,7 +118,8 @@ class Stepper:
     def _follower(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot) -> Manoeuvre | None:
         """Returns what is flown after a manoeuvre; None to stop from the motion that the UAV has."""
         reference = step.next_reference
-        if step.is_to_stop:
+        is_down = step.error is not None and not step.is_taken and has_led_to_ground(manoeuvre, snapshot)
+        if step.is_to_stop or is_down:
             reference = self._stopping.stop(manoeuvre.current_reference(), snapshot)
         return None if reference is None else FlyReference(manoeuvre.name, reference, self._rules)
 
@@ -150,6 +151,18 @@ class Stepper:
         with suppress(WrongStateError):  # UAL is shutting down
             self._watched.add(hold, is_control_given_up)
         hold.send(self._backend.hold)
+
+
+def has_led_to_ground(manoeuvre: Manoeuvre, snapshot: Snapshot) -> bool:
+    """Returns whether a manoeuvre has led the UAV to the ground by references, which the autopilot still follows.
+
+    It must not lose its stream there before it disarms; see `ReferenceRules`.
+    """
+    control = snapshot.control
+    if not control.is_on_ground or control.armed is None or not control.armed.value:
+        return False
+    is_led = manoeuvre.declares is None and manoeuvre.current_reference() is not None
+    return is_led and control.mode is not None and control.mode.value.control is Control.REFERENCES
 
 
 def _withdraw_older(manoeuvre: Manoeuvre, snapshot: Snapshot) -> None:

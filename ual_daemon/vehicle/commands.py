@@ -360,7 +360,7 @@ class Commands:
         elif self._is_mission(task.id):
             seen = self._preconditions.require_state("cancel", lease_id, *_SEEN)
             self._stop_mission("cancel", seen, lease_id)
-        elif self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
+        elif self._flight.is_following(snapshot):
             stop = self._flight.brake(snapshot)
             self._flight.begin_reference(stop, "cancel", snapshot, Order(lease_id), only_task_id=task.id)
         else:

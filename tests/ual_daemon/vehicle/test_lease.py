@@ -11,8 +11,10 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
+from ual_daemon.backends.values import Setpoint
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.settings import VehicleSettings
 
 FAR = at(60.0, 0.0, 3.0)
 LONG_S = 1e6
@@ -75,6 +77,28 @@ def test_an_arming_that_shows_is_done_when_another_acquires_the_lease(uav: Stepp
     uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     uav.run(STEP_S)
     assert arming.result(0) is None
+
+
+@pytest.mark.parametrize("how", ["lease", "cancel", "abort", "stuck"])
+def test_one_that_has_touched_down_by_references_keeps_its_stream(how: str) -> None:
+    """Nothing was sent any more, and the autopilot's failsafe began while its motors ran on the ground."""
+    with stepped(VehicleSettings(floor_m=None), light={"disarm_after_landing_s": 100.0}) as uav:
+        uav.fly()
+        task = uav.prepare.go_to_waypoint(at(1.0, 0.0, -1.0)).begin()
+        uav.until(lambda: uav.state is State.LANDED_ARMED)
+        sent: list[Setpoint] = []
+        uav.vehicle.observe_setpoints(sent.append)
+        if how == "lease":
+            uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
+        elif how == "cancel":
+            uav.vehicle.commands.cancel(task)
+        elif how == "abort":
+            uav.vehicle.commands.abort(task_id=task.id)
+        uav.until(task.future.done)
+        sent.clear()
+        uav.run(1.0)
+        assert uav.state is State.LANDED_ARMED
+        assert len(sent) > 40
 
 
 @pytest.mark.parametrize("how", ["released", "taken"])
