@@ -35,6 +35,20 @@ def test_a_wrong_file_is_told_in_the_words_of_ual(tmp_path: Path) -> None:
         team.names(UAL, str(file))
 
 
+def test_a_missing_command_is_told_with_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match=r"`ual` does not run. Activate .* or name it \(ual:=.*: .*/nowhere/ual"):
+        team.names("/nowhere/ual", str(tmp_path / "team.yaml"))
+
+
+def test_what_a_shell_leaves_as_it_is_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/home/me")
+    assert team.path("~/env/bin/ual") == "/home/me/env/bin/ual"
+    assert team.path("ual") == "ual"
+    assert team.rate_hz("50") == 50.0
+    with pytest.raises(RuntimeError, match="rate_hz: 'fast' is not a number"):
+        team.rate_hz("fast")
+
+
 def test_rviz_shows_each_uav_with_its_model() -> None:
     shown = displays(team.rviz(TEMPLATE, ["uav_1", "boat"], "/share/a model.urdf"))
     assert list(shown) == ["Ground", "Frames", "uav_1", "boat"]

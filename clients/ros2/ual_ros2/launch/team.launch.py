@@ -8,7 +8,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -36,24 +36,30 @@ def generate_launch_description() -> LaunchDescription:
 
 def _start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     given = {name: LaunchConfiguration(name).perform(context) for name in ("team", "rate_hz", "rviz", "model", "ual")}
-    names = team.names(given["ual"], given["team"])
+    ual, file = team.path(given["ual"]), team.path(given["team"])
+    names = team.names(ual, file)
     daemons = ExecuteProcess(
-        cmd=[given["ual"], "launch", given["team"]],
+        cmd=[ual, "launch", file],
         name="team",
         output="screen",
         sigterm_timeout=str(LANDING_S),
         sigkill_timeout="10",
         on_exit=Shutdown(reason="the team has ended"),
     )
-    parameters = {"ns": names, "rate_hz": float(given["rate_hz"])}
+    parameters = {"ns": names, "rate_hz": team.rate_hz(given["rate_hz"])}
     node = Node(
         package="ual_ros2", executable="node", output="screen", parameters=[parameters], respawn=True, respawn_delay=1.0
     )
     shown = [_rviz(names, given["model"])] if given["rviz"].lower() == "true" else []
-    return [daemons, node, *shown]
+    return [*shown, node, daemons]  # the daemons last: if one before fails, none is left behind
 
 
 def _rviz(names: list[str], model: str) -> Node:
+    """Returns rviz2. Where it is missing, nothing is started: `launch` would leave behind what it has started."""
+    try:
+        get_package_prefix("rviz2")
+    except PackageNotFoundError:
+        raise RuntimeError("rviz2 is not installed: `sudo apt install ros-jazzy-rviz2`, or leave out rviz") from None
     share = Path(get_package_share_directory("ual_ros2"))
     text = team.rviz((share / "rviz" / "uav.rviz").read_text(), names, str(share / "urdf" / f"{model}.urdf"))
     with tempfile.NamedTemporaryFile("w", prefix="ual_", suffix=".rviz", delete=False) as file:
