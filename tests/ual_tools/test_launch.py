@@ -26,6 +26,7 @@ from ual_daemon.flight import explanation
 from ual_tools.launch.descendants import all_below
 from ual_tools.launch.flying import SENDS_NOTHING, Watched
 from ual_tools.launch.log import Log
+from ual_tools.launch.run import ONE_PRESS_S, Presses
 from ual_tools.launch.supervisor import Supervisor
 from ual_tools.launch.team import Condition, Program, Ready, Restart
 
@@ -70,6 +71,11 @@ class Launched:
                 assert left_s > 0.0, f"no {pattern} in:\n{self.log}"
                 assert not self._has_ended, f"no {pattern} in:\n{self.log}"
                 self._changed.wait(left_s)
+
+    def press_again(self) -> None:
+        """Sends Ctrl-C so long after the log has told of the last one that it is another one."""
+        time.sleep(1.1 * ONE_PRESS_S)
+        self.signal(signal.SIGINT)
 
     def signal(self, number: signal.Signals) -> None:
         self.process.send_signal(number)
@@ -245,6 +251,15 @@ after:
 """
 
 
+def test_two_signals_at_once_are_one_ctrl_c() -> None:
+    counted: list[int] = []
+    times = iter([5.0, 5.01, 9.0, 9.0, 9.2, 12.0])
+    presses = Presses(counted.append, lambda: next(times))
+    for _ in range(6):
+        presses()
+    assert counted == [1, 2, 3]
+
+
 def test_a_second_ctrl_c_holds_and_a_third_one_kills(start_team: StartTeam) -> None:
     launched = start_team(DEAF, speed=4.0)
     launched.wait_for("all are ready")
@@ -254,9 +269,9 @@ def test_a_second_ctrl_c_holds_and_a_third_one_kills(start_team: StartTeam) -> N
         uav.simulation.set_speed_factor(0.2)  # the landing lasts
     launched.signal(signal.SIGINT)
     launched.wait_for("new=LANDING")
-    launched.signal(signal.SIGINT)
+    launched.press_again()
     launched.wait_for("holds, and ends at once[^$]*uav_1: (holds|does not hold)")
-    launched.signal(signal.SIGINT)
+    launched.press_again()
     assert launched.wait() == 1
     assert "uav_1: stands" not in launched.log
     assert "kills all programs" in launched.log

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 import signal
 from collections.abc import Callable, Collection, Coroutine
@@ -15,6 +16,8 @@ from ual_tools.launch.supervisor import Supervisor
 from ual_tools.launch.team import AtEnd, Team
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ONE_PRESS_S = 0.3
+"""Signals that come closer than this are of one press of Ctrl-C."""
 _LOOK_S = 0.05
 _KILL_AFTER_S = 2.0
 
@@ -23,6 +26,28 @@ async def run(team: Team, log: Log) -> bool:
     """Runs a team until a signal comes, or one of its programs ends it. Returns whether all went well."""
     descendants.adopt_orphans()
     return await _Run(team, log).run()
+
+
+class Presses:
+    """Counts the times that a user has pressed Ctrl-C.
+
+    One press may come as two signals: to the whole group of processes, and again by the program that started this one
+    (`ros2 launch` without a terminal, systemd). The second must not end a landing.
+    """
+
+    def __init__(self, call: Callable[[int], None], clock: Callable[[], float]) -> None:
+        self._call = call
+        self._clock = clock
+        self._count = 0
+        self._last_s = -math.inf
+
+    def __call__(self) -> None:
+        """Takes a signal."""
+        now_s, before_s = self._clock(), self._last_s
+        self._last_s = now_s
+        if now_s - before_s > ONE_PRESS_S:
+            self._count += 1
+            self._call(self._count)
 
 
 class _Run:
@@ -189,13 +214,7 @@ def _kill(pid: int, number: signal.Signals) -> None:
 def _on_signals(call: Callable[[int], None]) -> None:
     """Calls back with the number of signals that have come. A signal that is ignored (nohup) stays so."""
     loop = asyncio.get_running_loop()
-    count = 0
-
-    def on_signal() -> None:
-        nonlocal count
-        count += 1
-        call(count)
-
+    on_signal = Presses(call, loop.time)
     for number in _SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             loop.add_signal_handler(number, on_signal)
