@@ -133,8 +133,8 @@ class CommandQueue:
         return connection
 
     def disconnect(self) -> None:
-        """Closes the connection; the next use makes a new one."""
+        """Closes the connection, and drops what has not reached the simulator. The next use makes a new one."""
         with self._lock:
             connection, self._connection = self._connection, None
         if connection is not None:
-            connection.close()
+            connection.abort()

@@ -12,6 +12,7 @@ from typing import Any, Protocol, TypeVar, cast
 
 import msgspec
 
+from ual_daemon.backends import tcp
 from ual_daemon.backends.airsim.framing import least_end
 from ual_daemon.backends.airsim.settings import Address
 
@@ -71,7 +72,7 @@ class Connection:
         self._answers: dict[int, _Answer] = {}
         self._unwanted: set[int] = set()
         self._socket = socket.create_connection(address, timeout=_CONNECT_S)
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        tcp.prepare(self._socket)
 
     @property
     def unwanted_count(self) -> int:
@@ -134,6 +135,12 @@ class Connection:
         with contextlib.suppress(OSError):  # the other side was faster
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
+
+    def abort(self) -> None:
+        """As `close`; what has not reached the simulator's computer never does."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RD)  # wakes the thread that waits
+        tcp.discard(self._socket)
 
     def _receive(self, timeout_s: float) -> bool:
         """Waits for data, and returns whether some came."""

@@ -8,7 +8,6 @@ import os
 import select
 import socket
 import ssl
-import struct
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -22,6 +21,7 @@ from websockets.http11 import Response
 from websockets.protocol import State
 from websockets.uri import parse_uri
 
+from ual_daemon.backends import tcp
 from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.rosbridge.url import BridgeUrl
 
@@ -31,8 +31,6 @@ _BATCH_BYTES = 65536
 _SEND_BUFFER_BYTES = 16384
 """Small, so that setpoints that a stalled bridge does not read are dropped here instead of being flown later."""
 _LARGEST_BYTES = 16_000_000
-_DISCARD = struct.pack("ii", 1, 0)
-"""SO_LINGER: on, for 0 s."""
 
 
 class Transport(ABC):
@@ -96,7 +94,7 @@ def dial(url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
 def _opened(sock: socket.socket, address: tuple[object, ...], url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
     wait = _Waiting(url, on_wait)
     sock.setblocking(False)
-    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    tcp.prepare(sock)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
     code = sock.connect_ex(address)
     while code in (errno.EINPROGRESS, errno.EALREADY, errno.EWOULDBLOCK):
@@ -226,20 +224,16 @@ class WebSocket(Transport):
                 if self._protocol.state is State.OPEN:
                     self._protocol.send_close(1000)
                     self._flush()
-            self._close()
+            self._is_closed = True
+            self._socket.close()
 
     @override
     def abort(self) -> None:
         with self._lock:
             if self._is_closed:
                 return
-            with contextlib.suppress(OSError):
-                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _DISCARD)
-            self._close()
-
-    def _close(self) -> None:
-        self._is_closed = True
-        self._socket.close()
+            self._is_closed = True
+            tcp.discard(self._socket)
 
     def _require_open(self) -> None:
         if self._is_closed:

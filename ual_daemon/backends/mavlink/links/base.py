@@ -90,6 +90,10 @@ class Link(ABC):
     def close(self) -> None:
         """Releases everything. May be called at any time and more than once."""
 
+    def abort(self) -> None:
+        """Closes what broke, or is silent: what has not reached the other end yet must not be delivered later."""
+        self.close()
+
     @abstractmethod
     def descriptors(self) -> Mapping[int, int]:
         """Returns what to wait for (file descriptors and events of `select.poll`); empty while closed."""

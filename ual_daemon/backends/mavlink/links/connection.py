@@ -164,7 +164,7 @@ class Connection(Transport):
             _log.info("waiting for an autopilot at %s", self._url)
 
     def _fail(self, error: LinkError | OSError, now_s: float) -> None:
-        self._link.close()
+        self._link.abort()
         self._is_open = False
         self._alive_s = now_s  # what was heard until now does not show that it works again
         self._next_open_s = now_s + self._pause_s

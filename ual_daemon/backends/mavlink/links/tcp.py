@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 from typing_extensions import override
 
+from ual_daemon.backends import tcp
 from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links.base import (
     BATCH_BYTES,
@@ -57,10 +58,15 @@ class TcpClientLink(Link):
 
     @override
     def close(self) -> None:
-        self._writer.attach(None)
-        sock, self._socket = self._socket, None
+        sock = self._let_go()
         if sock is not None:
             sock.close()
+
+    @override
+    def abort(self) -> None:
+        sock = self._let_go()
+        if sock is not None:
+            tcp.discard(sock)
 
     @override
     def descriptors(self) -> Mapping[int, int]:
@@ -99,6 +105,11 @@ class TcpClientLink(Link):
     @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
         return self._writer.write(data, is_perishable=is_perishable)
+
+    def _let_go(self) -> socket.socket | None:
+        self._writer.attach(None)
+        sock, self._socket = self._socket, None
+        return sock
 
     def _finish_connecting(self, sock: socket.socket) -> None:
         code = sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
@@ -150,10 +161,15 @@ class TcpServerLink(Link):
 
     @override
     def close(self) -> None:
+        client = self._let_go()
+        if client is not None:
+            client.close()
+        self._stop_listening()
+
+    @override
+    def abort(self) -> None:
         self._hang_up()
-        listener, self._listener = self._listener, None
-        if listener is not None:
-            listener.close()
+        self._stop_listening()
 
     @override
     def descriptors(self) -> Mapping[int, int]:
@@ -216,12 +232,21 @@ class TcpServerLink(Link):
             self._writer.attach(client.fileno())
 
     def _hang_up(self) -> None:
+        client = self._let_go()
+        if client is not None:
+            tcp.discard(client)
+
+    def _let_go(self) -> socket.socket | None:
         self._writer.attach(None)
         client, self._client, self._address = self._client, None, None
-        if client is not None:
-            client.close()
+        return client
+
+    def _stop_listening(self) -> None:
+        listener, self._listener = self._listener, None
+        if listener is not None:
+            listener.close()
 
 
 def _prepare(sock: socket.socket) -> None:
     sock.setblocking(False)
-    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # a setpoint must not wait to be sent with the next one
+    tcp.prepare(sock)

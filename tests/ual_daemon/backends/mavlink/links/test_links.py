@@ -154,6 +154,70 @@ def test_a_half_open_connection_shows_by_its_silence(server: socket.socket) -> N
             run.until(lambda: run.connections_count == 2, passed_s=0.1)
 
 
+def fill(run: Run) -> int:
+    """Sends to one who reads nothing, until nothing leaves any more. Returns how many bytes were taken to be sent."""
+    frames = itertools.takewhile(lambda _: run.connection.send(b"f" * 64), itertools.repeat(64))
+    return sum(frames)
+
+
+def read_all(peer: socket.socket) -> int:
+    """Reads until the connection ends, and returns how many bytes came."""
+    peer.settimeout(PATIENCE_S)
+    total = 0
+    with contextlib.suppress(ConnectionResetError):
+        while data := peer.recv(65536):
+            total += len(data)
+    return total
+
+
+@contextlib.contextmanager
+def stalled(kind: str) -> Iterator[tuple[Run, socket.socket]]:
+    """A connection whose other end reads nothing, opened by us (tcp), or by it (tcpin)."""
+    if kind == "tcpin":
+        port = free_port()
+        with running(f"tcpin://{HERE}:{port}") as run, socket.socket() as peer:
+            peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+            run.step()
+            peer.connect((HERE, port))
+            run.until(lambda: run.connections_count == 1)
+            yield run, peer
+        return
+    with listener() as server:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        with running(url_of(server)) as run:
+            run.until(lambda: run.connections_count == 1)
+            with server.accept()[0] as peer:
+                yield run, peer
+
+
+@pytest.mark.parametrize("kind", ["tcp", "tcpin"])
+def test_what_a_stalled_connection_holds_is_not_delivered_once_it_is_given_up(kind: str) -> None:
+    """It may be a landing, over the mode of a pilot who has taken over since."""
+    with stalled(kind) as (run, peer):
+        sent = fill(run)
+        run.step(SILENCE_S + 0.1)
+        assert read_all(peer) < sent
+
+
+@pytest.mark.skipif(not hasattr(socket, "TCP_USER_TIMEOUT"), reason="only Linux ends such a connection by itself")
+@pytest.mark.parametrize("kind", ["tcp", "tcpin"])
+def test_the_system_ends_a_connection_that_takes_nothing(kind: str) -> None:
+    with stalled(kind) as (run, peer):
+        sent = fill(run)
+        run.until(lambda: not run.connection.peer or "connecting anew" in run.connection.trouble)
+        assert read_all(peer) < sent
+
+
+def test_what_is_sent_before_a_link_is_closed_is_delivered(server: socket.socket) -> None:
+    """The usual rates are restored last."""
+    with running(url_of(server)) as run:
+        run.until(lambda: run.connections_count == 1)
+        peer, _ = server.accept()
+        assert run.connection.send(b"the last")
+    with peer:
+        assert read_all(peer) == len(b"the last")
+
+
 def test_the_pause_between_attempts_grows_and_is_short_again_after_it_went_well() -> None:
     port = free_port()
     with running(f"tcp://{HERE}:{port}") as run:
@@ -316,7 +380,8 @@ def test_a_silent_one_is_hung_up_on() -> None:
         with connect(port) as peer:
             run.until(lambda: run.connections_count == 1)
             run.step(SILENCE_S + 0.1)
-            assert peer.recv(10) == b""
+            with pytest.raises(ConnectionResetError):
+                peer.recv(10)
         assert run.connection.peer is None
         with connect(port):
             run.until(lambda: run.connections_count == 2)
