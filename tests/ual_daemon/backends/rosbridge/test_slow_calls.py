@@ -18,7 +18,7 @@ from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutErro
 from ual_daemon.backends.rosbridge.slow_calls import SlowCalls
 from ual_daemon.backends.rosbridge.websocket import Transport
 
-ADD, LIMIT_S = "/uav/add", 5.0
+ADD, DEAD, LIMIT_S = "/uav/add", "/uav/refuse", 5.0
 
 
 class Adder(Talker):
@@ -39,12 +39,12 @@ class Adder(Talker):
 
 
 class Bench:
-    """Slow calls to a bridge of ROS 2, which executes the operations of a client one after another."""
+    """Slow calls to a bridge. That of ROS 2 executes the operations of a client one after another."""
 
-    def __init__(self) -> None:
+    def __init__(self, ros: int = 2) -> None:
         self.now_s = 0.0
         self.adder = Adder()
-        self.bridge = Bridge(2, [self.adder])
+        self.bridge = Bridge(ros, [self.adder])
         self.connections_count = 0
         self.is_refused = False
         self.calls = SlowCalls(self._connect, lambda: self.now_s)
@@ -94,6 +94,29 @@ def test_after_a_call_that_was_not_answered_the_next_has_another_connection(how:
     answer = bench.add(1)
     bench.pass_s(0.3)
     assert answer.result(0) == {"sum": 2}
+    assert bench.connections_count == 2
+
+
+@pytest.mark.parametrize("how", ["late", "withdrawn"])
+def test_what_is_under_way_goes_on_when_an_earlier_call_is_given_up(how: str) -> None:
+    """A mission that is uploaded, for example. With ROS 1 calls do not wait for each other."""
+    bench = Bench(ros=1)
+    bench.bridge.faults.dead_services.add(DEAD)
+    dead = bench.calls.call(DEAD, {}, LIMIT_S)
+    bench.pass_s(LIMIT_S - 1.0)
+    bench.bridge.faults.slow_services[ADD] = 2.0
+    upload = bench.add(1)
+    bench.pass_s(0.3)
+    if how == "withdrawn":
+        dead.cancel()
+    bench.pass_s(1.0)
+    assert dead.done()
+    assert not upload.done()
+    bench.bridge.faults.slow_services.clear()
+    after = bench.add(2)
+    bench.pass_s(1.0)
+    assert upload.result(0) == {"sum": 2}
+    assert after.result(0) == {"sum": 3}
     assert bench.connections_count == 2
 
 
