@@ -51,6 +51,11 @@ def fail(future: Future[Any], error: BaseException) -> bool:
     return True
 
 
+def may_be_done(ended: Future[Any]) -> bool:
+    """Returns whether what was ordered is done, or may be: only an answer, or none, tells that it is not."""
+    return ended.cancelled() or ended.exception() is None or isinstance(ended.exception(), UalTimeoutError)
+
+
 def wait(
     future: Future[T], limit_s: float, late: str, withdrawn: str = "the command was withdrawn by the backend"
 ) -> T:

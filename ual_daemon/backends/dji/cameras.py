@@ -145,9 +145,10 @@ class DjiCamera(OfferedCamera):
             return futures.failed(_invalid("interval_s", f"{interval_s:g}: DJI takes whole seconds"))
         if count > MOST_COUNT:
             return futures.failed(_invalid("count", f"{count}: DJI takes at most {MOST_COUNT}, or 0 for no end"))
-        self._by_distance = None
+        under_way = self._by_distance
         order = {"num_photos_to_capture": count or FOREVER, "time_interval": int(interval_s)}
         begun = self._call("shoot_interval_photo", order, INTERVAL_S, _MAYBE_DONE)
+        begun.add_done_callback(lambda ended: self._end_distance(under_way, ended))
         return then(begun, lambda _: self._note_interval(interval_s, count))
 
     @override
@@ -207,6 +208,12 @@ class DjiCamera(OfferedCamera):
 
     def _taken(self, photo: int) -> TakenPhoto:
         return TakenPhoto(photo, self._around.utc_s(), self._around.look())
+
+    def _end_distance(self, under_way: tuple[float, DistanceTrigger] | None, ordered: Future[Message]) -> None:
+        """Ends pictures by distance once those by time are taken, or may be."""
+        with self._lock:
+            if self._by_distance is under_way and futures.may_be_done(ordered):
+                self._by_distance = None
 
     def _note_interval(self, interval_s: float, count: int) -> None:
         end_s = self._around.now_s() + interval_s * count if count else math.inf

@@ -117,6 +117,18 @@ def test_pictures_by_distance_are_ordered_where_they_are_due(uav: UAL, camera: C
     assert not status.is_taking_photos
 
 
+def test_pictures_by_distance_go_on_where_those_by_time_are_refused(uav: UAL, camera: Camera) -> None:
+    found = uav.cameras[0]
+    found.start_photos(distance_m=50.0)
+    camera.refuses = {"shoot_interval_photo"}
+    with pytest.raises(RejectedByAutopilotError):
+        found.start_photos(interval_s=2.0)
+    assert found.status().distance_m == 50.0
+    camera.refuses = set()
+    found.start_photos(interval_s=2.0)
+    assert found.status().distance_m is None
+
+
 # --- What goes wrong --------------------------------------------------------------------------------------------------
 
 

@@ -69,11 +69,7 @@ class MavlinkCamera(OfferedCamera):
 
     @override
     def start_interval(self, interval_s: float, count: int) -> Future[None]:
-        def start(future: Future[None]) -> None:
-            self._link.stop_distance()
-            self._link.order(mavlink.MAV_CMD_IMAGE_START_CAPTURE, (0.0, interval_s, float(count), 0.0), future)
-
-        return self._give("take photos", start)
+        return self._give("take photos", lambda future: self._link.start_interval(interval_s, count, future))
 
     @override
     def start_distance(self, distance_m: float) -> Future[None]:

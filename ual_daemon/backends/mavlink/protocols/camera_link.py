@@ -143,6 +143,17 @@ class CameraLink:
             )
         )
 
+    def start_interval(self, interval_s: float, count: int, future: Future[None]) -> None:
+        """Has it take pictures by time. Those by distance end once it has accepted that, or may have."""
+        under_way = self._distance
+
+        def on_end(ended: Future[None]) -> None:
+            if self._distance is under_way and futures.may_be_done(ended):
+                self._distance = None
+
+        future.add_done_callback(on_end)
+        self.order(_SHOOT, (0.0, interval_s, float(count), 0.0), future)
+
     def start_distance(self, distance_m: float) -> None:
         """Begins to take pictures by the distance flown; the next tick orders the first."""
         self._distance = (distance_m, DistanceTrigger(distance_m))

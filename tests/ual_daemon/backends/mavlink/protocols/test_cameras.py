@@ -340,6 +340,19 @@ def test_by_distance_each_is_ordered_at_its_place_and_one_that_fails_is_counted(
     assert link.status().missed_count == 3
 
 
+@pytest.mark.parametrize("how", ["accepted", "refused", "unanswered"])
+def test_pictures_by_time_replace_those_by_distance_once_they_may_be_taken(how: str) -> None:
+    bench = Bench()
+    link = bench.found()
+    link.start_distance(50.0)
+    bench.run(1.0)
+    bench.camera.result = DENIED if how == "refused" else bench.camera.result
+    bench.camera.ignored = {START} if how == "unanswered" else set()
+    ended = bench.ended(partial(link.start_interval, 2.0, 3))
+    assert (ended.exception() is None) is (how == "accepted")
+    assert link.status().distance_m == (50.0 if how == "refused" else None)
+
+
 def test_only_so_many_orders_wait() -> None:
     bench = Bench()
     link = bench.found()
