@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -32,6 +32,7 @@ class Device(NamedTuple):
 @dataclass(eq=False)
 class _Order:
     text: str
+    holds: bool
     result: Future[None] = field(default_factory=Future)
     sent: Future[None] = field(default_factory=Future)
     is_over: bool = False
@@ -66,13 +67,22 @@ class Equipment:
             UalError: As `begin`.
 
         """
-        order = _Order(text)
+        order = _Order(text, holds)
         with self._giving:  # the backend gets the orders of several threads as they are kept here
             before = self._replace(device, order, holds=holds)
             if before is not None:
-                self._abort(before, text)
+                self._abort(before, TaskAbortedError(f"{before.text} was replaced", {"by": text}))
             self._begin(device, order, begin)
         return order.result
+
+    def withdraw(self, why: str, metadata: Mapping[str, str]) -> None:
+        """Withdraws all orders that may let a load go: they do not leave any more. `why` is human-readable."""
+        with self._giving:
+            with self._lock:
+                under_way = [each for each in self._under_way.values() if not each.holds]
+            for order in under_way:
+                text = f"{order.text} was withdrawn: {why}; if it has left already, it may still be done"
+                self._abort(order, TaskAbortedError(text, metadata))
 
     def _replace(self, device: Device, order: _Order, *, holds: bool) -> _Order | None:
         with self._lock:
@@ -103,11 +113,11 @@ class Equipment:
         else:
             futures.end(order.result, error)
 
-    def _abort(self, order: _Order, by: str) -> None:
+    def _abort(self, order: _Order, error: TaskAbortedError) -> None:
         with self._lock:
             is_first, order.is_over = not order.is_over, True
         if is_first:
-            futures.fail(order.result, TaskAbortedError(f"{order.text} was replaced", {"by": by}))
+            futures.fail(order.result, error)
         order.sent.cancel()
 
     def _forget(self, device: Device, order: _Order, *, is_obeyed: bool = False) -> bool:

@@ -144,7 +144,7 @@ class Vehicle(ReportedVehicle):
         lease_id = lease.acquire(holder, identity, take=take, lasts_s=lasts_s, lease_id=lease_id)
         if lease_id != before:
             logs.event(_log, logging.INFO, "lease_begins", holder=holder, identity=identity, taken=before != NOBODY)
-            self._flight.stop_for_lease(f"{holder} has acquired the lease")
+            self._stop_for_lease(f"{holder} has acquired the lease")
         return lease_id
 
     def keep_lease(self, lease_id: str) -> None:
@@ -161,7 +161,7 @@ class Vehicle(ReportedVehicle):
         """Ends a lease: what is under way is aborted, and the UAV holds. Nothing happens if it has ended before."""
         if self._flight.lease.release(lease_id):
             logs.event(_log, logging.INFO, "lease_ends", why="released")
-            self._flight.stop_for_lease("its program has released the lease")
+            self._stop_for_lease("its program has released the lease")
 
     def require_lease(self, command: str, lease_id: str) -> None:
         """Checks that a command may begin with the lease by which it is given.
@@ -205,7 +205,11 @@ class Vehicle(ReportedVehicle):
         info = self._flight.lease.expire()
         if info is not None:
             logs.event(_log, logging.WARNING, "lease_ends", holder=info.holder, why="it was not kept: the UAV holds")
-            self._flight.stop_for_lease(f"the lease of {info.holder} was not kept")
+            self._stop_for_lease(f"the lease of {info.holder} was not kept")
+
+    def _stop_for_lease(self, why: str) -> None:
+        self._flight.stop_for_lease(why)
+        self.equipment.withdraw(why, {"by": "lease"})
 
     def prepare_shutdown(self) -> Future[None]:
         """Hands the UAV over to its autopilot, and refuses new commands from now on.

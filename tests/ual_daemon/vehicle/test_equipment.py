@@ -79,6 +79,18 @@ def test_an_order_that_is_withdrawn_leaves_the_device_free(bench: Bench) -> None
     bench.give("release")
 
 
+def test_what_may_let_go_and_waits_is_withdrawn_by_a_lease_and_what_holds_is_not(bench: Bench) -> None:
+    release, grip = bench.give("release"), bench.give("grip", holds=True, device=Device("gripper", "hand"))
+    bench.equipment.withdraw("somebody has acquired the lease", {"by": "lease"})
+    with pytest.raises(
+        TaskAbortedError, match="release was withdrawn: somebody has acquired the lease; if it has left"
+    ):
+        release.result(0)
+    assert [each.cancelled() for each in bench.sent] == [True, False]
+    bench.sent[1].set_result(None)
+    assert grip.result(0) is None
+
+
 def test_what_cannot_begin_leaves_the_device_free(bench: Bench) -> None:
     def begin() -> Future[None]:
         raise LinkLostError("gone")

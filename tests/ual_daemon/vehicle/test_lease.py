@@ -15,6 +15,7 @@ from ual_daemon.backends.values import Setpoint
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
+from ual_daemon.vehicle.equipment import Device
 
 FAR = at(60.0, 0.0, 3.0)
 LONG_S = 1e6
@@ -114,6 +115,22 @@ def test_what_its_holder_flies_ends_with_the_lease(uav: Stepped, how: str) -> No
     assert holds(uav)
     with pytest.raises(LeaseLostError):
         uav.vehicle.commands.setpoints.set_velocity(EAST, lease_id)
+
+
+@pytest.mark.parametrize("how", ["acquired", "taken", "released"])
+def test_a_release_that_waits_ends_with_the_lease(uav: Stepped, how: str) -> None:
+    """It waits for a silence to end, or for an earlier order: it would leave in the flight of another program."""
+    lease_id = NOBODY if how == "acquired" else uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
+    sent: Future[None] = Future()
+    release = uav.vehicle.equipment.give(Device("gripper", "claw"), "release", lambda: sent, holds=False)
+    if how == "released":
+        uav.vehicle.release_lease(lease_id)
+    else:
+        uav.vehicle.acquire_lease("film", "local", take=True, lasts_s=LONG_S)
+    assert sent.cancelled()
+    error = release.exception(0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata == {"by": "lease"}
 
 
 def test_a_velocity_ends_with_the_lease(uav: Stepped) -> None:
