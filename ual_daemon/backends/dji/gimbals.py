@@ -37,6 +37,11 @@ HEARD_S = 3.0
 """It is not connected where it has not told its angles for so long. The wrapper tells them once a second at least."""
 TURNED_RAD = 0.01
 """So far the nose turns before angles that count from it are sent again."""
+REACHED_RAD, ASIDE_RAD, SETTLED_S = 0.05, 0.1, 1.0
+"""It was where it was ordered to be within the first. Beyond the second one, so long after the last order, somebody
+else has turned it: the pilot, by the dial of the remote controller. It is left to him."""
+THEIRS_S = 2.0
+"""So long they have the control of it then. DJI knows none, which could be taken back: a later order is taken again."""
 CALL_S = 5.0
 _NAME = "payload 1"
 _ABILITIES = frozenset(
@@ -67,6 +72,22 @@ class _FromNose(NamedTuple):
     heading_rad: float
 
 
+class _Target:
+    """What was sent last: whether it was reached since the order, and when it was sent."""
+
+    def __init__(self, pitch_rad: float, yaw_rad: float, time_s: float, *, is_reached: bool) -> None:
+        self._pitch_rad = pitch_rad
+        self._yaw_rad = yaw_rad
+        self._time_s = time_s
+        self.is_reached = is_reached
+
+    def is_left(self, pitch_rad: float, yaw_rad: float, now_s: float) -> bool:
+        """Takes where it looks. Returns whether somebody else has turned it aside."""
+        off_rad = max(abs(wrap_angle(pitch_rad - self._pitch_rad)), abs(wrap_angle(yaw_rad - self._yaw_rad)))
+        self.is_reached = self.is_reached or off_rad < REACHED_RAD
+        return self.is_reached and off_rad > ASIDE_RAD and now_s - self._time_s > SETTLED_S
+
+
 class DjiGimbal(OfferedGimbal):
     """The gimbal at the first port. `on_angles`, `on_status` and `tick` are for the link's thread.
 
@@ -93,6 +114,10 @@ class DjiGimbal(OfferedGimbal):
         self._first_s: float | None = None
         self._problems: tuple[str, ...] = ()
         self._from_nose: _FromNose | None = None
+        self._target: _Target | None = None
+        self._is_turned_aside = False
+        """Whether somebody else has turned it since our last order."""
+        self._aside_s = -math.inf
 
     @property
     def is_found(self) -> bool:
@@ -107,6 +132,7 @@ class DjiGimbal(OfferedGimbal):
         is_known = self.is_found or self._is_mounted or (self._is_mounted is None and now_s - self._first_s > HEARD_S)
         if is_known and all(map(math.isfinite, (roll, pitch, yaw))):
             self._told = _Told(Quaternion.from_euler(roll, pitch, yaw), now_s)
+            self._note_others(pitch, yaw, now_s)
 
     def on_status(self, message: Message, _: float) -> None:
         """Takes its flags."""
@@ -146,6 +172,8 @@ class DjiGimbal(OfferedGimbal):
 
     @override
     def control(self) -> tuple[GimbalControl | None, str]:
+        if self._is_turned_aside and self._around.now_s() - self._aside_s < THEIRS_S:
+            return GimbalControl.OTHER, "the dial of the remote controller, or another program,"
         return None, ""
 
     @override
@@ -154,20 +182,21 @@ class DjiGimbal(OfferedGimbal):
 
     @override
     def set_angles(self, angles: GimbalAngles, reference: GimbalReference) -> Future[None]:
+        self._begin()
         error = self._turn(angles, reference, TURN_S)
         return futures.done() if error is None else futures.failed(error)
 
     @override
     def aim(self, angles: GimbalAngles, reference: GimbalReference) -> None:
-        self._turn(angles, reference, AIM_S)
+        if not self._is_turned_aside:
+            self._turn(angles, reference, AIM_S)
 
     @override
     def move_to_neutral(self) -> Future[None]:
         error = self._why_not() or self._why_silent()
         if error is not None:
             return futures.failed(error)
-        with self._lock:
-            self._from_nose = None
+        self._begin()
         answer = self._around.call(RESET, {"payload_index": POSITION, "reset_mode": PITCH_AND_YAW}, CALL_S)
         return then(caught(answer, _explained), _accepted)
 
@@ -186,6 +215,18 @@ class DjiGimbal(OfferedGimbal):
     @override
     def release_control(self) -> Future[None]:
         raise NotImplementedError  # it has no such ability
+
+    def _begin(self) -> None:
+        """Ends what was ordered before, and whatever others have done since."""
+        with self._lock:
+            self._from_nose = self._target = None
+            self._is_turned_aside = False
+
+    def _note_others(self, pitch_rad: float, yaw_rad: float, now_s: float) -> None:
+        with self._lock:
+            if self._target is not None and self._target.is_left(pitch_rad, yaw_rad, now_s):
+                self._from_nose = self._target = None
+                self._is_turned_aside, self._aside_s = True, now_s
 
     # --- How it is done -----------------------------------------------------------------------------------------------
 
@@ -207,12 +248,15 @@ class DjiGimbal(OfferedGimbal):
         return None
 
     def _send(self, angles: GimbalAngles, heading_rad: float, duration_s: float) -> None:
+        yaw_rad = wrap_angle(angles.yaw_rad + heading_rad)
+        is_reached = self._target is not None and self._target.is_reached
+        self._target = _Target(angles.pitch_rad, yaw_rad, self._around.now_s(), is_reached=is_reached)
         message = {
             "payload_index": POSITION,
             "rotation_mode": ABSOLUTE,
             "roll": angles.roll_rad,
             "pitch": angles.pitch_rad,
-            "yaw": wrap_angle(angles.yaw_rad + heading_rad),
+            "yaw": yaw_rad,
             "time": duration_s,
         }
         self._publish(ROTATION, message)

@@ -76,6 +76,30 @@ def test_angles_from_the_nose_are_kept_from_it_while_the_aircraft_turns(
     assert len(gimbal.rotations) == count  # it does not turn with the nose
 
 
+@pytest.mark.parametrize("reference", [GimbalReference.HORIZON, GimbalReference.EARTH])
+def test_what_the_pilots_dial_has_turned_is_left_to_him(
+    uav: UAL, backend: LockstepDji, gimbal: GimbalModule, reference: GimbalReference
+) -> None:
+    fly(uav)
+    found = uav.gimbals[0]
+    found.set_angles(0.5, 0.3, reference=reference)
+    until(lambda: found.status().activity is not None, "the order")
+    wait(backend, 2.0)
+    with backend.lock:
+        gimbal.pitch_rad = -0.2
+    until(lambda: found.status().activity is None, "that it was taken")
+    assert "the dial of the remote controller, or another program, has taken" in " ".join(found.status().problems)
+    count = len(gimbal.rotations)
+    turn(uav, uav.pose().pose.yaw_rad + 1.0)
+    assert len(gimbal.rotations) == count
+    assert gimbal.pitch_rad == -0.2
+    wait(backend, 2.0)
+    found.set_angles(0.4, 0.0)
+    until(lambda: gimbal.pitch_rad == 0.4, "the next order")
+    wait(backend, 2.0)
+    assert found.status().activity is not None
+
+
 def turn(uav: UAL, yaw_rad: float) -> None:
     here = uav.pose().pose.position
     uav.go_to_waypoint(Pose.at(here.x, here.y, here.z, yaw_rad))
