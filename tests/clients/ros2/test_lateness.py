@@ -30,9 +30,9 @@ def test_a_time_that_is_not_known_is_not_checked() -> None:
 @pytest.mark.parametrize(
     ("sent_s", "stamp_s", "text"),
     [
-        (NOW_S - SETPOINT_S - 0.1, 0.0, "it was sent 0.6 s ago, and 0.5 s are allowed: it is not flown"),
-        (NOW_S, NOW_S - 86_400.0, "it is stamped 86400.0 s ago"),
-        (NOW_S, NOW_S + 2.0, "it is stamped 2.0 s in the future"),
+        (NOW_S - SETPOINT_S - 0.1, 0.0, "it was sent more than 0.5 s ago: it is not flown"),
+        (NOW_S, NOW_S - 86_400.0, "it is stamped more than 0.5 s ago"),
+        (NOW_S, NOW_S + 2.0, "it is stamped more than 0.5 s in the future"),
     ],
 )
 def test_a_setpoint_of_another_time_is_refused(sent_s: float, stamp_s: float, text: str) -> None:
@@ -45,8 +45,9 @@ def test_a_setpoint_of_another_time_is_refused(sent_s: float, stamp_s: float, te
 def test_an_old_request_is_refused() -> None:
     lateness = Lateness(True, Clock())
     lateness.require_command(NOW_S - COMMAND_S + 0.1)
-    with pytest.raises(ual.UalTimeoutError, match=r"it was sent 5\.0 s ago, and 3 s are allowed"):
+    with pytest.raises(ual.UalTimeoutError, match="it was sent more than 3 s ago") as refused:
         lateness.require_command(NOW_S - 5.0)
+    assert refused.value.metadata["age_s"] == "5.000"
 
 
 def test_what_comes_after_the_node_stood_still_is_refused_for_a_while() -> None:

@@ -37,7 +37,7 @@ class Command:
     changes_frames: bool = False
     """Whether tf has others afterwards."""
     may_be_late: bool = False
-    """Whether it is also obeyed long after it was sent: it ends a flight, or moves nothing."""
+    """Whether it is also obeyed long after it was sent, as it ends a motion. So is what needs no lease."""
 
 
 @dataclass(frozen=True)

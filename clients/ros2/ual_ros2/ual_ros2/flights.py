@@ -140,11 +140,7 @@ SERVICES = (
         told=_told_task,
     ),
     Command(
-        "land",
-        srv.Land,
-        lambda uav, request: uav.land(blocking=request.blocking),
-        told=_told_task,
-        may_be_late=True,
+        "land", srv.Land, lambda uav, request: uav.land(blocking=request.blocking), told=_told_task, may_be_late=True
     ),
     Command(
         "go_to_waypoint",
@@ -178,11 +174,11 @@ SERVICES = (
         stamps=lambda request: (request.pose.header.stamp,),
         needs_lease=False,
     ),
-    Command("get_task", srv.GetTask, _get_task, told=_told_info, needs_lease=False, may_be_late=True),
+    Command("get_task", srv.GetTask, _get_task, told=_told_info, needs_lease=False),
     Command("cancel_task", srv.OrderTask, _cancel_task, may_be_late=True),
     Command("pause_task", srv.OrderTask, _pause_task, may_be_late=True),
     Command("resume_task", srv.OrderTask, _resume_task),
-    Command("get_route", srv.GetRoute, _get_route, told=lambda route: route, needs_lease=False, may_be_late=True),
+    Command("get_route", srv.GetRoute, _get_route, told=lambda route: route, needs_lease=False),
     Command(
         "add_frame",
         srv.AddFrame,
@@ -199,14 +195,7 @@ SERVICES = (
         needs_lease=False,
         changes_frames=True,
     ),
-    Command(
-        "list_frames",
-        srv.ListFrames,
-        lambda uav, _: uav.frames(),
-        told=_told_frames,
-        needs_lease=False,
-        may_be_late=True,
-    ),
+    Command("list_frames", srv.ListFrames, lambda uav, _: uav.frames(), told=_told_frames, needs_lease=False),
 )
 
 
@@ -225,7 +214,13 @@ def _motion(
         return call(uav.dry_run if goal.dry_run else uav, goal)
 
     return Action(
-        name, kind, fly_or_ask, frames, _told_motion, can_be_cancelled=can_be_cancelled, may_be_late=may_be_late
+        name,
+        kind,
+        fly_or_ask,
+        frames,
+        _told_motion,
+        can_be_cancelled=can_be_cancelled,
+        may_be_late=may_be_late,
     )
 
 

@@ -149,23 +149,31 @@ class UavInterface:
             callback(message)
 
     def _on_pose(self, message: Message) -> None:
-        self._setpoints.put(Given("set_pose", values.pose_stamped(message)))
+        self._put(self._setpoints, "set_pose", values.pose_stamped(message))
 
     def _on_velocity(self, message: Message) -> None:
-        self._setpoints.put(Given("set_velocity", values.twist_stamped(message)))
+        self._put(self._setpoints, "set_velocity", values.twist_stamped(message))
 
     def _on_body_velocity(self, message: Message) -> None:
         """Takes a Twist, which names no frame: as ``cmd_vel`` of other robots, along the axes of the body."""
-        self._setpoints.put(Given("cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link")))
+        self._put(self._setpoints, "cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link"))
 
     def _on_external_pose(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
-        self._external_poses.put(Given("external_pose", values.external_pose(message, stamp_s)))
+        self._put(self._external_poses, "external_pose", values.external_pose(message, stamp_s))
 
     def _on_external_pose_with_covariance(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
         measured = values.external_pose_with_covariance(message, stamp_s)
-        self._external_poses.put(Given("external_pose_cov", measured))
+        self._put(self._external_poses, "external_pose_cov", measured)
+
+    def _put(
+        self,
+        stream: Newest[Given],
+        topic: str,
+        value: ual.PoseStamped | ual.TwistStamped | ual.types.ExternalPose,
+    ) -> None:
+        stream.put(Given(topic, value))
 
     def _serve(self, command: Command, request: Message, sent_s: float) -> Future[Message]:
         return self._run(self._answered(command, request, sent_s))
@@ -182,7 +190,8 @@ class UavInterface:
         self._said.address = self._uav.address
         self._heard_s = self._loop.time()
         works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed(), self._cameras.follow()]
-        works += [self._about.follow(), self._about.follow_route(), self._beat()]
+        works += [self._about.follow(), self._about.follow_route()]
+        works.append(self._beat())
         if self._shared.settings.lease_holder is not None:
             self._not_leased = ual.LeaseLostError("the node has not acquired its lease yet", {"by": "nothing"})
             works.append(self._acquire())
@@ -258,10 +267,10 @@ class UavInterface:
     async def _perform(self, command: Command, request: Message, sent_s: float) -> Mapping[str, Message]:
         if not self._is_active:
             raise ual.WrongStateError("the node is not active: activate it (ros2 lifecycle set)", {"needed": "active"})
-        if not command.may_be_late:
-            self._require_present(sent_s)
         if command.needs_lease:
             self._require_lease()
+            if not command.may_be_late:
+                self._require_present(sent_s)
         await self._frames.provide(command.frames(request))
         for stamp in command.stamps(request):
             self._shared.time.make_utc(stamp)
@@ -293,10 +302,10 @@ class UavInterface:
         )
 
     def _on_refusal(self, given: Given, error: ual.UalError) -> None:
+        """A topic has no answer: so its refusal is told in `refusals`, in the diagnostics, and once in the log."""
         self._refuse(given.topic, error)
 
     def _refuse(self, topic: str, error: ual.UalError) -> None:
-        """A topic has no answer: so its refusal is told in `refusals`, in the diagnostics, and once in the log."""
         self._about.refuse(topic, error)
         text = f"{error.reason}: {error.message}"
         if text != self._said.refused:

@@ -55,10 +55,10 @@ class Lateness:
         age_s = self._utc_s() - at_s
         if not self._is_refused or not at_s or abs(age_s) <= limit_s:
             return
-        when = f"{age_s:.1f} s ago" if age_s > 0.0 else f"{-age_s:.1f} s in the future"
-        raise ual.UalTimeoutError(
-            f"it {how} {when}, and {limit_s:g} s are allowed: it is not flown. If it was sent just now, the clocks of "
-            "the two computers differ: synchronize them, or set refuse_late to false",
+        when = "ago" if age_s > 0.0 else "in the future"
+        raise ual.UalTimeoutError(  # the age is not in the words: each of a stream would have others
+            f"it {how} more than {limit_s:g} s {when}: it is not flown. If it was sent just now, the clocks of the two "
+            "computers differ: synchronize them, or set refuse_late to false",
             {"age_s": f"{age_s:.3f}", "limit_s": f"{limit_s:g}"},
         )
 
