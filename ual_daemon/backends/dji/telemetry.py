@@ -83,6 +83,8 @@ class Telemetry:
         self._has_rc = True
         self._battery: Battery | None = None
         self._home: GeoPoint | None = None
+        self._home_altitude_m: float | None = None
+        """Of the ground at the first good fix, above mean sea level; None while it is not known."""
         self._is_home_set = self._is_home_rejected = False
         self._motor_error = 0
         self._altitude: Reading[float] = readings.add(Lasts.SEEN)
@@ -172,6 +174,19 @@ class Telemetry:
         self._pose.set(Pose(position, orientation.value), self._oldest_s(orientation.time_s, now_s))
         self._geo = GeoPoint(latitude_deg, longitude_deg, altitude_amsl_m=altitude_m, altitude_ellipsoid_m=ellipsoid_m)
         self._stamp_s = stamp_s(message)
+        if self._home_altitude_m is None:
+            self._home_altitude_m = self._ground_altitude_m(altitude_m, now_s)
+
+    def _ground_altitude_m(self, altitude_m: float, now_s: float) -> float | None:
+        """Returns the altitude of the ground below an altitude; None while it is not known how high it flies.
+
+        A daemon may be started in the air: heights above home must not count from where it was then.
+        """
+        if self.flight_status is None or self.is_on_ground:
+            return None if self.flight_status is None else altitude_m
+        height = self.height.sample
+        is_new = height is not None and now_s - height.time_s <= _HEIGHT_S and math.isfinite(height.value)
+        return altitude_m - height.value if height is not None and is_new else None
 
     def _oldest_s(self, attitude_s: float, now_s: float) -> float:
         """Returns when the oldest part of a pose came, of which the position comes now."""
@@ -395,7 +410,7 @@ class Telemetry:
             ),
             earth=EarthReference(
                 projection=self.frame.projection,
-                home_altitude_amsl_m=None if self.frame.projection is None else self.frame.projection.altitude_amsl_m,
+                home_altitude_amsl_m=self._home_altitude_m,
                 geoid_separation_m=self._geoid_m,
                 home_geo=self._home if self._is_home_set else None,
             ),
@@ -469,6 +484,8 @@ _BRAKED_S, _SAID_S = 1.0, 10.0
 """How long it is told what brakes the aircraft, and what the wrapper has logged or was noticed."""
 _VELOCITY_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
+_HEIGHT_S = 1.5
+"""With an older height it is not known how high it flies."""
 _FARTHEST_HOME_M = 30_000.0
 """Farther than its batteries reach."""
 _GRANT_SHOWS_S = 0.3

@@ -60,6 +60,35 @@ def test_an_impossible_place_is_no_pose(place: Message) -> None:
     assert snapshot.motion.position_geo is None
 
 
+@pytest.mark.parametrize(
+    ("status", "height_m", "home_m"),
+    [
+        (modes.STOPPED, 0.3, 20.0),
+        (modes.ON_GROUND, None, 20.0),
+        (modes.IN_AIR, 12.0, 8.0),
+        (modes.IN_AIR, None, None),
+        (modes.IN_AIR, math.nan, None),
+        (None, 12.0, None),
+    ],
+)
+def test_home_is_on_the_ground_also_where_the_daemon_was_started_in_the_air(
+    status: int | None, height_m: float | None, home_m: float | None
+) -> None:
+    """It was where the aircraft was then: 120 m of ceiling counted from there, and so did goals above home."""
+    said: dict[str, Message] = {"on_flight_status": {"data": status}} if status is not None else {}
+    said |= {"on_height": {"data": height_m}} if height_m is not None else {}
+    position = {"latitude": 37.0, "longitude": -6.0, "altitude": 20.0}
+    telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    level = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    usual: dict[str, Message] = {"on_gps_level": {"data": 5}, "on_attitude": {"quaternion": level}}
+    for name, message in {**usual, **said, "on_position": position}.items():
+        telemetry.on_message(name, message, NOW_S)
+    assert telemetry.snapshot(NOW_S).earth.home_altitude_amsl_m == home_m
+    if home_m is not None:
+        telemetry.on_message("on_position", {**position, "altitude": 50.0}, NOW_S + 0.02)
+        assert telemetry.snapshot(NOW_S).earth.home_altitude_amsl_m == home_m
+
+
 @pytest.mark.parametrize("quaternion", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0), (2.0, 0.0, 0.0, 1.0)])
 def test_an_impossible_attitude_is_no_pose(quaternion: tuple[float, ...]) -> None:
     assert told(on_attitude={"quaternion": dict(zip("xyzw", quaternion, strict=True))}).motion.pose is None
