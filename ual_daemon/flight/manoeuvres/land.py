@@ -28,7 +28,7 @@ from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference, measured_motion
 
-_SLOWEST_LANDING_M_S = 0.2
+SLOWEST_LANDING_M_S = 0.2
 _REFUSED = "the UAV holds its position: command land again, or let the safety pilot land it by hand"
 _REFUSED_WITHOUT_PILOT = "the UAV holds its position: command land again"
 _STUCK = (
@@ -78,10 +78,15 @@ class Landing(Manoeuvre):
         self._on_height(z_m)
         return self._why_too_late(snapshot)
 
+    @property
+    def _slowest_m_s(self) -> float:
+        """The mean speed below which it has stopped."""
+        return SLOWEST_LANDING_M_S
+
     def _why_too_late(self, snapshot: Snapshot) -> UalError | None:
         """Returns that the UAV has descended more slowly than any landing does; None if it has not."""
         descended_m = self._start_z - measured_motion(snapshot).position.z
-        longest_s = descended_m / _SLOWEST_LANDING_M_S + 3 * TIMEOUT_MARGIN_S
+        longest_s = descended_m / self._slowest_m_s + 3 * TIMEOUT_MARGIN_S
         if snapshot.time_s - self._begun_s <= longest_s:
             return None
         return UalTimeoutError(f"land: the UAV has stopped descending, but reports no ground; {self._stuck}")

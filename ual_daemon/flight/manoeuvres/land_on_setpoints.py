@@ -16,7 +16,7 @@ from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Control, Sample, Snapshot, VelocitySetpoint
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvres.land import Landing, OnHeight, ignore_height
+from ual_daemon.flight.manoeuvres.land import SLOWEST_LANDING_M_S, Landing, OnHeight, ignore_height
 from ual_daemon.flight.manoeuvres.manoeuvre import Step, failed, taken, why_blind, with_advice
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
@@ -78,6 +78,11 @@ class LandOnSetpoints(Landing):
         self._descent_m_s = limits.get().descent_speed_m_s
         self._ground_z_m = geofence.ground_z_m(snapshot)
         return None
+
+    @property
+    @override
+    def _slowest_m_s(self) -> float:
+        return min(SLOWEST_LANDING_M_S, self._descent_m_s / 2.0)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

@@ -81,6 +81,15 @@ def test_it_descends_slowly_near_the_ground_and_never_faster_than_the_user_wants
     assert velocity(step(landing, flying)) == Vector3(0.0, 0.0, expected)
 
 
+def test_a_descent_that_the_user_wants_very_slow_is_not_given_up(flying: Autopilot, motors: Motors) -> None:
+    """It was told as stopped after two minutes, at 18 m."""
+    flying.z = 30.0
+    landing = land(flying, motors, descent_m_s=0.1)
+    flying.climb_m_s = -0.1
+    while flying.z > 0.1:
+        assert not flying.step(landing).has_ended, flying.z
+
+
 def test_where_the_ground_is_not_known_it_descends_slowly(flying: Autopilot, motors: Motors) -> None:
     flying.z = 80.0
     landing = LandOnSetpoints(
