@@ -60,6 +60,8 @@ def main(arguments: list[str] | None = None) -> None:
     for assignment in options.parameter:
         name, _, value = assignment.partition("=")
         autopilot.parameters[name] = type(autopilot.parameters[name])(float(value))
+    if options.log is not None:
+        autopilot.files.files[f"{autopilot.files.directory}/{options.log}"] = bytes(range(256)) * 200
     print(json.dumps(places), flush=True)
     stopped = threading.Event()
     threading.Thread(target=run, args=(autopilot, stopped, options.speed), daemon=True).start()
@@ -94,6 +96,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--speed", type=float, default=1.0, help="how fast its time runs")
     parser.add_argument("--wander", type=float, default=0.0, metavar="M", help="how far off its estimate wanders")
     parser.add_argument("--parameter", action="append", default=[], metavar="NAME=VALUE")
+    parser.add_argument("--log", metavar="NAME", help="has a log of this name")
     for name in ("loss", "delay", "jitter", "duplication", "corruption"):
         parser.add_argument(f"--{name}", type=float, default=0.0, help="of the link, both ways (see faults.py)")
     return parser

@@ -32,9 +32,21 @@ def numbers(path: str) -> dict[str, int]:
     return {name: int(number) for name, number in re.findall(r"^uint8 ([A-Z_]+) = (\d+)", text, re.MULTILINE)}
 
 
+def depth(name: str) -> int:
+    """How deep messages of this package are in one: it comes after them, as all are compiled as one (unite.cmake)."""
+    own = {path.stem for path in INTERFACES if path.suffix == ".msg"}
+    types = {re.sub(r"\[.*", "", line.split()[0]) for part in parts(Path(name)) for line in part}
+    return max((1 + depth(f"msg/{each}.msg") for each in types & own), default=0)
+
+
+def place(name: str) -> tuple[int, int, str]:
+    kind = ("msg", "srv", "action").index(name.partition("/")[0])
+    return kind, 0 if kind else depth(name), name
+
+
 def test_cmake_makes_each_of_them() -> None:
     listed = re.findall(r"^  ((?:msg|srv|action)/\S+)$", (PACKAGE / "CMakeLists.txt").read_text(), re.MULTILINE)
-    assert listed == sorted(listed, key=lambda name: (("msg", "srv", "action").index(name.partition("/")[0]), name))
+    assert listed == sorted(listed, key=place)
     assert {Path(name) for name in listed} == set(INTERFACES)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual.fences.files import read
+from ual.fences.files import parse, read
 from ual.fences.values import FencePlan, FenceZone, KeptFence, RallyPoint
 
-__all__ = ["FencePlan", "FenceZone", "KeptFence", "RallyPoint", "read"]
+__all__ = ["FencePlan", "FenceZone", "KeptFence", "RallyPoint", "parse", "read"]

@@ -43,12 +43,27 @@ def read(path: Path) -> FencePlan:
 
     """
     if path.stat().st_size > MOST_BYTES:
-        raise InvalidArgumentError(f"{path}: a file of a fence has at most {MOST_BYTES} bytes", {"field": "file"})
-    text = path.read_text(encoding="utf-8", errors="replace")
+        raise _too_large(str(path))
+    return parse(path.read_text(encoding="utf-8", errors="replace"), str(path))
+
+
+def parse(text: str, name: str) -> FencePlan:
+    """Returns the zones and the rally points in the text of a file, as `read`; `name` stands in messages.
+
+    Raises:
+        InvalidArgumentError: As `read`.
+
+    """
+    if len(text) > MOST_BYTES:
+        raise _too_large(name)
     try:
         return _filled(_of_items(text) if text.startswith("QGC WPL") else _of_plan(text))
     except ValueError as error:
-        raise InvalidArgumentError(f"{path}: {error}", {"field": "file"}) from None
+        raise InvalidArgumentError(f"{name}: {error}", {"field": "file"}) from None
+
+
+def _too_large(name: str) -> InvalidArgumentError:
+    return InvalidArgumentError(f"{name}: a file of a fence has at most {MOST_BYTES} bytes", {"field": "file"})
 
 
 def _filled(plan: FencePlan) -> FencePlan:

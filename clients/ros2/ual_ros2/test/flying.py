@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import rclpy
@@ -31,6 +32,13 @@ def waited(condition: Callable[[], Any], limit_s: float = LIMIT_S) -> Any:
         assert time.monotonic() < deadline_s, "it did not come"
         time.sleep(0.01)
     return found
+
+
+def each_of(heard: list[Any]) -> Iterator[Any]:
+    """Yields what has come, and what comes later."""
+    for count in itertools.count():
+        waited(lambda count=count: len(heard) > count)
+        yield heard[count]
 
 
 def pose(x: float, y: float, z: float, frame_id: str = "") -> PoseStamped:

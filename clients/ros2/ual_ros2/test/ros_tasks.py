@@ -79,7 +79,7 @@ class Manoeuvre(KnownTask):
     """A goal of an action. Until it has begun, it has no identifier."""
 
     def __init__(self, client: Client, call: Call, kind: Any, ns: str, name: str, fields: Mapping[str, Any]) -> None:
-        super().__init__(call, "", ual.TaskKind[name.upper()])
+        super().__init__(call, "", ual.TaskKind[name.upper().removeprefix("FLY_")])
         self._client = client
         self._feedback: list[Any] = []
         self._goal = client.begin(kind, f"/{ns}/ual/{name}", self._feedback.append, **fields)

@@ -1,7 +1,7 @@
 """A `ual.interface.Uav` that knows its UAV by ROS only: by services, actions and topics of the node, and by tf.
 
-What ROS has nothing for raises `InexpressibleError`. Two things are not ROS' part and are given: the simulated world,
-in which the safety pilot is, and the time of that world.
+What ROS has nothing for raises `InexpressibleError`. One thing is not ROS' part and is given: the time of the simulated
+world. `ros_beside` has the services beside flying.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from flying import Client, waited
 from geometry_msgs.msg import PointStamped, TransformStamped
 from inexpressible import InexpressibleError
 from nav_msgs.msg import Path
+from ros_beside import Beside
 from ros_setpoints import Setpoints, pose_message
 from ros_tasks import KnownTask, Manoeuvre, error_of, info_of, known
 from sensor_msgs.msg import NavSatFix
@@ -60,10 +61,11 @@ def inexpressible(member: str) -> NoReturn:
 class RosUav(Uav):
     """One UAV of a node."""
 
-    def __init__(self, client: Client, ns: str, world: Simulation, now_s: Callable[[], float]) -> None:
+    def __init__(self, client: Client, ns: str, now_s: Callable[[], float], *, is_simulated: bool = True) -> None:
         self._client = client
         self._ns = ns
-        self._world = world
+        self._beside = Beside(client, ns, self._call, self._trigger, self._fly_mission, error_of)
+        self._is_simulated = is_simulated
         self._now_s = now_s
         self._told = Told(client, ns)
         self._asked = Asked(client, ns)
@@ -98,7 +100,9 @@ class RosUav(Uav):
 
     @property
     def simulation(self) -> Simulation:
-        return self._world
+        if not self._is_simulated:
+            raise ual.NotSupportedError("the services of a simulation are not there")
+        return self._beside.simulation
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
@@ -230,6 +234,41 @@ class RosUav(Uav):
             reason, _, message = text.partition(": ")
             raise ual.errors.from_reason(reason, message, json.loads(metadata or "{}"))
 
+    # --- What is beside flying ----------------------------------------------------------------------------------------
+
+    @property
+    def cameras(self) -> ual.interface.Cameras:
+        return self._beside.cameras
+
+    @property
+    def gimbals(self) -> ual.interface.Gimbals:
+        return self._beside.gimbals
+
+    @property
+    def mission(self) -> ual.interface.Mission:
+        return self._beside.mission
+
+    @property
+    def gripper(self) -> ual.interface.Gripper:
+        return self._beside.gripper
+
+    @property
+    def fence(self) -> ual.interface.Fence:
+        return self._beside.fence
+
+    @property
+    def logs(self) -> ual.interface.Logs:
+        return self._beside.logs
+
+    @property
+    def corrections(self) -> ual.interface.Corrections:
+        return self._beside.corrections
+
+    def _fly_mission(self, fields: Mapping[str, Any]) -> ual.TaskInfo:
+        manoeuvre = Manoeuvre(self._client, self._call, action.FlyMission, self.ns, "fly_mission", fields)
+        manoeuvre.wait_until_begun()
+        return manoeuvre.info()
+
     # --- What ROS has nothing for -------------------------------------------------------------------------------------
 
     def lease(self, holder: str = "", *, take: bool = False) -> Lease:
@@ -237,34 +276,6 @@ class RosUav(Uav):
 
     def extension(self, name: str) -> Any:
         inexpressible("extension")
-
-    @property
-    def cameras(self) -> ual.interface.Cameras:
-        inexpressible("cameras")
-
-    @property
-    def gimbals(self) -> ual.interface.Gimbals:
-        inexpressible("gimbals")
-
-    @property
-    def mission(self) -> ual.interface.Mission:
-        inexpressible("mission")
-
-    @property
-    def gripper(self) -> ual.interface.Gripper:
-        inexpressible("gripper")
-
-    @property
-    def fence(self) -> ual.interface.Fence:
-        inexpressible("fence")
-
-    @property
-    def logs(self) -> ual.interface.Logs:
-        inexpressible("logs")
-
-    @property
-    def corrections(self) -> ual.interface.Corrections:
-        inexpressible("corrections")
 
 
 class RosParameters:

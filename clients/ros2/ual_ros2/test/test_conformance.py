@@ -23,22 +23,40 @@ NOT_HERE = (
     "reads_the_autopilots_parameters",
     "writes_a_parameter_and_reads_it_back",
     "writes_no_parameter_in_flight",
+    "reads_the_autopilots_fence",
+    "uploads_no_fence_in_flight",
+    "reads_the_autopilots_mission",
+    "keeps_an_uploaded_mission",
+    "flies_a_mission_of_the_autopilot",
+    "a_mission_of_the_autopilot_is_aborted",
+    "lists_the_autopilots_logs",
+    "downloads_a_log",
 )
-"""The first needs a daemon that may not arm: that of a light UAV always may. The others need an autopilot."""
+"""The first needs a daemon that may not arm: that of a light UAV always may. The others need an autopilot: those of
+`test_beside_autopilots` are one."""
+CARRIED = """\
+payload:
+  grippers: [{name: claw}]
+  winches: [{name: hook}]
+  servos: [{name: door, channel: 9, min_pwm_us: 1000, max_pwm_us: 2000, positions: {open: 1100}}]
+  relays: [{name: lamp, number: 1}]
+"""
 NODE = ("rate_hz:=100.0", "slow_rate_hz:=20.0", "feedback_rate_hz:=50.0")
 """Faster than a daemon samples, so that each sample is told."""
 
 
 @pytest.fixture(scope="module")
-def flight(processes: Processes, client: Client) -> Iterator[Flight]:
-    processes.daemon("--set", f"light.speed_factor={SPEED_FACTOR}")
+def flight(processes: Processes, client: Client, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+    file = tmp_path_factory.mktemp("carried") / "daemon.yaml"
+    file.write_text(CARRIED)
+    processes.daemon("--config", str(file), "--set", f"light.speed_factor={SPEED_FACTOR}")
     processes.node("ns:=uav_1", *NODE)
     with ual.Uav("uav_1") as world:
 
         def now_s() -> float:
             return world.telemetry().stamp_s
 
-        yield Flight(RosUav(client, world.ns, world.simulation, now_s), Tolerances.of_simulation())
+        yield Flight(RosUav(client, world.ns, now_s), Tolerances.of_simulation())
 
 
 def run_check(flight: Flight, check: Check) -> None:
@@ -73,7 +91,11 @@ def test_conformance(flight: Flight, check: Check) -> None:
 def test_what_cannot_be_expressed(flight: Flight, check: Check) -> None:
     """One that passes is to be taken from the list. On a busy computer a command may come too late."""
     for _ in range(ATTEMPTS):
-        said = what_it_says(flight, check)
+        try:
+            said = what_it_says(flight, check)
+        except CannotRunError as error:
+            assert check.name in NOT_HERE
+            pytest.skip(str(error))
         if re.search(INEXPRESSIBLE[check.name].says, said):
             return
     pytest.fail(said or "it passes")

@@ -18,6 +18,10 @@ def _nothing(_: object) -> Mapping[str, Message]:
     return {}
 
 
+def _no_more(_: Message, __: Message) -> bool:
+    return True
+
+
 @dataclass(frozen=True)
 class Command:
     """A service or action below ``<ns>/ual/``."""
@@ -45,3 +49,7 @@ class Action(Command):
     """An action, and whether it can be cancelled where there is a safety pilot: take-offs and landings cannot."""
 
     can_be_cancelled: bool = True
+    is_task: bool = True
+    """Whether it flies a task, of which its feedback tells."""
+    also: Callable[[Message, Message], bool] = _no_more
+    """Fills what the feedback of a goal has beside the task. Returns whether that is known."""

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Mapping
 
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
 from ual_msgs import msg, srv
 
 import ual
-from ual.cameras import Photo
-from ual.gripper import Equipment
 from ual.parameters.values import Parameter
-from ual_ros2 import flights, payload, pictures, values
+from ual_ros2 import flights, payload, values
 from ual_ros2.command import Command
 from ual_ros2.messages import Message
 
@@ -39,33 +35,9 @@ def _told_parameters(read: list[Parameter]) -> Mapping[str, Message]:
     return {"parameters": [_parameter(each) for each in read]}
 
 
-def _told_photo(photo: Photo) -> Mapping[str, Message]:
-    body, camera = PoseStamped(), PoseStamped()
-    pictures.fill_pose_stamped(body, photo.body)
-    if photo.camera is not None:
-        there = ual.PoseStamped(pictures.optical(photo.camera.pose), photo.camera.frame_id)
-        pictures.fill_pose_stamped(camera, there)
-    stamp = Time()
-    stamp.sec, stamp.nanosec = values.split(photo.stamp_s)
-    for each in (body, camera):
-        each.header.stamp = stamp
-    return {
-        "number": photo.number,
-        "stamp": stamp,
-        "is_stored": photo.is_stored,
-        "body": body,
-        "optical": camera,
-        "file_url": photo.file_url,
-    }
-
-
 def _start_photos(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
     interval_s, distance_m = request.interval or None, request.distance or None
     return uav.cameras[request.camera].start_photos(interval_s=interval_s, distance_m=distance_m, count=request.count)
-
-
-def _told_devices(found: Equipment) -> Mapping[str, Message]:
-    return {"devices": [msg.Device(**each) for each in payload.devices(found)]}
 
 
 def _order_winch(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
@@ -95,9 +67,6 @@ SERVICES = (
         lambda uav, request: uav.parameters.set(request.name, request.value, force=request.force),
         told=_told_parameter,
     ),
-    Command(
-        "take_photo", srv.TakePhoto, lambda uav, request: uav.cameras[request.camera].take_photo(), told=_told_photo
-    ),
     Command("start_photos", srv.StartPhotos, _start_photos),
     Command("stop_photos", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].stop_photos()),
     Command("start_video", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].start_video()),
@@ -113,9 +82,6 @@ SERVICES = (
         ),
     ),
     Command("set_relay", srv.SetRelay, lambda uav, request: uav.gripper.set_relay(request.state, relay=request.relay)),
-    Command(
-        "list_equipment", srv.ListEquipment, lambda uav, _: uav.gripper.get_all(), told=_told_devices, may_be_late=True
-    ),
 )
 
 ACTIONS = flights.ACTIONS

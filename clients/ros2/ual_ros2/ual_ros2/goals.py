@@ -73,6 +73,8 @@ class Goals:
     def _goes_on_without_caller(self) -> bool:
         """Whether it takes off or lands."""
         newest = self._pilot.newest
+        if not self._action.is_task:
+            return False
         return not self._action.can_be_cancelled or (newest is not None and newest.state is ual.State.LANDING)
 
     async def _cancel(self, key: bytes) -> None:
@@ -93,7 +95,8 @@ class Goals:
         finally:
             del self._flying[_key(goal_handle)]
         result = await self._end(goal_handle, flying.task.result())
-        result.task_id = result.task_id or task_id
+        if self._action.is_task:
+            result.task_id = result.task_id or task_id
         return result
 
     async def _give_feedback(self, goal_handle: Entity, task: asyncio.Task[Outcome], known_id: str) -> str:
@@ -104,14 +107,22 @@ class Goals:
         feedback, own_id = self._action.kind.Feedback(), ""
         while not task.done():
             await asyncio.wait((task,), timeout=self._feedback_s)
-            sample = self._pilot.newest
-            if sample is None or sample.task is None or sample.task.id == known_id:
-                continue
-            own_id = own_id or sample.task.id
-            if sample.task.id == own_id:
-                values.fill_feedback(feedback, sample, sample.task)
+            is_known = True
+            if self._action.is_task:
+                own_id, is_known = self._fill(feedback, known_id, own_id)
+            if is_known and self._action.also(feedback, goal_handle.request):
                 goal_handle.publish_feedback(feedback)
         return own_id
+
+    def _fill(self, feedback: Message, known_id: str, own_id: str) -> tuple[str, bool]:
+        """Returns the identifier of the goal's own task, and whether it is that which runs."""
+        sample = self._pilot.newest
+        if sample is None or sample.task is None or sample.task.id == known_id:
+            return own_id, False
+        own_id = own_id or sample.task.id
+        if sample.task.id == own_id:
+            values.fill_feedback(feedback, sample, sample.task)
+        return own_id, sample.task.id == own_id
 
     async def _end(self, goal_handle: Entity, ended: Outcome) -> Message:
         if ended.is_success:

@@ -17,6 +17,7 @@ from std_srvs.srv import Empty, Trigger
 import ual
 from ual_ros2 import outcome, topics, values
 from ual_ros2.about import About
+from ual_ros2.beside.everything import Beside
 from ual_ros2.cameras import Cameras
 from ual_ros2.command import Command
 from ual_ros2.commands import ACTIONS, SERVICES
@@ -95,6 +96,7 @@ class UavInterface:
         self._about = About(shared.node, self._loop, self._uav, ns, shared.time)
         self._setpoints: Newest[Given] = Newest(self._loop, self._set, self._on_refusal)
         self._external_poses: Newest[Given] = Newest(self._loop, self._set, self._on_refusal)
+        self._beside = Beside(shared.node, self._loop, settings, shared.time, self._uav, ns, self._serve)
         self._make_inputs()
 
     # --- For the node: on ROS' executor -------------------------------------------------------------------------------
@@ -112,7 +114,10 @@ class UavInterface:
             LateService(node, each.kind, f"{prefix}/{each.name}", partial(self._serve, each)) for each in SERVICES
         ]
         rate_hz = self._shared.settings.feedback_rate_hz
-        self._goals = [Goals(node, self._loop, f"{prefix}/{each.name}", each, self, rate_hz) for each in ACTIONS]
+        self._goals = [
+            Goals(node, self._loop, f"{prefix}/{each.name}", each, self, rate_hz)
+            for each in (*ACTIONS, *self._beside.actions)
+        ]
 
     def _subscribe(self, kind: Entity, name: str, callback: Entity) -> Entity:
         return self._shared.node.create_subscription(
@@ -134,6 +139,7 @@ class UavInterface:
         self._topics.destroy()
         self._cameras.destroy()
         self._about.destroy()
+        self._beside.destroy()
         self._run(self.close()).result()
 
     def _on_input(self, name: str, callback: Entity, message: Message, info: Mapping[str, int]) -> None:
@@ -192,6 +198,7 @@ class UavInterface:
         works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed(), self._cameras.follow()]
         works += [self._about.follow(), self._about.follow_route()]
         works.append(self._beat())
+        works += self._beside.works()
         if self._shared.settings.lease_holder is not None:
             self._not_leased = ual.LeaseLostError("the node has not acquired its lease yet", {"by": "nothing"})
             works.append(self._acquire())

@@ -28,6 +28,7 @@ DEFAULTS: dict[str, tuple[Any, str]] = {
     "camera_rate_hz": (5.0, "how often each picture of a camera that is heard is fetched and published"),
     "feedback_rate_hz": (10.0, "how often actions give feedback"),
     "refuse_late": (True, "whether what was sent too long ago, or is stamped so, is refused"),
+    "log_directory": ("", "the directory that logs of the autopilot are downloaded to; empty: none are"),
     "autostart": (True, "whether the node configures and activates itself"),
 }
 _IS_ONE_OR_MANY = ("ns", "address")
@@ -50,6 +51,8 @@ class Settings:
     camera_rate_hz: float
     feedback_rate_hz: float
     refuses_late: bool
+    log_directory: Path | None
+    """None: the node writes no logs."""
 
 
 def declare(node: Entity) -> None:
@@ -109,6 +112,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
         camera_rate_hz=_rate(given, "camera_rate_hz"),
         feedback_rate_hz=_rate(given, "feedback_rate_hz"),
         refuses_late=bool(given["refuse_late"]),
+        log_directory=_directory(given["log_directory"]),
     )
 
 
@@ -168,6 +172,14 @@ def _token(file: str) -> str:
         return Path(file).read_text(encoding="utf-8").strip()
     except (OSError, UnicodeDecodeError) as error:
         raise _invalid("token_file", f"cannot read {file}: {error}") from None
+
+
+def _directory(path: str) -> Path | None:
+    if not path:
+        return None
+    if not Path(path).is_dir():
+        raise _invalid("log_directory", f"{path} is no directory")
+    return Path(path).absolute()
 
 
 def _rate(given: Mapping[str, Any], name: str) -> float:

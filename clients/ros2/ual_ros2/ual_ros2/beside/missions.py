@@ -1,0 +1,148 @@
+"""Missions of the autopilot in ROS. It needs no ROS: requests are known by their fields."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from contextlib import suppress
+
+import ual
+from ual import missions
+from ual.missions import Item, LinkLossAction, Mission, MissionProgress, StoredMission
+from ual.routes import RouteError
+from ual.types import TaskInfo
+from ual_ros2 import values
+from ual_ros2.beside.fields import Fields, named
+from ual_ros2.beside.mission_items import item_fields, items
+from ual_ros2.messages import Message
+
+
+async def plan(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves PlanMission."""
+    mission = await _mission(request)
+    found = await uav.mission.plan(mission.items)
+    return {
+        "length": values.known(found.length_m),
+        "duration": found.duration_s,
+        "lowest": found.lowest_m,
+        "highest": found.highest_m,
+        "executed_count": found.executed_count,
+        "left_out": list(mission.left_out),
+    }
+
+
+async def upload(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves UploadMission."""
+    mission = await _mission(request)
+    return {**stored_fields(await uav.mission.upload(mission.items)), "left_out": list(mission.left_out)}
+
+
+async def download(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves DownloadMission."""
+    return stored_fields(await uav.mission.download())
+
+
+async def get_progress(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves GetMissionProgress."""
+    return {"progress": progress_fields(await uav.mission.progress())}
+
+
+class MissionFlights:
+    """Flies missions of one UAV, and knows how far the last one is."""
+
+    def __init__(self) -> None:
+        self._progress: MissionProgress | None = None
+
+    async def fly(self, uav: ual.aio.Uav, request: Message) -> Fields:
+        """Serves FlyMission: flies what the autopilot has to its end. A cancel ends the mission, and the UAV holds."""
+        begun = asyncio.ensure_future(_start(uav, request))
+        watching = asyncio.ensure_future(self._watch(uav))
+        try:
+            task = await uav.task((await asyncio.shield(begun)).id)
+            await task.wait()
+            return {"task_id": task.id}
+        except asyncio.CancelledError:
+            await _end(uav, begun)
+            raise
+        finally:
+            watching.cancel()
+            self._progress = None
+
+    async def serve(self, uav: ual.aio.Uav, request: Message) -> Fields:
+        """Serves FlyMission, which may answer when it has begun: then it goes on, whatever becomes of the node."""
+        if request.blocking:
+            return await self.fly(uav, request)
+        return {"task_id": (await _start(uav, request)).id}
+
+    def newest(self) -> Fields | None:
+        """Returns what the feedback of its flight has beside the task; None while that is not known."""
+        return None if self._progress is None else {"mission": progress_fields(self._progress)}
+
+    async def _watch(self, uav: ual.aio.Uav) -> None:
+        with suppress(ual.UalError):  # the flight itself tells what is wrong
+            async for progress in uav.mission.watch():
+                self._progress = progress
+
+
+async def _start(uav: ual.aio.Uav, request: Message) -> TaskInfo:
+    on_link_loss = named(LinkLossAction, request.on_link_loss, "on_link_loss") if request.on_link_loss else None
+    return await uav.mission.start(request.first_item or 1, on_link_loss)
+
+
+async def _end(uav: ual.aio.Uav, begun: asyncio.Future[TaskInfo]) -> None:
+    """Ends a mission, also one whose start is under way: that is refused after an abort, or else ended once it flies.
+
+    Raises:
+        UalError: It flies on.
+
+    """
+    if not begun.done():
+        with suppress(ual.UalError):
+            await uav.abort()
+    try:
+        info = await begun
+    except ual.UalError:
+        return
+    await (await uav.task(info.id)).cancel()
+
+
+async def _mission(request: Message) -> Mission:
+    """Reads the mission of a request.
+
+    Raises:
+        InvalidArgumentError: It is said in two ways, or the file or an item is none.
+
+    """
+    if not request.file:
+        return Mission(items(request.items))
+    if request.items:
+        raise ual.InvalidArgumentError("file: give a file or items, not both", {"field": "file"})
+    reference = values.altitude_reference(request.altitude_reference) if request.altitude_reference else None
+    altitude_m = request.altitude or None
+    try:
+        return await asyncio.to_thread(_parsed, request.file, altitude_m, reference)
+    except RouteError as error:
+        raise ual.InvalidArgumentError(str(error), {"field": "file"}) from None
+
+
+def _parsed(text: str, altitude_m: float | None, reference: ual.AltitudeReference | None) -> Mission:
+    return missions.parse(text.encode(), "file", altitude_m=altitude_m, altitude_reference=reference)
+
+
+def stored_fields(stored: StoredMission) -> Fields:
+    """Returns the fields of a mission that an autopilot has."""
+    return {"items": _all_fields(stored.items), "digest": stored.digest}
+
+
+def _all_fields(found: Sequence[Item]) -> list[Fields]:
+    return [item_fields(each) for each in found]
+
+
+def progress_fields(progress: MissionProgress) -> Fields:
+    """Returns a MissionProgress, but for its header."""
+    return {
+        "stage": progress.stage.name,
+        "item": progress.item or 0,
+        "reached": progress.reached or 0,
+        "task_id": progress.task_id,
+    }
