@@ -50,13 +50,6 @@ def test_cmake_makes_each_of_them() -> None:
     assert {Path(name) for name in listed} == set(INTERFACES)
 
 
-@pytest.mark.parametrize("path", [path for path in INTERFACES if path.suffix == ".msg"], ids=str)
-def test_a_message_stands_after_those_that_it_has(path: Path) -> None:
-    """CMake compiles all of a package as one file, in this order, and C++ wants the parts first."""
-    own = [line.split()[0].removesuffix("[]") for line in parts(path)[0]]
-    assert all(each < path.stem for each in own if (PACKAGE / "msg" / f"{each}.msg").exists())
-
-
 def test_the_package_names_what_it_uses_and_the_version_of_ual() -> None:
     manifest = ET.parse(PACKAGE / "package.xml").getroot()
     text = "".join((PACKAGE / path).read_text() for path in INTERFACES)

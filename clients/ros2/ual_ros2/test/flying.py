@@ -6,6 +6,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -37,8 +38,12 @@ def waited(condition: Callable[[], Any], limit_s: float = LIMIT_S) -> Any:
 def each_of(heard: list[Any]) -> Iterator[Any]:
     """Yields what has come, and what comes later."""
     for count in itertools.count():
-        waited(lambda count=count: len(heard) > count)
+        waited(partial(_has, heard, count))
         yield heard[count]
+
+
+def _has(heard: list[Any], count: int) -> bool:
+    return len(heard) > count
 
 
 def pose(x: float, y: float, z: float, frame_id: str = "") -> PoseStamped:

@@ -60,10 +60,11 @@ class MissionFlights:
         try:
             task = await uav.task((await asyncio.shield(begun)).id)
             await task.wait()
-            return {"task_id": task.id}
         except asyncio.CancelledError:
             await _end(uav, begun)
             raise
+        else:
+            return {"task_id": task.id}
         finally:
             watching.cancel()
             self._progress = None
