@@ -6,7 +6,7 @@ import asyncio
 import hashlib
 import math
 import re
-from collections.abc import AsyncIterable, AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterable, AsyncIterator, Callable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -437,17 +437,22 @@ async def _corrected(receiver: FakeReceiver, act: Callable[[corrections.Correcti
     return streaming
 
 
+def put_all(streaming: corrections.Corrections, sent: Sequence[bytes]) -> None:
+    for each in sent:
+        streaming.put(each)
+
+
 def test_all_that_comes_is_streamed_and_the_stream_ends_when_no_more_comes() -> None:
     receiver = FakeReceiver()
     sent = [b"a", b"b", b"c"]
-    streaming = asyncio.run(_corrected(receiver, lambda it: [it.put(each) for each in sent]))
+    streaming = asyncio.run(_corrected(receiver, lambda it: put_all(it, sent)))
     assert receiver.taken == sent
     assert (streaming.received_count, streaming.not_taken_count, streaming.refusal) == (3, 0, "")
 
 
 def test_what_is_refused_is_counted_and_told() -> None:
     receiver = FakeReceiver(ual.ResourceExhaustedError("ual rtcm sends", {"held_by": "ual rtcm"}))
-    streaming = asyncio.run(_corrected(receiver, lambda it: [it.put(each) for each in (b"a", b"b")]))
+    streaming = asyncio.run(_corrected(receiver, lambda it: put_all(it, [b"a", b"b"])))
     assert (streaming.received_count, streaming.not_taken_count) == (2, 2)
     assert streaming.fields()["refusal"] == "RESOURCE_EXHAUSTED: ual rtcm sends"
 
