@@ -55,9 +55,10 @@ def parents(frames: list[Any]) -> dict[str, str]:
 
 def test_pictures_are_taken_by_services(client: Client, uav: ual.Uav) -> None:
     taken = client.call(srv.TakePhoto, f"{UAL}/take_photo", camera=0)
-    assert (taken.success, taken.number, taken.is_stored) == (True, 0, True)
-    assert taken.body.header.frame_id == taken.optical.header.frame_id == "uav_1/odom"
-    assert taken.stamp.sec > 0
+    assert (taken.success, taken.photo.number, taken.photo.is_stored) == (True, 0, True)
+    seen = taken.photo.viewpoint
+    assert seen.body.header.frame_id == seen.optical.header.frame_id == "uav_1/odom"
+    assert seen.stamp.sec > 0
     assert client.call(srv.StartPhotos, f"{UAL}/start_photos", camera=0, distance=5.0).success
     waited(lambda: uav.cameras[0].status().distance_m == 5.0)
     for name in ("stop_photos", "start_video", "stop_video"):
