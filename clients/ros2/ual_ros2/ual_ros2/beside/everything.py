@@ -28,7 +28,8 @@ LOOK_S = 2.0
 CORRECTIONS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """Each message counts."""
 
-Serve = Callable[[Command, Message], Future[Message]]
+Serve = Callable[[Command, Message, float], Future[Message]]
+"""Takes the command, its request, and when that was sent (UTC; 0: not known)."""
 
 
 class Beside:
@@ -68,9 +69,8 @@ class Beside:
         self._incoming = node.create_subscription(
             UInt8MultiArray,
             f"{self._prefix}/corrections",
-            lambda message: self._corrections.put(message.data.tobytes()),
-            CORRECTIONS,
-            qos_overriding_options=topics.overridable(),
+            callback=lambda message: self._corrections.put(message.data.tobytes()),
+            **topics.overridable(CORRECTIONS),
         )
 
     @property

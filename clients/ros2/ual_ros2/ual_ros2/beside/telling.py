@@ -71,9 +71,8 @@ class Teller:
         self._topic = topic
         self._trouble = ""
         self._node = node
-        self._publisher = node.create_publisher(
-            topic.kind, f"/{ns}/ual/{topic.name}", topics.RELIABLE, qos_overriding_options=topics.overridable()
-        )
+        name = f"/{ns}/ual/{topic.name}"
+        self._publisher = node.create_publisher(topic.kind, name, **topics.overridable(topics.RELIABLE))
 
     def destroy(self) -> None:
         """Ends the topic."""
