@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 
 from ual_daemon import logs
 
@@ -12,6 +13,8 @@ TOLERANCE_M = 0.1
 """Both heights come in millimetres."""
 _DOUBTS_COUNT = 2
 """So many heights in a row must contradict it: one of them may have come late."""
+_LOGGED_M = 0.5
+"""Logged is what has moved so far since it was logged last: a PX4 corrects its home for two minutes, step by step."""
 
 
 class HomeWatch:
@@ -23,6 +26,8 @@ class HomeWatch:
     def __init__(self, tolerance_m: float = TOLERANCE_M, doubts_count: int = _DOUBTS_COUNT) -> None:
         self._tolerance_m, self._most_doubts = tolerance_m, doubts_count
         self._doubts_count = 0
+        self._logged_m = math.nan
+        """Where home was when its move was logged last."""
         self.is_wanted = False
         """Whether home should be requested now. The caller sets this back."""
 
@@ -36,7 +41,12 @@ class HomeWatch:
         self._doubts_count += 1
         is_contradicted = self._doubts_count >= self._most_doubts
         if self._doubts_count == self._most_doubts:
-            moved_m = round(altitude_m - above_home_m - home_m, 2)
-            logs.event(_log, logging.INFO, "home_moved", up_m=moved_m, why="its height above home contradicts its home")
+            self._log_move(altitude_m - above_home_m, home_m)
         self.is_wanted = self.is_wanted or is_contradicted
         return is_contradicted
+
+    def _log_move(self, found_m: float, home_m: float) -> None:
+        if abs(found_m - self._logged_m) < _LOGGED_M:
+            return
+        self._logged_m, moved_m = found_m, round(found_m - home_m, 2)
+        logs.event(_log, logging.INFO, "home_moved", up_m=moved_m, why="its height above home contradicts its home")
