@@ -28,12 +28,6 @@ def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
     result: Future[T] = Future()
     running: list[Future[S] | Future[T]] = [first]
 
-    def on_last(last: Future[T]) -> None:
-        if last.cancelled():
-            result.cancel()
-        elif not result.done() and result.set_running_or_notify_cancel():
-            _copy(last, result)
-
     def on_first(done: Future[S]) -> None:
         if done.cancelled() or result.cancelled():
             result.cancel()
@@ -44,7 +38,7 @@ def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
             last = Future()
             last.set_exception(error)
         running.append(last)
-        last.add_done_callback(on_last)
+        last.add_done_callback(lambda ended: _end_as(ended, result))
 
     def on_result(ended: Future[T]) -> None:
         if ended.cancelled():
@@ -59,15 +53,14 @@ def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
 def shared(first: Future[T]) -> Future[T]:
     """Returns a future that ends as another one, for one of several who wait for it: cancelling it leaves that one."""
     result: Future[T] = Future()
-
-    def on_first(done: Future[T]) -> None:
-        if done.cancelled():
-            result.cancel()
-        elif result.set_running_or_notify_cancel():
-            _copy(done, result)
-
-    first.add_done_callback(on_first)
+    first.add_done_callback(lambda ended: _end_as(ended, result))
     return result
+
+
+def pass_on(source: Future[T], target: Future[T]) -> None:
+    """Ends a future as another one ends. Cancelling it cancels that one."""
+    target.add_done_callback(lambda ended: source.cancel() if ended.cancelled() else None)
+    source.add_done_callback(lambda ended: _end_as(ended, target))
 
 
 def caught(first: Future[T], step: Callable[[BaseException], Future[T]]) -> Future[T]:
@@ -130,7 +123,12 @@ def _gather(ended: Sequence[Future[T]], result: Future[tuple[T, ...]]) -> None:
             result.set_exception(error)
 
 
-def _copy(source: Future[T], target: Future[T]) -> None:
+def _end_as(source: Future[T], target: Future[T]) -> None:
+    if source.cancelled():
+        target.cancel()
+        return
+    if target.done() or not target.set_running_or_notify_cancel():
+        return
     error = source.exception()
     if error is None:
         target.set_result(source.result())

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from ual.errors import LinkLostError, NotSupportedError, ResourceExhaustedError, UalError, UalTimeoutError
 from ual_daemon.backends import futures
-from ual_daemon.backends.chain import caught, then_wait
+from ual_daemon.backends.chain import caught, pass_on, then_wait
 from ual_daemon.backends.engine.loop import Posted
 from ual_daemon.backends.mavros.session import Session
 from ual_daemon.backends.rosbridge import Message, Ros
@@ -154,7 +154,7 @@ class Services:
         except UalError as error:
             futures.fail(job.future, error)
             return
-        _pass(under_way, job.future)
+        pass_on(under_way, job.future)
 
 
 class BusyError(UalError):
@@ -175,20 +175,3 @@ def explained(error: BaseException, what: str, doubt: str) -> BaseException:
     if isinstance(error, ServiceTimeoutError):
         return UalTimeoutError(f"cannot {what}: {error}{tail}", {"service": error.service})
     return LinkLostError(f"cannot {what}: {error}{tail}", {"service": error.service})
-
-
-def _pass(source: Future[T], target: Future[T]) -> None:
-    """Ends a future as another one ends. Cancelling it cancels that one."""
-
-    def on_end(ended: Future[T]) -> None:
-        if ended.cancelled():
-            target.cancel()
-        elif not target.done() and target.set_running_or_notify_cancel():
-            error = ended.exception()
-            if error is None:
-                target.set_result(ended.result())
-            else:
-                target.set_exception(error)
-
-    target.add_done_callback(lambda ended: source.cancel() if ended.cancelled() else None)
-    source.add_done_callback(on_end)
