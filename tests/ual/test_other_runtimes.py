@@ -49,6 +49,23 @@ with ual.Uav(address=sys.argv[1]) as uav:
         sys.exit(0 if listens(uav) else 1)
 """
 
+FORKED_HOLDER = """
+import os, sys, ual
+uav = ual.Uav(address=sys.argv[1])
+with uav.lease("survey") as lease:
+    if not os.fork():
+        lease.release()
+        uav.close()
+        os._exit(0)
+    os.wait()
+    other = ual.Uav(address=sys.argv[1])
+    try:
+        other.set_home()
+    except ual.LeaseHeldError:
+        sys.exit(0)
+sys.exit("the child has released the lease of its parent")
+"""
+
 FORKED_ASYNCIO = """
 import asyncio, os, sys, ual
 async def ask():
@@ -136,6 +153,12 @@ def test_a_client_works_in_a_forked_process_and_in_its_parent(daemon: DaemonProc
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
 def test_a_forked_process_has_subscriptions_of_its_own_and_ends(daemon: DaemonProcess) -> None:
     done = run(FORKED_SUBSCRIBER, daemon)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
+def test_a_forked_process_leaves_the_lease_to_its_parent(daemon: DaemonProcess) -> None:
+    done = run(FORKED_HOLDER, daemon)
     assert done.returncode == 0, done.stderr
 
 

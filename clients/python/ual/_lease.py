@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from typing_extensions import override
 
-from ual import _calls, interface
+from ual import _calls, _forks, interface
 from ual._connection import Connection
 from ual.errors import DaemonUnreachableError, LeaseLostError, UalError
 
@@ -31,6 +31,12 @@ class Lease(interface.Lease):
         connection.target.lease_id = self._id
         self._thread = threading.Thread(target=self._keep, name="lease", daemon=True)
         self._thread.start()
+        _forks.renew_in_child(self)
+
+    def begin_anew(self) -> None:
+        """Leaves the lease to the parent in a forked process: to release it there would stop what the parent flies."""
+        self._is_over = threading.Event()
+        self._is_over.set()
 
     def __repr__(self) -> str:
         status = "lost" if self._lost is not None else "released" if self._is_over.is_set() else "held"
