@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import logging
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ual.errors import UalError
+
+_LONGEST_VALUE = 300
+"""In characters. Callers give names and values: they must not fill the log."""
+_PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
 
 caller: ContextVar[Callable[[], str] | None] = ContextVar("ual_caller", default=None)
 """Returns the address of the peer that gave the present command; None for a command from this process."""
@@ -42,4 +48,35 @@ def event(logger: logging.Logger, level: int, event: str, /, **fields: object) -
     get_caller = caller.get()
     if get_caller is not None:
         fields.setdefault("caller", get_caller())
-    logger.log(level, "%s", event, extra={"ual_event": event, "ual_fields": fields}, stacklevel=2)
+    logger.log(level, "%s", _Line(event, fields), extra={"ual_event": event, "ual_fields": fields}, stacklevel=2)
+
+
+class _Line:
+    """An event as text. It is made only where a handler writes it, so that an event that is not written costs less."""
+
+    __slots__ = ("_event", "_fields")
+
+    def __init__(self, event: str, fields: Mapping[str, object]) -> None:
+        self._event = event
+        self._fields = fields
+
+    def __str__(self) -> str:
+        return line(self._event, self._fields)
+
+
+def line(event: str, fields: Mapping[str, object]) -> str:
+    """Returns an event as one line of text: ``state old=LANDED_ARMED new=TAKING_OFF``."""
+    return " ".join([event, *(f"{name}={_text(value)}" for name, value in fields.items())])
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    text = clipped(str(value))
+    # Quotes whatever is not one plain word, so that a value cannot look like another field or another line.
+    return text if _PLAIN_VALUE.fullmatch(text) else json.dumps(text, ensure_ascii=False)
+
+
+def clipped(text: str, longest: int = _LONGEST_VALUE) -> str:
+    """Returns a text, cut off with its length where it is too long for a log."""
+    return text if len(text) <= longest else f"{text[:longest]}... ({len(text)} characters)"

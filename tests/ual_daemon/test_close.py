@@ -22,7 +22,7 @@ def test_a_close_that_leaves_a_uav_in_motion_logs_what_it_was_doing(
     uav.simulation.step(10.0)
     with caplog.at_level(logging.ERROR):
         uav.close()
-    (record,) = (each for each in caplog.records if each.getMessage() == "closed_in_motion")
+    (record,) = (each for each in caplog.records if vars(each).get("ual_event") == "closed_in_motion")
     fields = record.__dict__["ual_fields"]
     assert fields["state"] == "TAKING_OFF"
     assert fields["task"] == "take_off"

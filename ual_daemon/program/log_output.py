@@ -12,7 +12,6 @@ import json
 import logging
 import math
 import queue
-import re
 import sys
 import threading
 import time
@@ -21,6 +20,7 @@ from typing import Literal, TextIO
 
 from typing_extensions import override
 
+from ual_daemon import logs
 from ual_daemon.program.log_repeats import PERIOD_S, Repeats
 
 Format = Literal["text", "json"]
@@ -33,10 +33,8 @@ _RETRY_S = 0.1
 """The pause after a line that could not be written."""
 _CLOSED_ERRORS = (errno.EPIPE, errno.EBADF)
 """Errors after which nobody can read the stream any more."""
-_LONGEST_VALUE = 300
-"""In characters. Callers give names and values: they must not fill the log."""
 _LONGEST_MESSAGE = 2000
-_PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
+"""In characters, of what is no event."""
 
 
 class TextFormatter(logging.Formatter):
@@ -44,11 +42,9 @@ class TextFormatter(logging.Formatter):
 
     @override
     def formatMessage(self, record: logging.LogRecord) -> str:
-        fields: dict[str, object] = getattr(record, "ual_fields", {})
         when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(record.created))
         head = f"{when}.{int(record.msecs):03d} {record.levelname:<7} {record.name.removeprefix('ual_daemon.')}: "
-        message = _clipped(record.message, _LONGEST_MESSAGE)
-        return " ".join([head + message, *(f"{name}={_text(value)}" for name, value in fields.items())])
+        return head + line_of(record)
 
 
 class JsonFormatter(logging.Formatter):
@@ -62,7 +58,7 @@ class JsonFormatter(logging.Formatter):
             "time": f"{when}.{int(record.msecs):03d}Z",
             "level": record.levelname.lower(),
             "logger": record.name,
-            **({"message": _clipped(record.getMessage(), _LONGEST_MESSAGE)} if name is None else {"event": name}),
+            **({"message": logs.clipped(record.getMessage(), _LONGEST_MESSAGE)} if name is None else {"event": name}),
             **{key: _json(value) for key, value in getattr(record, "ual_fields", {}).items()},
         }
         if record.exc_info:
@@ -72,31 +68,17 @@ class JsonFormatter(logging.Formatter):
 
 def line_of(record: logging.LogRecord) -> str:
     """Returns a record as text without time, level and logger, for a recording, which has these by themselves."""
-    fields: dict[str, object] = getattr(record, "ual_fields", {})
-    words = [
-        _clipped(record.getMessage(), _LONGEST_MESSAGE),
-        *(f"{name}={_text(each)}" for name, each in fields.items()),
-    ]
-    return " ".join(words)
+    name: str | None = getattr(record, "ual_event", None)
+    if name is None:
+        return logs.clipped(record.getMessage(), _LONGEST_MESSAGE)
+    return logs.line(name, getattr(record, "ual_fields", {}))
 
 
 def _json(value: object) -> object:
     """Returns the value, or its text if JSON cannot express it."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
-    return value if isinstance(value, (bool, int, float, list, tuple, dict, type(None))) else _clipped(str(value))
-
-
-def _clipped(text: str, longest: int = _LONGEST_VALUE) -> str:
-    return text if len(text) <= longest else f"{text[:longest]}... ({len(text)} characters)"
-
-
-def _text(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    text = _clipped(str(value))
-    # Quotes whatever is not one plain word, so that a value cannot look like another field or another line.
-    return text if _PLAIN_VALUE.fullmatch(text) else json.dumps(text, ensure_ascii=False)
+    return value if isinstance(value, (bool, int, float, list, tuple, dict, type(None))) else logs.clipped(str(value))
 
 
 class BackgroundHandler(logging.Handler):

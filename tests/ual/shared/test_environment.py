@@ -97,7 +97,7 @@ def test_the_class_which_reads_none_warns_of_it(
     monkeypatch.setenv("UAL_BACKNED", "mavlink")
     with caplog.at_level(logging.WARNING, "ual_daemon.ual"), UAL("light"):
         pass
-    [record] = [each for each in caplog.records if each.getMessage() == "unknown_variable"]
+    [record] = [each for each in caplog.records if vars(each).get("ual_event") == "unknown_variable"]
     assert vars(record)["ual_fields"] == {
         "why": "UAL_BACKNED: there is no such environment variable; did you mean UAL_BACKEND?",
         "effect": "none: the class reads no variables",

@@ -118,7 +118,7 @@ def test_an_autopilot_that_refuses_gets_the_next_one_and_the_log_says_so_once(
         mailbox.put(velocity(x))
         assert autopilot.next() == x
     mailbox.close()
-    assert caplog.messages == ["setpoint_not_sent"]
+    assert caplog.messages == ['setpoint_not_sent why="the bridge is gone"']
     assert caplog.records[0].levelname == "WARNING"
 
 

@@ -79,7 +79,7 @@ def test_he_leaves_for_good_when_it_turns_out_to_be_real_and_says_so(caplog: pyt
         desk.run()
     assert desk.armed_at == []
     assert desk.count == 5
-    assert [record.getMessage() for record in caplog.records] == ["auto_arm_ended"]
+    assert [vars(record).get("ual_event") for record in caplog.records] == ["auto_arm_ended"]
 
 
 def test_a_refusal_is_told_once_and_he_tries_again(caplog: pytest.LogCaptureFixture) -> None:
@@ -87,4 +87,4 @@ def test_a_refusal_is_told_once_and_he_tries_again(caplog: pytest.LogCaptureFixt
     with caplog.at_level(logging.WARNING):
         desk.run()
     assert len(desk.armed_at) > 3
-    assert [record.getMessage() for record in caplog.records] == ["auto_arm_refused"]
+    assert [vars(record).get("ual_event") for record in caplog.records] == ["auto_arm_refused"]

@@ -492,7 +492,7 @@ def test_another_uavs_frame_is_moved_often_with_its_stamp(uav: Stepped, caplog: 
         for i in range(50):
             point = Vector3(0.1 * i, 0.0, 2.0)
             uav.vehicle.frame_editor.add(Transform(point, Quaternion(), "map", "car/base_link", 1000.0 + 0.02 * i))
-    added = [record for record in caplog.records if record.getMessage() == "command"]
+    added = [record for record in caplog.records if vars(record).get("ual_event") == "command"]
     assert len(added) == 1
     (found,) = [frame for frame in uav.vehicle.frames() if frame.frame_id == "car/base_link"]
     assert found.transform is not None

@@ -153,7 +153,7 @@ def test_one_that_is_not_kept_ends_by_itself(uav: Stepped, caplog: pytest.LogCap
     uav.until(lambda: uav.vehicle.lease() is None)  # its time is the computer's
     assert ended_by_lease(task, "the lease of survey was not kept")
     assert holds(uav)
-    assert [record for record in caplog.records if record.getMessage() == "lease_ends"]
+    assert [record for record in caplog.records if vars(record).get("ual_event") == "lease_ends"]
 
 
 def test_one_that_is_kept_too_late_ends_and_the_uav_holds(uav: Stepped) -> None:

@@ -734,7 +734,7 @@ def test_a_map_origin_beyond_the_reach_is_told_and_its_goals_are_refused(caplog:
     """As where latitude and longitude were swapped."""
     with stepped(VehicleSettings(map_origin_geo=(-6.0023, 37.4117, 8.0))) as uav:
         uav.fly(2.0)
-        (told,) = [record for record in caplog.records if record.getMessage() == "home_pose"]
+        (told,) = [record for record in caplog.records if vars(record).get("ual_event") == "home_pose"]
         assert told.levelno == logging.WARNING
         assert "are latitude and longitude swapped" in vars(told)["ual_fields"]["why"]
         with pytest.raises(GeofenceError, match="beyond its reach"):

@@ -152,7 +152,11 @@ def test_sets_the_users_parameters_and_names_those_it_cannot(tmp_path: Path, cap
     flown = Flown(tmp_path, parameters={"posCtlPid.xVelMax": 2.0, "posCtlPid.yVelMax": 2.0, "no.such": 1.0})
     flown.ready()
     assert flown.backend.info().limits.horizontal_speed_m_s == 1.6
-    fields = [record.__dict__.get("ual_fields") for record in caplog.records if record.message == "parameters_not_set"]
+    fields = [
+        record.__dict__.get("ual_fields")
+        for record in caplog.records
+        if vars(record).get("ual_event") == "parameters_not_set"
+    ]
     assert fields == [{"parameters": "no.such"}]
 
 

@@ -49,4 +49,6 @@ def test_a_fence_that_is_known_only_in_part_is_a_warning(caplog: pytest.LogCaptu
     parameters = {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 4.0, "FENCE_TOTAL": 5.0}
     with caplog.at_level(logging.INFO):
         FenceReader(ArduCopter(), parameters).update()
-    assert [each.levelno for each in caplog.records if each.getMessage() == "autopilot_fence"] == [logging.WARNING]
+    assert [each.levelno for each in caplog.records if vars(each).get("ual_event") == "autopilot_fence"] == [
+        logging.WARNING
+    ]

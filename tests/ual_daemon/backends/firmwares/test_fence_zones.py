@@ -101,7 +101,7 @@ def test_a_malformed_fence_stays_unread_with_the_reason(autopilot: Autopilot, pa
 
 
 def told(caplog: pytest.LogCaptureFixture) -> list[tuple[int, object, object]]:
-    fields = [vars(each) for each in caplog.records if each.getMessage() == "autopilot_fence"]
+    fields = [vars(each) for each in caplog.records if vars(each).get("ual_event") == "autopilot_fence"]
     return [(each["levelno"], each["ual_fields"]["zones"], each["ual_fields"]["not_read"]) for each in fields]
 
 

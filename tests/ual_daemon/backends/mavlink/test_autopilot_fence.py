@@ -277,7 +277,9 @@ def test_zones_that_cannot_be_read_stay_a_warning(caplog: pytest.LogCaptureFixtu
     assert own.zones == ()
     assert own.unread == "its polygons and circles (FENCE_TOTAL 11)"
     assert own.is_cut_by_unread
-    assert [each.levelno for each in caplog.records if each.getMessage() == "autopilot_fence"][-1] == logging.WARNING
+    assert [each.levelno for each in caplog.records if vars(each).get("ual_event") == "autopilot_fence"][
+        -1
+    ] == logging.WARNING
     flight.autopilot.missions.refusal = None
     flight.wait_for(lambda: len(zones(flight)) == 3, "the zones after all")
     flight.uav.close()

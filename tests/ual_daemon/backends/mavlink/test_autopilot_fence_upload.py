@@ -134,7 +134,7 @@ def test_what_the_autopilot_refuses_is_said_and_what_it_had_stays(start: Fly, ki
 
 def test_a_fence_of_ual_that_the_autopilot_lacks_is_said_once(start: Fly, caplog: pytest.LogCaptureFixture) -> None:
     def said() -> int:
-        return [each.getMessage() for each in caplog.records].count("autopilot_lacks_fence")
+        return [vars(each).get("ual_event") for each in caplog.records].count("autopilot_lacks_fence")
 
     configured = VehicleSettings(geofence=GeofenceSettings(polygon=((-20.0, -20.0), (40.0, -20.0), (40.0, 20.0))))
     with caplog.at_level(logging.WARNING):

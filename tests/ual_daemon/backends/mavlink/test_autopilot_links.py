@@ -64,7 +64,7 @@ def test_a_radio_that_is_overrun_is_asked_for_less_until_it_fits(caplog: pytest.
         flight.wait_for(lambda: 0.03 <= channel.intervals_s[position] <= 0.25, "a lower rate")
         flight.wait_for(lambda: flight.backend.link_statistics().loss < 0.1, "a link that fits")
         assert reason(flight) == "not armed; it is asked for 25 positions a second, as the link carries no more"
-        assert sum(record.message == "stream_rates_changed" for record in caplog.records) <= 4
+        assert sum(vars(record).get("ual_event") == "stream_rates_changed" for record in caplog.records) <= 4
         fly(flight)
         flight.uav.close()
         flight.autopilot.run(0.5)
@@ -93,7 +93,7 @@ def test_a_link_that_loses_at_random_is_asked_for_all_again(kind: str, caplog: p
 
 
 def changes(caplog: pytest.LogCaptureFixture) -> list[logging.LogRecord]:
-    return [record for record in caplog.records if record.message == "stream_rates_changed"]
+    return [record for record in caplog.records if vars(record).get("ual_event") == "stream_rates_changed"]
 
 
 def reason(flight: Flight) -> str:

@@ -360,7 +360,7 @@ def test_what_does_not_hold_any_more_is_ignored_and_logged(
     _changed(home_file, **changes)
     flight.restart()
     assert tuple(flight.position()) == near(10, 0, 0)
-    assert {"home_ignored", "home_file_ignored"} & {record.message for record in caplog.records}
+    assert {"home_ignored", "home_file_ignored"} & {vars(record).get("ual_event") for record in caplog.records}
 
 
 def test_a_home_far_away_is_lost_on_the_ground(start: Start, home_file: Path) -> None:
@@ -411,7 +411,7 @@ def test_the_file_of_another_user_or_a_link_is_not_read(tmp_path: Path, monkeypa
 
 def test_a_directory_that_cannot_be_written_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     HomeFile(tmp_path / "missing" / "uav_1.home").write("PX4 1 ab", None, None, 1)
-    assert [record.message for record in caplog.records] == ["home_not_saved"]
+    assert [vars(record).get("ual_event") for record in caplog.records] == ["home_not_saved"]
 
 
 # --- In flight --------------------------------------------------------------------------------------------------------

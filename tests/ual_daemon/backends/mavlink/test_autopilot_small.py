@@ -63,7 +63,7 @@ def test_limits_that_cannot_be_read_are_reported_with_what_is_assumed(
         flight.start()
         flight.wait_for_state(State.LANDED_DISARMED)
         flight.let_pass(30.0)
-    (record,) = [record for record in caplog.records if record.message == "parameters_missing"]
+    (record,) = [record for record in caplog.records if vars(record).get("ual_event") == "parameters_missing"]
     fields = str(record.__dict__)
     assert "MPC_XY_VEL_MAX" in fields or "WP_SPD or WPNAV_SPEED" in fields
     assert "at most 1.6 m/s" in fields

@@ -139,16 +139,16 @@ def test_a_full_disk_is_told_and_what_waits_is_written_later(
         monkeypatch.setattr("ual_daemon.program.recording.audit_file.os.write", write)
         for number in range(20):
             it.put_call(uav.vehicle, record(number), None)
-        while "audit_fails" not in [each.getMessage() for each in caplog.records]:
+        while "audit_fails" not in [vars(each).get("ual_event") for each in caplog.records]:
             it.put_call(uav.vehicle, record(99), None)
         is_full = False
-        while "audit_lost" not in [each.getMessage() for each in caplog.records]:
+        while "audit_lost" not in [vars(each).get("ual_event") for each in caplog.records]:
             it.put_call(uav.vehicle, record(100), None)
         it.close()
     found = entries(file)
     assert found[0]["event"] == "opened"
     assert any(each["event"] == "lost" and each["lines"] > 0 for each in found)
-    assert [each.getMessage() for each in caplog.records].count("audit_fails") == 1
+    assert [vars(each).get("ual_event") for each in caplog.records].count("audit_fails") == 1
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ def test_a_change_that_cannot_be_read_is_told_and_changes_nothing(
         file.write_bytes(b"333")
         file.chmod(0o666)
     assert [number.value, number.value] == [1, 1]
-    assert [(each.levelno, each.getMessage()) for each in caplog.records] == [(logging.ERROR, "not_read_again")]
+    assert [(each.levelno, vars(each)["ual_event"]) for each in caplog.records] == [(logging.ERROR, "not_read_again")]
     file.unlink(missing_ok=True)
     private_file.create(file, b"4444")
     assert number.value == 4444

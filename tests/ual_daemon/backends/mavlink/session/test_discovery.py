@@ -230,7 +230,7 @@ def test_what_is_heard_and_why_it_is_not_taken_is_told(
     harness = Harness(MavlinkSettings(system_id=7))
     assert harness.discovery.why_silent(0.0) == "nothing comes to test"
     assert heard(harness, data) == f"heard at test instead: {told}"
-    (event,) = [record for record in caplog.records if record.getMessage() == "no_autopilot"]
+    (event,) = [record for record in caplog.records if vars(record).get("ual_event") == "no_autopilot"]
     assert vars(event)["ual_fields"]["heard"] == told
     assert harness.discovery.session is None
     harness.run(6.0)

@@ -76,7 +76,7 @@ def test_two_kinds_with_one_system_id_are_not_flown(other: type[Message], caplog
     assert "quadrotor and ardupilotmega on a" in why(harness)
     assert "send as system 1: give each vehicle an id of its own" in why(harness)
     assert harness.snapshot().control.mode is None
-    assert sum(record.message == "vehicle_conflict" for record in caplog.records) == 1
+    assert sum(vars(record).get("ual_event") == "vehicle_conflict" for record in caplog.records) == 1
     harness.run(6.0)
     harness.receive(copter(armed=True))
     assert harness.snapshot().link.conflict == ""
