@@ -6,6 +6,7 @@ import concurrent.futures
 import logging
 import math
 import os
+import re
 import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping
@@ -62,7 +63,7 @@ from ual_daemon.extensions.shipped.parameters import Parameters
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
-from ual_daemon.settings import VehicleSettings
+from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, VehicleSettings
 from ual_daemon.vehicle.external_poses import CONTINUES_S
 
 if TYPE_CHECKING:
@@ -84,8 +85,8 @@ class UAL(Uav):
         backend: The name of a backend, such as ``light`` or ``mavlink``, or a `Backend`.
         ns: The namespace of the UAV.
         url: Where the autopilot is, as the backend expects it.
-        settings: Frames, limits, tolerances, geofence.
-        backend_settings: The settings of the backend.
+        settings: Home, frames, limits, tolerances, geofence: a `ual_daemon.settings.VehicleSettings`.
+        backend_settings: The settings of the backend, by name: its section of the daemon's configuration.
         allow_arming: Whether `arm` and `disarm` may be used on a real UAV.
         home_file: A file in which home is kept, so that it survives a restart of the process.
         extensions: The extensions to load, by name, each with its settings.
@@ -116,6 +117,7 @@ class UAL(Uav):
         extensions: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         _warn_of_unknown_variables()
+        _check(ns, settings)
         kept = None if home_file is None else HomeFile(home_file)
         options = BackendOptions(ns, url, backend_settings or {})
         vehicle = make(backend, options, settings, allow_arming=allow_arming, home_file=kept, watch_only=watch_only)
@@ -542,6 +544,18 @@ def _leave_to_parent() -> None:
 
 
 os.register_at_fork(after_in_child=_leave_to_parent)
+
+
+def _check(ns: str, settings: VehicleSettings | None) -> None:
+    """Refuses what a program gives in place of a name and of settings."""
+    if not isinstance(ns, str) or not re.fullmatch(NAMESPACE_PATTERN, ns):
+        raise ConfigError(f"{ns!r:.100} is no name: letters, digits and _, beginning with a letter or _", "ns")
+    if settings is not None and not isinstance(settings, VehicleSettings):
+        raise ConfigError(
+            f"expected a VehicleSettings, got a {type(settings).__name__}; ual_daemon.settings.convert(values, "
+            "VehicleSettings) makes one",
+            "settings",
+        )
 
 
 def _warn_of_unknown_variables() -> None:

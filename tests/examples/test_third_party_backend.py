@@ -70,7 +70,7 @@ def test_it_flies_in_the_process_and_leaves_no_thread(installed: Path) -> None:
 def test_errors_name_what_is_known(installed: Path) -> None:
     unknown, other_setting, bad_value = run(UNKNOWN, installed)
     known = "airsim, crazyflie, dji, hover, light, mavlink, mavros, replay"
-    assert unknown == f"backend: there is no backend 'hoover'; known are {known}"
+    assert unknown == f"backend: there is no backend 'hoover'; known are {known}; did you mean hover?"
     assert other_setting == "hover.sped: there is no such setting; did you mean hover.speed?"
     assert bad_value.startswith("hover.speed: ")
 

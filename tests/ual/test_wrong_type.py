@@ -13,6 +13,7 @@ import pytest
 import ual
 from ual.types import PathHeading
 from ual_daemon import UAL
+from ual_daemon.settings import ConfigError
 
 P = ual.Pose.at(1.0, 2.0, 3.0)
 Refuse = Callable[..., ual.InvalidArgumentError]
@@ -134,3 +135,32 @@ def test_the_stamp_of_a_pose_from_outside_is_a_number() -> None:
 def test_a_heading_that_is_no_number_is_refused_where_it_is_given() -> None:
     with pytest.raises(ual.InvalidArgumentError, match="yaw_rad: 'north' is not an angle"):
         ual.Pose.at(1.0, 2.0, 3.0, "north")  # type: ignore[arg-type]
+
+
+def test_a_task_that_is_named_by_a_number_is_not_there(refused_by_class: Refuse) -> None:
+    for refused in (refused_by_client, refused_by_aio, refused_by_class):
+        assert str(refused("task", 1)) == "task_id: there is no task 1"
+
+
+@pytest.mark.parametrize("make", [ual.Uav, ual.aio.Uav])
+def test_an_address_in_place_of_a_name_is_refused(make: Callable[..., object]) -> None:
+    """It would be looked for as a name, at the default port of this computer: another UAV may be there."""
+    with pytest.raises(ual.InvalidArgumentError, match=r"pass it as address='10.0.0.7:50051'"):
+        make("10.0.0.7:50051")
+    with pytest.raises(ual.InvalidArgumentError, match="ns: 50051 is no name; pass a text as 'uav_1'"):
+        make(50051)
+    with pytest.raises(ual.InvalidArgumentError, match="50051 is not an address; write HOST:PORT"):
+        make(address=50051)
+
+
+@pytest.mark.parametrize(
+    ("argument", "why"),
+    [
+        ({"ns": "uav-1"}, "ns: 'uav-1' is no name"),
+        ({"ns": 1}, "ns: 1 is no name"),
+        ({"settings": {"home_pose": [1, 2, 0]}}, "settings: expected a VehicleSettings, got a dict"),
+    ],
+)
+def test_the_class_refuses_what_is_no_name_and_no_settings(argument: Mapping[str, Any], why: str) -> None:
+    with pytest.raises(ConfigError, match=why):
+        UAL(**argument)

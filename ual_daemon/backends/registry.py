@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ual.geometry import Vector3
 from ual_daemon.backends.base import Backend, BackendOptions
-from ual_daemon.settings import ConfigError
+from ual_daemon.settings import ConfigError, did_you_mean
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -99,7 +99,8 @@ def _kind(name: str) -> type:
             return kind
         found = next((point for point in entry_points() if point.name == name), None)
         if found is None:
-            raise ConfigError(f"there is no backend {name!r}; known are {', '.join(NAMES)}", "backend")
+            meant = did_you_mean(name.lower(), NAMES)
+            raise ConfigError(f"there is no backend {name!r}; known are {', '.join(NAMES)}{meant}", "backend")
         kind = found.load()
     except ImportError as error:
         raise ConfigError(

@@ -147,7 +147,7 @@ class Tasks:
         """
         found = self._tasks.get(task_id)
         if found is None:
-            raise InvalidArgumentError(f"task_id: there is no task {task_id[:100]!r}", {"field": "task_id"})
+            raise InvalidArgumentError(f"task_id: there is no task {task_id!r:.100}", {"field": "task_id"})
         return VehicleTask.ended(found, self._clock) if isinstance(found, TaskInfo) else found
 
 

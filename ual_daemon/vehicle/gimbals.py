@@ -279,7 +279,7 @@ def _within(wanted_rad: float, range_: AngleRange | None, axis: str, *, has_axis
     nearest_rad = wanted_rad if range_ is None else range_.nearest(wanted_rad)
     if abs(nearest_rad - wanted_rad) < _STRAIGHT_RAD:
         return nearest_rad, ""
-    return nearest_rad, f"its {axis} ends at {nearest_rad:.2f} rad, and {wanted_rad:.2f} rad are needed"
+    return nearest_rad, f"its {axis} ends at {nearest_rad:.3f} rad, and {wanted_rad:.3f} rad are needed"
 
 
 def angles_from_nose(attitude: GimbalAttitude, body: Pose | None) -> GimbalAngles | None:

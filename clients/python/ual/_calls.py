@@ -305,6 +305,8 @@ def lease_info() -> Call[LeaseInfo | None]:
 
 
 def get_task(task_id: str) -> Call[TaskInfo]:
+    if not isinstance(task_id, str):
+        raise InvalidArgumentError(f"task_id: there is no task {task_id!r:.100}", {"field": "task_id"})
     request = built(lambda: pb.GetTaskRequest(task_id=task_id), "task_id")
     return Call(Service.UAL, "GetTask", request, _read_task)
 

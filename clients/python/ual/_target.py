@@ -132,7 +132,7 @@ class Target:
     ) -> None:
         if mistake := environment.mistake_in(os.environ):
             raise InvalidArgumentError(mistake, {"field": "environment"})
-        self.ns = ns or os.environ.get(NS_VARIABLE, "")
+        self.ns = _name(ns) or os.environ.get(NS_VARIABLE, "")
         self._followed = None if network is None else _follow(network, self.ns, address)
         given = address or (os.environ.get(ADDRESS_VARIABLE) if network is None else None) or None
         self._fixed_address = None if given is None else _checked(given)
@@ -217,8 +217,19 @@ def _follow(network: Directory, ns: str, address: str | None) -> Followed:
     return network.follow(ns)
 
 
+def _name(ns: str | None) -> str:
+    """Accepts a name. An address in its place would be looked for as a name, at the default port of this computer."""
+    if ns is not None and not isinstance(ns, str):
+        raise InvalidArgumentError(f"ns: {ns!r} is no name; pass a text as 'uav_1'", {"field": "ns"})
+    if ns and ":" in ns:
+        raise InvalidArgumentError(f"ns: {ns!r} is an address; pass it as address={ns!r}", {"field": "ns"})
+    return ns or ""
+
+
 def _checked(address: str) -> str:
-    if not re.fullmatch(r"unix:.+|(\[[0-9A-Fa-f:.]+\]|[^\s:/\[\]]+):[0-9]{1,5}", address):
+    if not isinstance(address, str) or not re.fullmatch(
+        r"unix:.+|(\[[0-9A-Fa-f:.]+\]|[^\s:/\[\]]+):[0-9]{1,5}", address
+    ):
         raise InvalidArgumentError(
             f"address: {address!r} is not an address; write HOST:PORT or unix:PATH", {"field": "address"}
         )

@@ -4,9 +4,11 @@ import random
 import threading
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
+from ual.errors import InvalidArgumentError
 from ual.shared import callbacks
 from ual.shared.callbacks import SLOW_S, Callbacks, Listener
 from ual.types import State, Telemetry
@@ -299,3 +301,16 @@ def test_a_failure_that_comes_again_and_again_is_logged_once_and_counted(caplog:
     texts = [record.getMessage() for record in caplog.records]
     assert sum("the subscription goes on" in text for text in texts) == 2  # one for each error
     assert texts[-1] == "the callback of a telemetry subscription failed 50 times"
+
+
+async def _coroutine(telemetry: Telemetry) -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("callback", "why"),
+    [(None, "callback: None cannot be called"), (_coroutine, "callback: a coroutine function is never")],
+)
+def test_what_cannot_be_called_with_samples_is_refused_at_once(callback: Any, why: str) -> None:
+    with pytest.raises(InvalidArgumentError, match=why) as refused:
+        Callbacks().open(callback)
+    assert refused.value.metadata == {"field": "callback"}

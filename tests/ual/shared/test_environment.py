@@ -21,9 +21,12 @@ from ual_tools.options import shared
 from ual_tools.rtcm import ntrip
 
 MISSPELLED = [
-    ("UAL_ADRESS", "UAL_ADRESS: there is no such environment variable; did you mean UAL_ADDRESS?"),
-    ("UAL_BACKNED", "UAL_BACKNED: there is no such environment variable; did you mean UAL_BACKEND?"),
-    ("UAL_QUARTZ", "UAL_QUARTZ: there is no such environment variable"),
+    ("UAL_ADRESS", "UAL_ADRESS: UAL reads no environment variable of this name; did you mean UAL_ADDRESS?"),
+    ("UAL_BACKNED", "UAL_BACKNED: UAL reads no environment variable of this name; did you mean UAL_BACKEND?"),
+    (
+        "UAL_QUARTZ",
+        "UAL_QUARTZ: UAL reads no environment variable of this name; unset it, or list it in UAL_OTHER_VARIABLES",
+    ),
 ]
 
 
@@ -99,6 +102,6 @@ def test_the_class_which_reads_none_warns_of_it(
         pass
     [record] = [each for each in caplog.records if vars(each).get("ual_event") == "unknown_variable"]
     assert vars(record)["ual_fields"] == {
-        "why": "UAL_BACKNED: there is no such environment variable; did you mean UAL_BACKEND?",
+        "why": "UAL_BACKNED: UAL reads no environment variable of this name; did you mean UAL_BACKEND?",
         "effect": "none: the class reads no variables",
     }

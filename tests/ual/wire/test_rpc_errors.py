@@ -193,4 +193,7 @@ def test_a_wrong_name_is_told_with_the_names_that_run(monkeypatch: pytest.Monkey
     assert "; uav_1, uav_2 run here: start one with" in rpc_errors.unreachable("127.0.0.1:1", "uva_1").message
     assert "run here" not in rpc_errors.unreachable("127.0.0.1:1", "uav_1").message
     monkeypatch.setattr(discovery, "list_daemons", lambda: running)
+    monkeypatch.setattr(discovery, "list_daemons", lambda: running[:1])
+    assert "; uav_1 runs here: start one with" in rpc_errors.unreachable("127.0.0.1:1", "uva_1").message
+    monkeypatch.setattr(discovery, "list_daemons", lambda: running)
     assert "uav_6 and 2 others run here" in rpc_errors.unreachable("127.0.0.1:1", "uva_1").message

@@ -386,7 +386,7 @@ def test_beyond_its_limits_it_looks_as_near_as_it_can_and_says_so(lab: Lab) -> N
     lab.step(0.1)
     assert lab.last == ("aim", GimbalAngles(0.0, -0.5, 0.0), EARTH)
     (problem,) = lab.gimbal.status().problems
-    assert problem == "its pitch ends at -0.50 rad, and -1.57 rad are needed"
+    assert problem == "its pitch ends at -0.500 rad, and -1.571 rad are needed"
 
 
 def test_one_without_a_yaw_axis_only_pitches(labs: list[Lab]) -> None:

@@ -11,6 +11,7 @@ waking a worker. This is for quick callbacks: one that took longer than `SLOW_S`
 
 from __future__ import annotations
 
+import inspect
 import logging
 import threading
 import time
@@ -19,6 +20,7 @@ from contextlib import suppress
 from dataclasses import replace
 from queue import Empty, SimpleQueue
 
+from ual.errors import InvalidArgumentError
 from ual.types import Telemetry
 
 _log = logging.getLogger(__name__)
@@ -39,7 +41,18 @@ class Callbacks:
         self._shared: _Worker | None = None
 
     def open(self, callback: Callable[[Telemetry], None]) -> Listener:
-        """Returns a listener, which calls back with each sample that is put into it."""
+        """Returns a listener, which calls back with each sample that is put into it.
+
+        Raises:
+            InvalidArgumentError: It cannot be called, or it is a coroutine function, which nothing would await.
+
+        """
+        if not callable(callback):
+            raise InvalidArgumentError(f"callback: {callback!r:.100} cannot be called", {"field": "callback"})
+        if inspect.iscoroutinefunction(callback):
+            raise InvalidArgumentError(
+                "callback: a coroutine function is never awaited here; use ual.aio.Uav", {"field": "callback"}
+            )
         with self._lock:
             worker = self._shared = self._shared or _Worker()
             listener = Listener(callback, worker, self)

@@ -72,7 +72,7 @@ def mistake_in(given: Mapping[str, str]) -> str:
     others = {name.strip() for name in given.get(OTHERS_VARIABLE, "").split(",")}
     for name in sorted(each for each in given if each.startswith(_PREFIX)):
         if name not in known and name not in others and not name.startswith(_OF_TESTS):
-            return f"{name}: there is no such environment variable{_did_you_mean(name, known)}"
+            return f"{name}: UAL reads no environment variable of this name{_did_you_mean(name, known)}"
     return ""
 
 
@@ -80,4 +80,4 @@ def _did_you_mean(name: str, known: set[str]) -> str:
     import difflib  # imported late: only a mistake needs it
 
     alike = difflib.get_close_matches(name, sorted(known), n=1, cutoff=_LEAST_ALIKE)
-    return f"; did you mean {alike[0]}?" if alike else ""
+    return f"; did you mean {alike[0]}?" if alike else f"; unset it, or list it in {OTHERS_VARIABLE}"

@@ -164,7 +164,7 @@ def _others(ns: str) -> str:
     if not names or ns in names:
         return ""
     more = f" and {len(names) - _MOST_NAMES} others" if len(names) > _MOST_NAMES else ""
-    return f"; {', '.join(names[:_MOST_NAMES])}{more} run here"
+    return f"; {', '.join(names[:_MOST_NAMES])}{more} {'runs' if len(names) == 1 else 'run'} here"
 
 
 def was_never_sent(error: DaemonUnreachableError) -> bool:
