@@ -6,6 +6,7 @@ import pytest
 
 from tests.ual_daemon.stepped import STEP_S, Stepped
 from ual.errors import TaskAbortedError, WrongStateError
+from ual.simulation import BatteryLow
 from ual.types import State, TaskStatus
 from ual_daemon.vehicle.commands import Commands
 
@@ -75,3 +76,11 @@ def test_a_take_off_that_waits_can_be_cancelled_and_ends_by_itself(uav: Stepped)
     uav.sim.pilot_arm()
     uav.run(STEP_S)
     assert uav.is_in(State.LANDED_ARMED)
+
+
+def test_one_that_is_not_armed_in_time_says_which_checks_fail(uav: Stepped) -> None:
+    uav.vehicle.commands.is_armed_automatically = True
+    uav.sim.begin_fault(BatteryLow(3.0))
+    task = uav.prepare.take_off(3.0).begin()
+    with pytest.raises(WrongStateError, match=r"not armed within 15 s: it is not ready to arm \(battery\)"):
+        uav.end(task.future, 16.0)

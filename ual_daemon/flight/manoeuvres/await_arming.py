@@ -58,7 +58,7 @@ class AwaitArming(Manoeuvre):
         if waited_s > _PATIENCE_S:
             return failed(
                 WrongStateError(
-                    f"take_off: the UAV was not armed within {_PATIENCE_S:g} s",
+                    f"take_off: the UAV was not armed within {_PATIENCE_S:g} s{_why_not_ready(snapshot)}",
                     {"state": estimate.state.name, "needed": State.LANDED_ARMED.name, "command": self.name},
                 )
             )
@@ -68,3 +68,11 @@ class AwaitArming(Manoeuvre):
 def is_after_landing(snapshot: Snapshot) -> bool:
     """Whether the autopilot is in its landing mode: on the ground, it then disarms by itself."""
     return snapshot.control.mode is not None and snapshot.control.mode.value.control is Control.LAND
+
+
+def _why_not_ready(snapshot: Snapshot) -> str:
+    """Returns in words which checks of the autopilot fail; empty where none does, or it does not say."""
+    health = snapshot.condition.health
+    if health is None or health.is_ready_to_arm is not False:
+        return ""
+    return f": it is not ready to arm ({', '.join(health.failing_checks) or 'it does not say why'})"
