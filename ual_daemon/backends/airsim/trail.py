@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
+from collections.abc import Sequence
 
 from ual.geometry import Pose, Quaternion
 
@@ -25,11 +26,14 @@ class Trail:
         self._poses.append((time_s, pose))
 
     def at(self, time_s: float) -> Pose | None:
-        """Returns the pose at a time, between the two around it; None where that is not known."""
+        """Returns the pose at a time, between the two around it; None where that is not known.
+
+        A picture may be newer than the last report. Then it is where the last two lead, at their speed.
+        """
         poses = list(self._poses)
         after = bisect_left([each[0] for each in poses], time_s)
         if after == len(poses):
-            return poses[-1][1] if poses and time_s - poses[-1][0] <= LONGEST_GAP_S else None
+            return _beyond(poses[-2:], time_s)
         end_s, end = poses[after]
         if time_s == end_s:
             return end
@@ -39,8 +43,18 @@ class Trail:
         return between(begin, end, (time_s - begin_s) / (end_s - begin_s))
 
 
+def _beyond(last: Sequence[tuple[float, Pose]], time_s: float) -> Pose | None:
+    if not last or time_s - last[-1][0] > LONGEST_GAP_S:
+        return None
+    begin_s, begin = last[0]
+    end_s, end = last[-1]
+    if not 0.0 < end_s - begin_s <= LONGEST_GAP_S:
+        return end
+    return between(begin, end, (time_s - begin_s) / (end_s - begin_s))
+
+
 def between(begin: Pose, end: Pose, share: float) -> Pose:
-    """Returns the pose that is a share of the way from one to another, which is near."""
+    """Returns the pose that is a share of the way from one to another, which is near. Above 1 it is beyond that."""
     position = begin.position + (end.position - begin.position) * share
     sign = 1.0 if sum(a * b for a, b in zip(begin.orientation, end.orientation, strict=True)) >= 0.0 else -1.0
     mixed = (a + (sign * b - a) * share for a, b in zip(begin.orientation, end.orientation, strict=True))

@@ -348,10 +348,14 @@ def test_where_it_was_is_between_two_reports_and_not_known_in_a_gap() -> None:
     assert found.position.x == pytest.approx(0.25)
     assert math.cos(found.yaw_rad - (3.0 + 0.25 * (2.0 * math.pi - 6.0))) == pytest.approx(1.0, abs=1e-5)
     assert trail.at(0.9) is None
-    assert trail.at(1.1 + LONGEST_GAP_S / 2.0) == Pose.at(1.0, 0.0, 1.0, -3.0)
+    beyond = trail.at(1.2)  # a picture that is newer than the last report
+    assert beyond is not None
+    assert beyond.position.x == pytest.approx(2.0)
+    assert math.cos(beyond.yaw_rad - (-3.0 + 2.0 * math.pi - 6.0)) == pytest.approx(1.0, abs=1e-3)
     assert trail.at(1.2 + LONGEST_GAP_S) is None
     trail.add(2.0, Pose.at(2.0, 0.0, 1.0, 0.0))
     assert trail.at(1.5) is None
+    assert trail.at(2.0 + LONGEST_GAP_S / 2.0) == Pose.at(2.0, 0.0, 1.0, 0.0)  # how fast it is, is not known
     trail.add(0.5, Pose.at(9.0, 0.0, 1.0, 0.0))  # another simulator
     assert trail.at(1.0) is None
     assert trail.at(0.5) == Pose.at(9.0, 0.0, 1.0, 0.0)
