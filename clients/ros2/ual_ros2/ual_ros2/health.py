@@ -20,6 +20,8 @@ class Said:
     refused: str = ""
     """The last setpoint or pose from outside that was refused, while that stands: reason and words."""
     refused_count: int = 0
+    others: str = ""
+    """What is said where another node has the same UAV."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ def of(sample: ual.Telemetry, said: Said) -> Status:
         (ERROR, sample.state_reason if sample.state is ual.State.UNINITIALIZED else ""),
         (ERROR, sample.frame_lost),
         (ERROR, f"failsafe: {about.failsafe}" if about is not None and about.failsafe else ""),
+        (ERROR, said.others),
         (WARN, f"refused: {said.refused}" if said.refused else ""),
         (WARN, "; ".join(about.failing_checks) if about is not None else ""),
     ]

@@ -26,6 +26,7 @@ from ual_ros2.goals import Goals
 from ual_ros2.health import Said
 from ual_ros2.lateness import BEAT_S, Lateness, Pulse
 from ual_ros2.messages import Entity, Message
+from ual_ros2.others import Others
 from ual_ros2.outcome import Outcome, Run
 from ual_ros2.ros_time import RosTime
 from ual_ros2.services import LateService
@@ -77,6 +78,7 @@ class UavInterface:
         self._said = Said()
         self._lateness = Lateness(settings.refuses_late)
         self._pulse = Pulse()
+        self._others = Others()
         self._newest: ual.Telemetry | None = None
         self._heard_s = 0.0
         self._refused_s = 0.0
@@ -386,11 +388,18 @@ class UavInterface:
         while True:
             await asyncio.sleep(1.0 / settings.slow_rate_hz)
             self._note_connection()
+            self._note_others()
             if self._loop.time() - self._heard_s > silent_s:
                 self._tell_unknown(f"the daemon at {self._uav.address} tells nothing")
             elif self._newest is not None:
                 self._topics.publish_slow(self._newest, self._said)
                 self._about.publish_slow(self._newest)
+
+    def _note_others(self) -> None:
+        text = self._others.text(self._shared.node.count_publishers(f"/{self._ns}/ual/state"))
+        if text and not self._said.others:
+            _log.error("%s: %s", self._ns, text)
+        self._said.others = text
 
     def _note_connection(self) -> None:
         self._said.address = self._uav.address
