@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import ual
 from tests.clients.ros2 import messages
-from ual_ros2 import health, others, outcome, settings
+from ual_ros2 import health, outcome, settings
 from ual_ros2.outcome import Outcome, Run
 from ual_ros2.ros_time import RosTime
 from ual_ros2.setpoints import STALE_S, Newest
@@ -87,21 +87,6 @@ def test_a_parameter_that_the_node_does_not_have_is_told_with_the_nearest() -> N
         "there is no parameter colour",
         "there is no parameter rate: do you mean rate_hz?",
     ]
-
-
-def test_another_node_of_the_same_uav_is_told_once_it_is_no_dead_one() -> None:
-    now_s = 100.0
-    seen = others.Others(lambda: now_s)
-    assert seen.text(1) == ""
-    assert seen.text(2) == ""
-    now_s += others.STAYS_S - 0.1
-    assert seen.text(2) == ""
-    assert seen.text(1) == ""
-    assert seen.text(2) == ""
-    now_s += others.STAYS_S
-    assert seen.text(2) == others.TEXT
-    told = health.of(ual.Telemetry(state=ual.State.FLYING_AUTO), health.Said(others=others.TEXT))
-    assert (told.level, told.message) == (health.ERROR, others.TEXT)
 
 
 @pytest.mark.parametrize("name", ["uav_1", "_a", "Uav22"])
@@ -449,6 +434,22 @@ def test_the_worst_that_is_known_comes_first(sample: ual.Telemetry, refused: str
     status = health.of(sample, health.Said(refused=refused))
     assert (status.level, status.message) == (level, message)
     assert status.values["state"] == sample.state.name
+
+
+@pytest.mark.parametrize(
+    ("said", "level", "text"),
+    [
+        (health.Said(lease="held"), health.OK, "FLYING_AUTO"),
+        (health.Said(lease="lost: not kept for 2 s"), health.WARN, "lease lost: not kept for 2 s"),
+        (health.Said(lease="not held: base holds it"), health.WARN, "lease not held: base holds it"),
+        (health.Said(other_nodes=1), health.WARN, "1 more node(s) offer this UAV"),
+    ],
+)
+def test_what_the_node_lacks_is_a_warning(said: health.Said, level: int, text: str) -> None:
+    status = health.of(ual.Telemetry(ual.State.FLYING_AUTO), said)
+    assert status.level == level
+    assert status.message.startswith(text)
+    assert status.values["other_nodes"] == str(said.other_nodes)
 
 
 def test_silence_is_an_error() -> None:

@@ -150,6 +150,20 @@ def test_a_daemon_that_hangs_delays_no_other_uav(client: Client, processes: Proc
     is_told(client, State.FLYING_AUTO)
 
 
+def test_two_nodes_of_one_uav_are_told(client: Client, processes: Processes, armed: ual.Uav) -> None:
+    processes.node("ns:=uav_1")
+    is_told(client, State.LANDED_ARMED)
+    healths = client.hear(DiagnosticArray, f"{UAL}/health", 10)
+    states = client.hear(State, f"{UAL}/state", LATCHED)
+    other = processes.node("ns:=uav_1")
+    waited(lambda: healths and "1 more node(s) offer this UAV" in healths[-1].status[0].message)
+    other.terminate()
+    other.wait(60.0)
+    waited(lambda: "more node" not in healths[-1].status[0].message)
+    waited(lambda: states[-1].state == State.LANDED_ARMED)
+    assert armed.state() is ual.State.LANDED_ARMED
+
+
 def test_uavs_whose_daemons_start_later_are_found(client: Client, processes: Processes) -> None:
     processes.node()
     processes.daemon(*ARMED_FAST, ns="uav_1")

@@ -20,8 +20,23 @@ class Said:
     refused: str = ""
     """The last setpoint or pose from outside that was refused, while that stands: reason and words."""
     refused_count: int = 0
-    others: str = ""
-    """What is said where another node has the same UAV."""
+    other_nodes: int = 0
+    """How many other nodes offer this UAV in ROS, too."""
+
+    @property
+    def lacking_lease(self) -> str:
+        """Why what flies is refused; empty where it is not."""
+        return "" if self.lease in ("none", "held") else f"lease {self.lease}"
+
+    @property
+    def rivals(self) -> str:
+        """What other nodes of this UAV mean for its callers; empty where there is none."""
+        if not self.other_nodes:
+            return ""
+        return (
+            f"{self.other_nodes} more node(s) offer this UAV: each flies each goal, and replaces that of the other. "
+            "End all but one. (One that was killed is seen for up to 20 s.)"
+        )
 
 
 @dataclass(frozen=True)
@@ -40,7 +55,8 @@ def of(sample: ual.Telemetry, said: Said) -> Status:
         (ERROR, sample.state_reason if sample.state is ual.State.UNINITIALIZED else ""),
         (ERROR, sample.frame_lost),
         (ERROR, f"failsafe: {about.failsafe}" if about is not None and about.failsafe else ""),
-        (ERROR, said.others),
+        (WARN, said.rivals),
+        (WARN, said.lacking_lease),
         (WARN, f"refused: {said.refused}" if said.refused else ""),
         (WARN, "; ".join(about.failing_checks) if about is not None else ""),
     ]
@@ -74,6 +90,7 @@ def _of_node(said: Said) -> dict[str, str]:
     return {
         "address": said.address,
         "lease": said.lease,
+        "other_nodes": str(said.other_nodes),
         "refused": said.refused,
         "refused_count": str(said.refused_count),
     }

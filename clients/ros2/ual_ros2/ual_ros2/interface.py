@@ -26,7 +26,6 @@ from ual_ros2.goals import Goals
 from ual_ros2.health import Said
 from ual_ros2.lateness import BEAT_S, Lateness, Pulse
 from ual_ros2.messages import Entity, Message
-from ual_ros2.others import Others
 from ual_ros2.outcome import Outcome, Run
 from ual_ros2.ros_time import RosTime
 from ual_ros2.services import LateService
@@ -78,7 +77,6 @@ class UavInterface:
         self._said = Said()
         self._lateness = Lateness(settings.refuses_late)
         self._pulse = Pulse()
-        self._others = Others()
         self._newest: ual.Telemetry | None = None
         self._heard_s = 0.0
         self._refused_s = 0.0
@@ -388,7 +386,6 @@ class UavInterface:
         while True:
             await asyncio.sleep(1.0 / settings.slow_rate_hz)
             self._note_connection()
-            self._note_others()
             if self._loop.time() - self._heard_s > silent_s:
                 self._tell_unknown(f"the daemon at {self._uav.address} tells nothing")
             elif self._newest is not None:
@@ -396,13 +393,15 @@ class UavInterface:
                 self._about.publish_slow(self._newest)
 
     def _note_others(self) -> None:
-        text = self._others.text(self._shared.node.count_publishers(f"/{self._ns}/ual/state"))
-        if text and not self._said.others:
-            _log.error("%s: %s", self._ns, text)
-        self._said.others = text
+        before, self._said.other_nodes = self._said.other_nodes, self._topics.others_count()
+        if self._said.other_nodes > before:
+            _log.warning("%s: %s", self._ns, self._said.rivals)
+        if self._said.other_nodes != before:  # one that ends says last that nothing is known of the UAV
+            self._topics.tell_state_again()
 
     def _note_connection(self) -> None:
         self._said.address = self._uav.address
+        self._note_others()
         if self._loop.time() - self._refused_s > REFUSED_S:
             self._said.refused = ""
         if self._lease is not None and self._lease.lost is not None:

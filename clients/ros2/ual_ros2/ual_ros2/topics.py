@@ -132,6 +132,14 @@ class Topics:
             values.fill_battery(self._battery_message, battery)
             publisher.publish(self._battery_message)
 
+    def tell_state_again(self) -> None:
+        """Lets the next sample tell the state, changed or not."""
+        self._told = None
+
+    def others_count(self) -> int:
+        """Returns how many others publish the state of this UAV."""
+        return max(0, int(self._node.count_publishers(self._state.topic_name)) - 1)
+
     def tell_unknown(self, reason: str, said: health.Said) -> None:
         """Says that nothing is known of the UAV, and why."""
         self._publish_state(_Told(ual.State.UNINITIALIZED, reason))
