@@ -500,7 +500,7 @@ class Flight:
         raw, manoeuvre = self.raw_estimate(snapshot), self._flown.manoeuvre
         self.authority.follow(raw.state, snapshot)
         is_taking_off = manoeuvre is not None and manoeuvre.declares is State.TAKING_OFF
-        self.geofence.observe(snapshot, raw, is_taking_off=is_taking_off)
+        self.geofence.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=_is_on_way(manoeuvre))
         self._stepper.update(snapshot, raw)
         self._watched.step(snapshot, raw)
         self._explanation.update(snapshot)
@@ -523,6 +523,16 @@ class Flight:
 def _ends_by_jump(jump: Jump, stop: Reference, old: Manoeuvre | None) -> Ending | None:
     error = None if old is None else old.estimate_jumped(jump, stop)
     return None if error is None else Ending(error)
+
+
+def _is_on_way(manoeuvre: Manoeuvre | None) -> bool:
+    """Whether it is a task that flies by references, and is not to land."""
+    return (
+        manoeuvre is not None
+        and manoeuvre.task is not None
+        and manoeuvre.declares is not State.LANDING
+        and manoeuvre.current_reference() is not None
+    )
 
 
 def _is_task(manoeuvre: Manoeuvre | None, task_id: str) -> bool:

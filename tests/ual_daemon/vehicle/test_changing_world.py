@@ -17,7 +17,7 @@ from tests.waiting import until
 from ual.errors import GeofenceError, TaskAbortedError, UnknownFrameError
 from ual.geometry import IDENTITY, Pose, Transform, Twist, TwistStamped, Vector3
 from ual.types import GeoPoint, PathHeading, State, TaskInfo, TaskStatus
-from ual_daemon.backends.values import AutopilotFence, FenceLimit, Snapshot
+from ual_daemon.backends.values import AutopilotFence, FenceLimit, LandedState, Sample, Snapshot
 from ual_daemon.settings import Tracker, VehicleSettings
 from ual_daemon.vehicle import courses
 
@@ -62,6 +62,11 @@ class World:
         geo = projection.to_geo(place)
         self._changes["home_geo"] = GeoPoint(geo.latitude_deg, geo.longitude_deg)
         self._changes["home_altitude_amsl_m"] = geo.altitude_amsl_m
+
+    def say(self, **values: Any) -> None:
+        """The autopilot says something else from now on."""
+        now_s = self._backend.snapshot().time_s
+        self._changes.update((name, Sample(value, now_s)) for name, value in values.items())
 
     @property
     def speed_m_s(self) -> float:
@@ -281,6 +286,18 @@ RADIUS_M = 40.0
 
 def farthest_m(uav: Stepped) -> float:
     return max(math.hypot(s.pose.position.x, s.pose.position.y) for s in uav.samples if s.pose is not None)
+
+
+@pytest.mark.parametrize("what", ["go_to_waypoint", "follow_path", "moving goal"])
+def test_motors_that_are_stopped_in_the_air_are_not_told_as_the_floor(world: World, what: str) -> None:
+    """ArduPilot says that it stands before it says that it is not armed: its height was then that of the ground."""
+    task = begun(world, what)
+    world.say(landed=LandedState.ON_GROUND)
+    world.uav.run(0.2)
+    world.say(armed=False)
+    world.uav.until(task.future.done)
+    with pytest.raises(TaskAbortedError, match="the motors were disarmed"):
+        task.future.result()
 
 
 @pytest.mark.parametrize("what", ["go_to_waypoint", "follow_path", "moving goal"])

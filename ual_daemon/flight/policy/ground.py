@@ -43,14 +43,18 @@ class Ground:
         """Its z in the local frame; None if it is not known."""
         return None if self.place is None else self.place.z
 
-    def observe(self, snapshot: Snapshot, raw: Estimate, *, is_taking_off: bool = False) -> None:
+    def observe(
+        self, snapshot: Snapshot, raw: Estimate, *, is_taking_off: bool = False, is_on_way: bool = False
+    ) -> None:
         """Notes what an update says of the ground.
 
-        In a take-off the autopilot says for a while that it stands, though it rises already: then the ground stays.
+        In a take-off the autopilot says for a while that it stands, though it rises already: then the ground stays. So
+        it does on a way of UAL: ArduPilot whose motors are stopped in the air says that it stands, and 0.1 s later that
+        it is not armed.
         """
         if is_taking_off and self.place is not None and raw.is_link_up:
             return
-        if raw.state is State.LANDED_ARMED or raw.state is State.LANDED_DISARMED:
+        if raw.state is State.LANDED_DISARMED or (raw.state is State.LANDED_ARMED and not is_on_way):
             assert snapshot.motion.pose is not None
             self.place, self._origin_m = snapshot.motion.pose.value.position, _origin_m(snapshot)
         elif self.place is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
