@@ -87,7 +87,7 @@ def twist_stamped(message: Message) -> ual.TwistStamped:
 
 
 def transform_stamped(message: Message, stamp_s: float = 0.0) -> ual.Transform:
-    """Reads a TransformStamped. Its stamp is left out: it may be of a clock that is not UTC."""
+    """Reads a TransformStamped. Its own stamp is left out: it may be of a clock that is not UTC."""
     moved = message.transform
     return ual.Transform(
         vector(moved.translation), quaternion(moved.rotation), message.header.frame_id, message.child_frame_id, stamp_s
