@@ -11,6 +11,7 @@ from tf2_msgs.msg import TFMessage
 
 import ual
 from ual_ros2 import topics, values
+from ual_ros2.listener import Listener
 from ual_ros2.messages import Entity, Message
 from ual_ros2.ros_time import RosTime
 from ual_ros2.tf_buffer import Found, TfBuffer
@@ -28,11 +29,12 @@ APPEARS_S = 0.3
 class Tf:
     """``/tf`` and ``/tf_static``, shared by all UAVs of the node. Only the event loop publishes."""
 
-    def __init__(self, node: Entity, time: RosTime) -> None:
+    def __init__(self, node: Entity, time: RosTime, listener: Listener) -> None:
         self.moving = node.create_publisher(TFMessage, "/tf", **topics.overridable(topics.TF))
         self._static = node.create_publisher(TFMessage, "/tf_static", **topics.overridable(topics.LATCHED))
         self._node = node
         self._time = time
+        self._listener = listener
         self._published: dict[str, ual.Transform] = {}
         self._listened: TfBuffer | None = None
         self._complete_s = 0.0
@@ -43,7 +45,7 @@ class Tf:
         for publisher in (self.moving, self._static):
             self._node.destroy_publisher(publisher)
         for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
+            self._listener.unsubscribe(subscription)
 
     def publish_static(self, links: Iterable[ual.Transform]) -> None:
         """Publishes what has changed. A late listener gets one message: so all of them are in each."""
@@ -63,7 +65,7 @@ class Tf:
             self._listened = TfBuffer()
             self._complete_s = asyncio.get_running_loop().time() + COMPLETE_S
             for topic, qos in (("/tf", topics.TF), ("/tf_static", topics.MANY_LATCHED)):
-                self._subscriptions.append(self._node.create_subscription(TFMessage, topic, self._on_tf, qos))
+                self._subscriptions.append(self._listener.subscribe(TFMessage, topic, self._on_tf, qos))
         return self._listened
 
     def complete_s(self) -> float:

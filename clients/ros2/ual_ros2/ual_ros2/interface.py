@@ -25,6 +25,7 @@ from ual_ros2.frames import Frames, Tf
 from ual_ros2.goals import Goals
 from ual_ros2.health import Said
 from ual_ros2.lateness import BEAT_S, Lateness, Pulse
+from ual_ros2.listener import Listener
 from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Outcome, Run
 from ual_ros2.ros_time import RosTime
@@ -52,6 +53,7 @@ class Shared:
     settings: Settings
     time: RosTime
     tf: Tf
+    listener: Listener
 
 
 class Given(NamedTuple):
@@ -120,7 +122,7 @@ class UavInterface:
         ]
 
     def _subscribe(self, kind: Entity, name: str, callback: Entity) -> Entity:
-        return self._shared.node.create_subscription(
+        return self._shared.listener.subscribe(
             kind,
             f"/{self._ns}/ual/{name}",
             callback=partial(self._on_input, name, callback),
@@ -135,7 +137,7 @@ class UavInterface:
         for service in self._services:
             node.destroy_service(service.entity)
         for subscription in self._subscriptions:
-            node.destroy_subscription(subscription)
+            self._shared.listener.unsubscribe(subscription)
         self._topics.destroy()
         self._cameras.destroy()
         self._about.destroy()

@@ -25,6 +25,7 @@ from ual import discovery
 from ual_ros2 import settings as parameters
 from ual_ros2.frames import Tf
 from ual_ros2.interface import Shared, UavInterface
+from ual_ros2.listener import Listener
 from ual_ros2.messages import Entity
 from ual_ros2.ros_time import RosTime
 from ual_ros2.settings import Settings
@@ -62,6 +63,7 @@ class UalNode(LifecycleNode):
         super().__init__("ual", **options)
         parameters.declare(self)
         self._loop = loop
+        self.listener = Listener(self)
         self._shared: Shared | None = None
         self._uavs: dict[str, UavInterface] = {}
         self._is_active = False
@@ -88,7 +90,7 @@ class UalNode(LifecycleNode):
             settings = parameters.read(self)
             named = self._named(settings)
             time = RosTime(self.get_clock())
-            self._shared = Shared(self, self._loop, settings, time, Tf(self, time))
+            self._shared = Shared(self, self._loop, settings, time, Tf(self, time, self.listener), self.listener)
             for ns, address in named.items():
                 self._add(ns, address)
         except ual.UalError as error:
@@ -253,15 +255,21 @@ async def run(argv: Sequence[str] | None, stop: asyncio.Event) -> bool:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     has_failed = threading.Event()
-    spinning = threading.Thread(target=_spin, args=(executor, loop, stop, has_failed), name="ros", daemon=True)
-    spinning.start()
+    spinning = [
+        threading.Thread(target=_spin, args=(each, loop, stop, has_failed), name=name, daemon=True)
+        for name, each in (("ros", executor), ("topics", node.listener))
+    ]
+    for thread in spinning:
+        thread.start()
     await stop.wait()
     if has_failed.is_set():
         await node.end_all("the node has failed")
     elif not node.has_shut_down:
         await _finish(node, executor)
+    node.listener.end()
     rclpy.try_shutdown()
-    spinning.join(ENDING_S)
+    for thread in spinning:
+        thread.join(ENDING_S)
     await node.close()
     return not has_failed.is_set()
 
