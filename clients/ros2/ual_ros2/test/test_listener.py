@@ -101,6 +101,21 @@ def test_the_executor_leaves_the_topics_to_it(node: Any) -> None:
     executor.shutdown()
 
 
+def test_what_is_known_of_a_message_comes_with_it(node: Any) -> None:
+    heard = Heard()
+    stamps_ns: list[int] = []
+
+    def on_message(message: Vector3, info: Any) -> None:
+        stamps_ns.append(info["source_timestamp"])
+        heard(message)
+
+    listener = Listener(node)
+    listener.subscribe(Vector3, "/topic", on_message, BEST_EFFORT)
+    with spinning(listener):
+        publish_until(node.create_publisher(Vector3, "/topic", BEST_EFFORT), 1.0, heard)
+    assert stamps_ns[0] > 0
+
+
 def test_what_is_unsubscribed_is_heard_no_more(node: Any) -> None:
     heard, others = Heard(), Heard()
     listener = Listener(node)

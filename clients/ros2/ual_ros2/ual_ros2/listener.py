@@ -9,6 +9,7 @@ first, and where this rclpy does not have it in the known form, the executor hea
 from __future__ import annotations
 
 import asyncio
+import inspect
 import threading
 import time
 from contextlib import ExitStack
@@ -111,6 +112,7 @@ class _Waiting:
         from rclpy.impl.implementation_singleton import rclpy_implementation
 
         self._subscriptions = subscriptions
+        self._arguments_counts = [_arguments_count(each.callback) for each in subscriptions]
         self._changed = changed
         self._set = rclpy_implementation.WaitSet(len(subscriptions), 1, 0, 0, 0, 0, context.handle)
         self._events = [event for each in subscriptions for event in each.event_handlers]
@@ -128,11 +130,11 @@ class _Waiting:
     def call_back(self) -> None:
         """Hands over what has come."""
         ready = self._set.get_ready_entities("subscription")
-        for each in self._subscriptions:
+        for each, arguments_count in zip(self._subscriptions, self._arguments_counts, strict=True):
             if each.handle.pointer in ready:
                 taken = each.handle.take_message(each.msg_type, each.raw)
                 if taken is not None:
-                    each.callback(taken[0])
+                    each.callback(*taken[:arguments_count])
 
     def is_time_for_events(self) -> bool:
         """Whether to ask for events again."""
@@ -149,6 +151,15 @@ class _Waiting:
         for each in self._events:
             if each.is_ready(self._event_set):
                 asyncio.run(each.execute(each.take_data()))
+
+
+def _arguments_count(callback: Entity) -> int:
+    """Returns 2 for a callback that takes what is known of a message, beside it, and 1 for others."""
+    try:
+        inspect.signature(callback).bind("message", "info")
+    except TypeError:
+        return 1
+    return 2
 
 
 def _can_wait(node: Entity) -> bool:
