@@ -124,7 +124,7 @@ class Table:
             self._asks("download_mission", srv.DownloadMission, missions.download),
             Command("clear_mission", Trigger, lambda uav, _: uav.mission.clear()),
             self._asks("fly_mission", srv.FlyMission, self._flights.serve, needs_lease=True),
-            Command("pause_mission", Trigger, lambda uav, _: uav.mission.pause()),
+            Command("pause_mission", Trigger, lambda uav, _: uav.mission.pause(), may_be_late=True),
             Command("resume_mission", Trigger, lambda uav, _: uav.mission.resume()),
             Command("jump_to_item", srv.JumpToItem, lambda uav, it: uav.mission.jump_to(it.item)),
             self._asks("get_mission_progress", srv.GetMissionProgress, missions.get_progress),
