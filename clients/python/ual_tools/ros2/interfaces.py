@@ -5,7 +5,6 @@ So a program that imports `ual_msgs` needs no workspace. What ROS has already is
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import shutil
@@ -95,6 +94,8 @@ def _require_tools() -> None:
 @contextmanager
 def _alone(lock: Path, tell: Callable[[str], None]) -> Iterator[None]:
     """Lets one process build, while the others wait: `ual ros2 &` and `ual ros2 --variables` begin at once."""
+    import fcntl  # imported late: the other commands of `ual` run where the system has none
+
     with lock.open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
