@@ -396,6 +396,35 @@ def test_a_log_is_written_into_the_directory_whatever_its_name(tmp_path: Path) -
         asyncio.run(_awaited(downloads.download(uav, SimpleNamespace(log_id="other"))))
 
 
+def test_a_log_is_written_by_one_download_at_a_time(tmp_path: Path) -> None:
+    """A second one would empty the file under the first, which then ends well with a hole in it."""
+
+    class SlowLogs(FakeLogs):
+        def __init__(self) -> None:
+            self.came = asyncio.Event()
+
+        async def download(self, log_id: str, offset: int = 0) -> AsyncIterator[LogChunk]:
+            async for each in super().download(log_id, offset):
+                yield each
+                await self.came.wait()
+
+    async def check() -> None:
+        uav: Any = SimpleNamespace(logs=SlowLogs(), ns="uav_1")
+        downloads, goal = logs.Downloads(tmp_path), SimpleNamespace(log_id="../../evil/1.ulg")
+        first = asyncio.ensure_future(downloads.download(uav, goal))
+        for _ in range(1000):
+            if (downloads.progress(goal) or {}).get("done"):
+                break
+            await asyncio.sleep(0.001)
+        with pytest.raises(ual.WrongStateError, match="is being downloaded already"):
+            await asyncio.wait_for(downloads.download(uav, SimpleNamespace(log_id=goal.log_id)), 30.0)
+        uav.logs.came.set()
+        for told in (await first, await downloads.download(uav, goal)):
+            assert told["sha256"] == hashlib.sha256(CONTENT).hexdigest()
+
+    asyncio.run(check())
+
+
 def test_without_a_directory_no_log_is_written() -> None:
     with pytest.raises(ual.PermissionDeniedError, match="log_directory:=DIRECTORY"):
         asyncio.run(_awaited(logs.Downloads(None).download(SimpleNamespace(), SimpleNamespace(log_id="1"))))  # type: ignore[arg-type]  # it is not used

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import pytest
 
 import ual
-from tests.clients.ros2 import messages
 from ual.cameras import CameraIntrinsics, Image, ImageFormat, ImageKind
 from ual_ros2 import pictures
 
@@ -62,11 +61,3 @@ def test_bytes_and_distances_are_passed_as_they_are() -> None:
     assert (message.width, message.height, message.step) == (2, 1, 8)
     assert (message.encoding, message.is_bigendian) == ("32FC1", 0)
     assert bytes(message.data) == data
-
-
-def test_a_place_that_is_not_known_has_no_frame() -> None:
-    message = SimpleNamespace(header=messages.header(), pose=messages.pose())
-    pictures.fill_pose_stamped(message, None)
-    assert message.header.frame_id == ""
-    pictures.fill_pose_stamped(message, image().body)
-    assert (message.header.frame_id, message.pose.position.y) == ("uav_1/odom", 2.0)

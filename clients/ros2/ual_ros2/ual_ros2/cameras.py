@@ -74,6 +74,8 @@ class Cameras:
                     if each.number not in following:
                         following[each.number] = asyncio.create_task(self._cameras[each.number].follow())
                 await asyncio.sleep(LOOK_S)
+                for ended in filter(asyncio.Task.done, following.values()):
+                    ended.result()  # only a mistake in this program ends one: `follow` ends, too, so that it is said
         finally:
             for task in following.values():
                 task.cancel()

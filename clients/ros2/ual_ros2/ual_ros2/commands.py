@@ -52,14 +52,14 @@ SERVICES = (
         srv.GetParameter,
         lambda uav, request: uav.parameters.get(request.name),
         told=_told_parameter,
-        may_be_late=True,
+        needs_lease=False,
     ),
     Command(
         "list_parameters",
         srv.ListParameters,
         lambda uav, _: uav.parameters.get_all(),
         told=_told_parameters,
-        may_be_late=True,
+        needs_lease=False,
     ),
     Command(
         "set_parameter",
@@ -67,10 +67,15 @@ SERVICES = (
         lambda uav, request: uav.parameters.set(request.name, request.value, force=request.force),
         told=_told_parameter,
     ),
-    Command("start_photos", srv.StartPhotos, _start_photos),
-    Command("stop_photos", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].stop_photos()),
-    Command("start_video", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].start_video()),
-    Command("stop_video", srv.OrderCamera, lambda uav, request: uav.cameras[request.camera].stop_video()),
+    Command("start_photos", srv.StartPhotos, _start_photos, needs_lease=False),
+    *(
+        Command(name, srv.OrderCamera, order, needs_lease=False)
+        for name, order in (
+            ("stop_photos", lambda uav, request: uav.cameras[request.camera].stop_photos()),
+            ("start_video", lambda uav, request: uav.cameras[request.camera].start_video()),
+            ("stop_video", lambda uav, request: uav.cameras[request.camera].stop_video()),
+        )
+    ),
     Command("grip", srv.MoveGripper, lambda uav, request: uav.gripper.grip(request.gripper)),
     Command("release", srv.MoveGripper, lambda uav, request: uav.gripper.release(request.gripper)),
     Command("order_winch", srv.OrderWinch, _order_winch),

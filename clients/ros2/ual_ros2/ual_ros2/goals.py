@@ -65,22 +65,22 @@ class Goals:
 
     def _on_cancel(self, goal_handle: Entity) -> CancelResponse:
         """Runs on the executor's thread. The flight ends at once, before ROS has noted that it is asked for."""
-        if self._goes_on_without_caller() and self._pilot.has_safety_pilot:
+        if self._goes_on_without_caller(goal_handle) and self._pilot.has_safety_pilot:
             return CancelResponse.REJECT
-        asyncio.run_coroutine_threadsafe(self._cancel(_key(goal_handle)), self._loop)
+        asyncio.run_coroutine_threadsafe(self._cancel(goal_handle), self._loop)
         return CancelResponse.ACCEPT
 
-    def _goes_on_without_caller(self) -> bool:
-        """Whether it takes off or lands."""
+    def _goes_on_without_caller(self, goal_handle: Entity) -> bool:
+        """Whether it takes off or lands. A goal that only asks does not, whatever flies meanwhile."""
         newest = self._pilot.newest
-        if not self._action.is_task:
+        if not self._action.is_task or getattr(goal_handle.request, "dry_run", False):
             return False
         return not self._action.can_be_cancelled or (newest is not None and newest.state is ual.State.LANDING)
 
-    async def _cancel(self, key: bytes) -> None:
+    async def _cancel(self, goal_handle: Entity) -> None:
         """A task of the loop, as the flight is: so it begins after the flight, however busy the loop is."""
-        flying = self._flying.get(key)
-        if flying is not None and self._goes_on_without_caller():
+        flying = self._flying.get(_key(goal_handle))
+        if flying is not None and self._goes_on_without_caller(goal_handle):
             await flying.abort(CANCELLED_BY, self._pilot.abort)
         elif flying is not None:
             flying.cancel(CANCELLED_BY)

@@ -20,6 +20,8 @@ class Said:
     refused: str = ""
     """The last setpoint or pose from outside that was refused, while that stands: reason and words."""
     refused_count: int = 0
+    failed: str = ""
+    """Why a part of the node does not work any more: a mistake in this program."""
     other_nodes: int = 0
     """How many other nodes offer this UAV in ROS, too."""
 
@@ -52,6 +54,7 @@ def of(sample: ual.Telemetry, said: Said) -> Status:
     """Makes the status of a sample. The worst that is known comes first."""
     about = sample.health
     worst = [
+        (ERROR, said.failed),
         (ERROR, sample.state_reason if sample.state is ual.State.UNINITIALIZED else ""),
         (ERROR, sample.frame_lost),
         (ERROR, f"failsafe: {about.failsafe}" if about is not None and about.failsafe else ""),

@@ -195,7 +195,7 @@ class UavInterface:
         """Begins to tell of the UAV and to fly it."""
         self._is_active = True
         self._pulse = Pulse()
-        self._said.address = self._uav.address
+        self._said.address, self._said.failed = self._uav.address, ""
         self._heard_s = self._loop.time()
         works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed(), self._cameras.follow()]
         works += [self._about.follow(), self._about.follow_route()]
@@ -213,8 +213,8 @@ class UavInterface:
         error = None if work.cancelled() else work.exception()
         if error is not None:
             _log.error("%s: the node does not work any more: start it again", self._ns, exc_info=error)
-            self._said.refused = f"INTERNAL: {error!r}"
-            self._tell_unknown(f"the node failed: {error!r}")
+            self._said.failed = f"the node failed, start it again: {error!r}"
+            self._tell_unknown(self._said.failed)
 
     async def end(self, why: str) -> None:
         """Ends what it has begun: a go-to or path ends, and the UAV holds; a take-off or a landing goes on."""

@@ -9,7 +9,6 @@ import array
 
 import ual
 from ual.cameras import OPTICAL, CameraIntrinsics, Image, ImageFormat
-from ual_ros2 import values
 from ual_ros2.messages import Message
 
 _FORMATS = {ImageFormat.PNG: "png", ImageFormat.JPEG: "jpeg"}
@@ -73,10 +72,3 @@ def fill_distances(message: Message, image: Image) -> None:
     message.width, message.height, message.step = image.width_px, image.height_px, 4 * image.width_px
     message.encoding, message.is_bigendian = "32FC1", 0
     message.data = array.array("B", image.data)
-
-
-def fill_pose_stamped(message: Message, found: ual.PoseStamped | None) -> None:
-    """Fills a PoseStamped, but for its stamp. An empty frame means that it is not known."""
-    if found is not None:
-        message.header.frame_id = found.frame_id
-        values.fill_pose(message.pose, found.pose)

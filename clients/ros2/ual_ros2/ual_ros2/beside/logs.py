@@ -38,6 +38,8 @@ class Downloads:
     def __init__(self, directory: Path | None) -> None:
         self._directory = directory
         self._under_way: dict[int, PartialFile] = {}
+        self._files: set[Path] = set()
+        """Those that are being written: each by one download."""
 
     async def download(self, uav: ual.aio.Uav, goal: Message) -> Fields:
         """Serves DownloadLog. What was cut off goes on where it ended."""
@@ -45,6 +47,15 @@ class Downloads:
             raise ual.PermissionDeniedError(_NOWHERE, {"needed": "log_directory"})
         log = await _found(uav, goal.log_id)
         file = self._directory / file_name(log, uav.ns)
+        if file in self._files:
+            raise ual.WrongStateError(f"{goal.log_id!r:.80} is being downloaded already: wait for it, or cancel it")
+        self._files.add(file)
+        try:
+            return await self._download_into(file, uav, log, goal)
+        finally:
+            self._files.discard(file)
+
+    async def _download_into(self, file: Path, uav: ual.aio.Uav, log: Log, goal: Message) -> Fields:
         with await asyncio.to_thread(PartialFile, file, log) as part:
             self._under_way[id(goal)] = part
             try:

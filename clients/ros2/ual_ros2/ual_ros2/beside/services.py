@@ -42,26 +42,25 @@ class Table:
 
     def simulation(self) -> tuple[Command, ...]:
         """Returns the services that a simulated UAV has beside."""
-        world = "simulation/"
         return (
-            self._asks(f"{world}list_parts", srv.ListSimulationParts, simulation.list_parts),
-            Command(f"{world}pilot_arm", Trigger, lambda uav, _: uav.simulation.pilot_arm()),
-            Command(f"{world}pilot_disarm", Trigger, lambda uav, _: uav.simulation.pilot_disarm()),
-            Command(f"{world}pilot_take_over", Trigger, lambda uav, _: uav.simulation.pilot_take_over()),
-            Command(f"{world}pilot_give_back", Trigger, lambda uav, _: uav.simulation.pilot_give_back()),
-            Command(f"{world}pilot_move_sticks", srv.MoveSticks, simulation.move_sticks),
-            self._asks(f"{world}begin_fault", srv.BeginFault, simulation.begin_fault),
-            Command(f"{world}end_fault", srv.EndFault, lambda uav, it: uav.simulation.end_fault(it.fault_id)),
-            self._asks(f"{world}list_faults", srv.ListFaults, simulation.list_faults),
-            Command(
-                f"{world}set_speed_factor",
+            self._asks("simulation/list_parts", srv.ListSimulationParts, simulation.list_parts),
+            self._asks("simulation/begin_fault", srv.BeginFault, simulation.begin_fault),
+            self._asks("simulation/list_faults", srv.ListFaults, simulation.list_faults),
+            _of_world("pilot_arm", Trigger, lambda uav, _: uav.simulation.pilot_arm()),
+            _of_world("pilot_disarm", Trigger, lambda uav, _: uav.simulation.pilot_disarm()),
+            _of_world("pilot_take_over", Trigger, lambda uav, _: uav.simulation.pilot_take_over()),
+            _of_world("pilot_give_back", Trigger, lambda uav, _: uav.simulation.pilot_give_back()),
+            _of_world("pilot_move_sticks", srv.MoveSticks, simulation.move_sticks),
+            _of_world("end_fault", srv.EndFault, lambda uav, it: uav.simulation.end_fault(it.fault_id)),
+            _of_world(
+                "set_speed_factor",
                 srv.SetSpeedFactor,
                 lambda uav, it: uav.simulation.set_speed_factor(it.speed_factor),
             ),
-            Command(f"{world}step", srv.StepTime, lambda uav, it: uav.simulation.step(it.duration)),
-            Command(f"{world}set_noise", srv.SetNoise, simulation.set_noise),
-            Command(f"{world}set_wind", srv.SetWind, simulation.set_wind),
-            Command(f"{world}place_on_ground", srv.PlaceOnGround, simulation.place),
+            _of_world("step", srv.StepTime, lambda uav, it: uav.simulation.step(it.duration)),
+            _of_world("set_noise", srv.SetNoise, simulation.set_noise),
+            _of_world("set_wind", srv.SetWind, simulation.set_wind),
+            _of_world("place_on_ground", srv.PlaceOnGround, simulation.place),
         )
 
     def actions(self) -> tuple[Action, ...]:
@@ -158,6 +157,11 @@ class Table:
             return {name: getattr(answer, name) for name in fields}
 
         return told
+
+
+def _of_world(name: str, kind: Entity, serve: Serves) -> Command:
+    """Returns a service that changes the simulated world, of which no lease has a say."""
+    return Command(f"simulation/{name}", kind, serve, needs_lease=False)
 
 
 def _put(fill: Callable[[Message, Fields], Message], message: Message, fields: Fields | None) -> bool:

@@ -1,0 +1,204 @@
+"""The node's own parts, with fakes in the place of ROS."""
+
+from __future__ import annotations
+
+import ast
+import asyncio
+import importlib
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import ual
+from ual.cameras import CameraAbility, CameraInfo, ImageKind
+from ual_ros2 import health
+from ual_ros2.settings import DEFAULTS, settings_of
+
+PACKAGE = Path(__file__).parents[3] / "clients" / "ros2" / "ual_ros2"
+OURS = frozenset({"ual", "ual_ros2"})
+LANDING = ual.Telemetry(ual.State.LANDING)
+
+
+class Base:
+    """A class of ROS of which the node derives."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        """Takes what rclpy takes."""
+
+
+def imported(file: Path) -> Iterator[str]:
+    """The modules that a file imports."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (each.name for each in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield str(node.module)
+
+
+def of_ros() -> set[str]:
+    """The modules of others that the node and its launch file import."""
+    files = (*PACKAGE.glob("ual_ros2/**/*.py"), *PACKAGE.glob("launch/*.py"))
+    found = {name for file in files for name in imported(file)}
+    return {name for name in found if name.partition(".")[0] not in OURS | sys.stdlib_module_names}
+
+
+@pytest.fixture
+def ros(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    before = set(sys.modules)
+    for name in of_ros():
+        fake = MagicMock(name=name, ActionServer=Base, CallbackGroup=Base)
+        monkeypatch.setitem(sys.modules, name, fake)
+    yield
+    for name in [name for name in sys.modules.keys() - before if name.startswith("ual_ros2.")]:
+        del sys.modules[name]
+
+
+def part(name: str) -> ModuleType:
+    """A module of the node, imported with the fakes."""
+    return importlib.import_module(f"ual_ros2.{name}")
+
+
+# --- What ROS installs with it ----------------------------------------------------------------------------------------
+
+
+def test_each_package_that_is_imported_is_installed_with_it() -> None:
+    manifest = ET.parse(PACKAGE / "package.xml")
+    named = {each.text for each in manifest.getroot().iter("exec_depend")}
+    assert {name.partition(".")[0] for name in of_ros()} - named == set()
+
+
+# --- Leases -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("ros")
+def test_what_the_daemon_takes_without_a_lease_needs_none_of_the_node() -> None:
+    """As docs/access.md has it: reading, cameras, frames, poses from outside, the simulated world and its pilot."""
+    table = part("beside.services").Table(MagicMock(), MagicMock(), None)
+    commands = [*part("commands").SERVICES, *table.services(), *table.simulation()]
+    free = {"start_photos", "stop_photos", "start_video", "stop_video", "take_photo", "add_frame", "set_external_pose"}
+    reading = ("get_", "list_", "simulation/", "set_camera_", "plan_", "download_")
+    wrong = [
+        each.name for each in commands if each.needs_lease and (each.name in free or each.name.startswith(reading))
+    ]
+    assert wrong == []
+    assert {"take_off", "set_parameter", "release", "upload_fence", "jump_to_item"} <= {
+        each.name for each in commands if each.needs_lease
+    }
+
+
+# --- Goals ------------------------------------------------------------------------------------------------------------
+
+
+class FakePilot:
+    """Flies a goal until it is cancelled, and counts what is aborted."""
+
+    has_safety_pilot = False
+    newest = LANDING
+
+    def __init__(self) -> None:
+        self.aborts_count = 0
+
+    def begin_command(self, _: object, __: object) -> Any:
+        async def begin() -> Mapping[str, object]:
+            never: asyncio.Future[Mapping[str, object]] = asyncio.Future()
+            return await never
+
+        return part("outcome").Run(begin)
+
+    async def abort(self) -> None:
+        self.aborts_count += 1
+
+
+async def run_ready() -> None:
+    """Runs all that is ready to run."""
+    for _ in range(20):
+        await asyncio.sleep(0)
+
+
+async def _cancelled(action_name: str, **goal: object) -> tuple[FakePilot, bool]:
+    """Cancels a goal that flies. Returns its pilot, and whether it has ended by that."""
+    loop, pilot = asyncio.get_running_loop(), FakePilot()
+    [action] = [each for each in part("commands").ACTIONS if each.name == action_name]
+    goals = part("goals").Goals(MagicMock(), loop, f"/uav_1/ual/{action_name}", action, pilot, 1000.0)
+    handle = MagicMock(goal_id=SimpleNamespace(uuid=bytes(16)), request=SimpleNamespace(**goal))
+    flying = loop.create_task(goals._fly(handle))
+    await run_ready()
+    goals._on_cancel(handle)
+    await run_ready()
+    has_ended = flying.done()
+    flying.cancel()
+    return pilot, has_ended
+
+
+@pytest.mark.usefixtures("ros")
+@pytest.mark.parametrize("name", ["take_off", "land", "go_to_waypoint"])
+def test_a_cancel_of_a_goal_that_only_asks_aborts_nothing(name: str) -> None:
+    pilot, has_ended = asyncio.run(_cancelled(name, dry_run=True))
+    assert (pilot.aborts_count, has_ended) == (0, True)
+
+
+@pytest.mark.usefixtures("ros")
+def test_a_cancel_of_a_landing_aborts_it_where_no_safety_pilot_is() -> None:
+    pilot, _ = asyncio.run(_cancelled("land", dry_run=False))
+    assert pilot.aborts_count == 1
+
+
+# --- Mistakes in the node ---------------------------------------------------------------------------------------------
+
+
+class BrokenCameras:
+    """Cameras of which the node makes a mistake."""
+
+    async def get_all(self) -> list[CameraInfo]:
+        abilities, kinds = frozenset({CameraAbility.IMAGE}), frozenset({ImageKind.COLOUR})
+        return [CameraInfo(0, "c", abilities, image_kinds=kinds)]
+
+    def __getitem__(self, number: int) -> Any:
+        async def image(**_: object) -> None:
+            raise ValueError("a mistake")
+
+        return SimpleNamespace(image=image)
+
+
+@pytest.mark.usefixtures("ros")
+def test_a_camera_that_ends_by_a_mistake_ends_loudly(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(part("cameras"), "LOOK_S", 0.001)
+    uav = SimpleNamespace(cameras=BrokenCameras())
+    following = part("cameras").Cameras(MagicMock(), uav, "uav_1", MagicMock(), MagicMock(), 1000.0)
+
+    async def follow() -> None:
+        await asyncio.wait_for(following.follow(), 5.0)
+
+    with pytest.raises(ValueError, match="a mistake"):
+        asyncio.run(follow())
+
+
+@pytest.mark.usefixtures("ros")
+def test_a_part_that_ended_by_a_mistake_is_told_until_the_node_is_started_again() -> None:
+    async def told() -> health.Status:
+        loop = asyncio.get_running_loop()
+        settings = settings_of({name: default for name, (default, _) in DEFAULTS.items()})
+        shared = SimpleNamespace(
+            node=MagicMock(), loop=loop, settings=settings, time=MagicMock(), tf=MagicMock(), listener=MagicMock()
+        )
+        shared.node.count_publishers.return_value = 1
+        uav = part("interface").UavInterface(shared, "uav_1", "")
+        work = loop.create_task(_mistaken())
+        await asyncio.wait((work,))
+        uav._on_work_ended(work)
+        uav._note_connection()
+        await uav.close()
+        return health.of(ual.Telemetry(ual.State.FLYING_AUTO), uav._said)
+
+    status = asyncio.run(told())
+    assert (status.level, status.message) == (health.ERROR, "the node failed, start it again: ValueError('a mistake')")
+
+
+async def _mistaken() -> None:
+    raise ValueError("a mistake")
