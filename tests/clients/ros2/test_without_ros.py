@@ -6,7 +6,9 @@ import ast
 import asyncio
 import importlib
 import sys
+import threading
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -147,6 +149,36 @@ def test_a_cancel_of_a_goal_that_only_asks_aborts_nothing(name: str) -> None:
 def test_a_cancel_of_a_landing_aborts_it_where_no_safety_pilot_is() -> None:
     pilot, _ = asyncio.run(_cancelled("land", dry_run=False))
     assert pilot.aborts_count == 1
+
+
+# --- Services ---------------------------------------------------------------------------------------------------------
+
+
+class EagerNode:
+    """A node whose executor serves a request while the service is still being made, as on another thread it may."""
+
+    def __init__(self) -> None:
+        self.answers: list[object] = []
+        self.service = SimpleNamespace(send_response=lambda response, _: self.answers.append(response))
+
+    def create_service(self, _: object, __: str, callback: Any) -> SimpleNamespace:
+        self.serving = threading.Thread(target=self._serve, args=(callback,))
+        self.serving.start()
+        self.serving.join(0.05)
+        return self.service
+
+    def _serve(self, callback: Any) -> None:
+        response = callback("a request", None)
+        self.service.send_response(response, SimpleNamespace(source_timestamp=0))
+
+
+@pytest.mark.usefixtures("ros")
+def test_a_request_that_comes_while_a_service_is_made_is_answered() -> None:
+    node, future = EagerNode(), Future[str]()
+    future.set_result("an answer")
+    part("services").LateService(node, None, "/uav_1/ual/simulation/step", lambda _, __: future)
+    node.serving.join()
+    assert node.answers == ["an answer"]
 
 
 # --- Mistakes in the node ---------------------------------------------------------------------------------------------

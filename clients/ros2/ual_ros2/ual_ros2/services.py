@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 
@@ -21,9 +22,16 @@ class LateService:
     ) -> None:
         """`begin` gets the request, and when it was sent (UTC; 0: not known)."""
         self._begin = begin
-        self.entity = node.create_service(kind, name, lambda request, _: request)
+        self._is_made = threading.Event()
+        self.entity = node.create_service(kind, name, self._pass_on)
         self._send = self.entity.send_response
         self.entity.send_response = self._answer
+        self._is_made.set()
+
+    def _pass_on(self, request: Message, _: Message) -> Message:
+        """Hands a request to `_answer`. It may come before all is made, where the event loop makes the service."""
+        self._is_made.wait()
+        return request
 
     def _answer(self, request: Message, header: Message) -> None:
         """Takes the place of what sends responses, because only that is given the header."""
