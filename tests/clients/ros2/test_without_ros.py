@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -105,13 +106,15 @@ class FakePilot:
 
     def __init__(self) -> None:
         self.aborts_count = 0
+        self.run: Any = None
 
     def begin_command(self, _: object, __: object) -> Any:
         async def begin() -> Mapping[str, object]:
             never: asyncio.Future[Mapping[str, object]] = asyncio.Future()
             return await never
 
-        return part("outcome").Run(begin)
+        self.run = part("outcome").Run(begin)
+        return self.run
 
     async def abort(self) -> None:
         self.aborts_count += 1
@@ -149,6 +152,24 @@ def test_a_cancel_of_a_goal_that_only_asks_aborts_nothing(name: str) -> None:
 def test_a_cancel_of_a_landing_aborts_it_where_no_safety_pilot_is() -> None:
     pilot, _ = asyncio.run(_cancelled("land", dry_run=False))
     assert pilot.aborts_count == 1
+
+
+@pytest.mark.usefixtures("ros")
+def test_a_goal_of_which_the_node_cannot_tell_is_not_flown_on() -> None:
+    """rclpy ends such a goal as aborted."""
+
+    def fail(_: object, __: object) -> bool:
+        raise ValueError("a mistake")
+
+    async def flown() -> Any:
+        pilot = FakePilot()
+        action = replace(part("commands").ACTIONS[-1], is_task=False, also=fail)
+        goals = part("goals").Goals(MagicMock(), asyncio.get_running_loop(), "", action, pilot, 1000.0)
+        with pytest.raises(ValueError, match="a mistake"):
+            await goals._fly(MagicMock(goal_id=SimpleNamespace(uuid=bytes(16))))
+        return await asyncio.wait_for(pilot.run.task, 5.0)
+
+    assert asyncio.run(flown()).message == "cancelled: the node failed"
 
 
 # --- Services ---------------------------------------------------------------------------------------------------------

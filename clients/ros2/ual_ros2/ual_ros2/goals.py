@@ -93,6 +93,7 @@ class Goals:
         try:
             task_id = await self._give_feedback(goal_handle, flying.task, known_id)
         finally:
+            flying.cancel("the node failed")  # of one that has ended, this does nothing
             del self._flying[_key(goal_handle)]
         result = await self._end(goal_handle, flying.task.result())
         if self._action.is_task:

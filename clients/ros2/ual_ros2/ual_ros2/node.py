@@ -32,8 +32,6 @@ from ual_ros2.settings import Settings
 
 LOOK_S = 1.0
 """How often the node looks for UAVs of this computer, and tries to start itself where that failed."""
-NAMING_S = 2.0
-"""How long a daemon may take to say its name, where only an address is given."""
 ENDING_S = 10.0
 ANSWERS_S = 0.2
 """How long ROS' executor still runs in the end, so that the results of goals leave."""
