@@ -27,6 +27,7 @@ from ual_daemon.server.access.caller import OF_THIS_COMPUTER, Caller
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.access.policy import Access
 from ual_daemon.server.dispatch import SHUTTING_DOWN, Answer, Handler, Method, StatusError
+from ual_daemon.server.standstill import BEAT_S, Standstill
 from ual_daemon.server.transport.base import Call
 
 NAMESPACE_KEY = "ual-ns"
@@ -70,7 +71,10 @@ class Calls:
         log_name: str = "",
         shutdown_keeps: frozenset[str] = frozenset(),
         access: Access | None = None,
+        standstill: Standstill | None = None,
     ) -> None:
+        self.standstill = standstill or Standstill()
+        """Refuses what may have waited unread, where it moves something."""
         self._ns = ns
         self._log_name = log_name
         self._has_ended_waiting = False
@@ -88,6 +92,7 @@ class Calls:
         self._refused_count = 0
         self._failures: Counter[str] = Counter()
         self._loop.call_later(REQUEST_S, self._end_late)
+        self._loop.call_later(BEAT_S, self._beat)
         self.is_shutting_down = False
 
     def add_generic_rpc_handlers(self, handlers: Sequence[grpc.GenericRpcHandler]) -> None:
@@ -164,6 +169,10 @@ class Calls:
             ending = [answer for answer in self._answers if is_meant(answer)]
         for answer in ending:
             answer.end()
+
+    def _beat(self) -> None:
+        self._loop.call_later(BEAT_S, self._beat)
+        self.standstill.beat()
 
     def _end_late(self) -> None:
         """Ends the calls whose request is late, and logs how many have ended without one. Ends the streams of callers

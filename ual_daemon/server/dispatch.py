@@ -28,6 +28,7 @@ from ual.wire import rpc_errors
 from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
+from ual_daemon.server.standstill import MOVES, Standstill
 from ual_daemon.server.transport.base import Call
 
 T = TypeVar("T")
@@ -73,6 +74,8 @@ class Method:
 
 class Register(Protocol):
     """Where the answers under way are known (`ual_daemon.server.calls.Calls`)."""
+
+    standstill: Standstill
 
     def join(self, answer: Answer) -> None:
         """Adds an answer that is under way. Raises `ResourceExhaustedError` where there are too many."""
@@ -121,6 +124,7 @@ class Answer:
         self.method_name = call.method
         self._calls = calls
         self._method = method
+        self._standstill = calls.standstill if call.method in MOVES else None
         self.call = call
 
     def begin(self) -> None:
@@ -161,6 +165,8 @@ class Answer:
         raise NotImplementedError
 
     def _decoded(self, message: bytes) -> Any:  # noqa: ANN401  each method has its own
+        if self._standstill is not None:
+            self._standstill.require_running(self.method_name)
         try:
             return self._method.decode(message)
         except DecodeError as error:

@@ -1,0 +1,106 @@
+"""What waited unread while the daemon stood still is old, and moves nothing.
+
+A daemon that is stopped, or whose computer sleeps, reads afterwards what was sent to it meanwhile. Its caller may have
+given up since. gRPC does not say when a message was sent, so all that is read just after a standstill counts as old.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+from ual.errors import UalTimeoutError
+from ual_daemon import logs
+from ual_daemon.vehicle.refusal_log import RefusalLog
+
+_log = logging.getLogger(__name__)
+
+BEAT_S = 0.5
+"""How often it is noted that the daemon runs."""
+STANDSTILL_S = 1.0
+"""After so long without a beat the daemon has stood still. What was known of the autopilot is discarded after the same
+time (`ual_daemon.backends.engine.limits.PAUSE_S`)."""
+MOST_QUEUED_S = 5.0
+"""Messages of a standstill may be read as long after it as it lasted, as TCP doubles the time until it sends again.
+What moves is refused for so long, and no longer than this."""
+
+_MOVING = (
+    "Arm",
+    "TakeOff",
+    "GoToWaypoint",
+    "GoToWaypointGeo",
+    "FollowPath",
+    "ReturnToLaunch",
+    "SetPose",
+    "SetVelocity",
+    "StreamSetpoints",
+    "RecoverFromManual",
+    "SetHome",
+    "Resume",
+)
+MOVES: Final = frozenset(
+    (
+        *(f"/ual.v1.UalService/{name}" for name in _MOVING),
+        *(f"/ual.v1.MissionService/{name}" for name in ("StartMission", "ResumeMission", "JumpToItem")),
+        *(f"/ual.v1.GripperService/{name}" for name in ("Grip", "Release", "OrderWinch", "SetServo", "SetRelay")),
+    )
+)
+"""The methods whose old requests are refused. What ends a motion (Land, Abort, Pause) is obeyed however late it is."""
+
+_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""Counts the time in which the computer slept, where there is such a clock (Linux)."""
+
+
+_boot_time_s = partial(time.clock_gettime, _CLOCK)
+
+
+class Standstill:
+    """Notices that the process stood still. Any thread may call."""
+
+    def __init__(self, clock: Callable[[], float] = _boot_time_s) -> None:
+        self._clock = clock
+        self._beat_s = math.inf
+        self._stood_s = 0.0
+        self._until_s = 0.0
+        self._refusals = RefusalLog()
+
+    def beat(self) -> None:
+        """Notes that the daemon runs. It is watched from the first time on."""
+        now_s = self._clock()
+        if now_s - self._beat_s > STANDSTILL_S:
+            self._note(now_s, now_s - self._beat_s)
+        self._beat_s = now_s  # at last: a thread that still reads the old one notes the same standstill
+
+    def require_running(self, method: str) -> None:
+        """Requires that what is read now was not sent while the daemon stood still. Each setpoint calls it.
+
+        Raises:
+            UalTimeoutError: It may have been.
+
+        """
+        now_s = self._clock()
+        if now_s - self._beat_s <= STANDSTILL_S and now_s >= self._until_s:
+            return
+        self.beat()
+        error = UalTimeoutError(
+            f"{method.rpartition('/')[2]}: the daemon stood still for {self._stood_s:.1f} s, and this may have been "
+            "sent meanwhile: nothing moves by it. Look at the state, and send it again",
+            {"stood_still_s": f"{self._stood_s:.3f}"},
+        )
+        self._refusals.log_refusal(method, error)
+        raise error
+
+    def _note(self, now_s: float, stood_s: float) -> None:
+        until_s = min(stood_s, MOST_QUEUED_S)
+        self._stood_s, self._until_s = stood_s, now_s + until_s
+        logs.event(
+            _log,
+            logging.WARNING,
+            "stood_still",
+            stood_still_s=round(stood_s, 3),
+            refuses_what_moves_s=round(until_s, 3),
+        )
