@@ -61,7 +61,7 @@ class Calls:
 
     It is a registry for generated code (``add_..._to_server``), and `take` takes the calls of a server. `log_name` is
     the UAV's name in the log. Once the shutdown has begun, methods that begin with one of `shutdown_refuses` are
-    refused, except those in `shutdown_keeps`: these go on until `end_waiting`.
+    refused, except those in `shutdown_keeps`: these go on until `end_waiting`. `standstill` is beaten by the loop.
     """
 
     def __init__(
