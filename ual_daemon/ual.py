@@ -31,6 +31,7 @@ from ual.geometry import (
 from ual.interface import DryRun, Lease, Simulation, Subscription, Task, Uav
 from ual.shared import environment, views
 from ual.shared.callbacks import Callbacks, Listener
+from ual.shared.flags import flag
 from ual.shared.time_limit import time_limit
 from ual.types import (
     ExternalPose,
@@ -266,11 +267,11 @@ class UAL(Uav):
 
     @override
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Task:
-        commands, lease_id = self.vehicle.commands, self._lease_id
+        commands, lease_id, is_waited_for = self.vehicle.commands, self._lease_id, flag(blocking, "blocking")
         prepared = commands.prepare(request, lease_id)
         limit_s = time_limit(timeout_s)  # before anything moves
         task = prepared.begin()
-        if blocking:
+        if is_waited_for:
             try:
                 _wait(task.future, limit_s, task.kind.name.lower())
             except BaseException:
@@ -337,7 +338,7 @@ class UAL(Uav):
         the daemon's.
         """
         self._lease_id = self.vehicle.acquire_lease(
-            holder or _THIS_PROCESS, _THIS_PROCESS, take=take, lasts_s=math.inf, lease_id=self._lease_id
+            holder or _THIS_PROCESS, _THIS_PROCESS, take=flag(take, "take"), lasts_s=math.inf, lease_id=self._lease_id
         )
         return _Lease(self, self._lease_id)
 

@@ -48,7 +48,7 @@ def _shown(value: object) -> str:
 
 def number(value: SupportsFloat, field: str, *, at_most: float) -> float:
     """Accepts a finite number with at most the given magnitude."""
-    if isinstance(value, (str, bytes, bytearray)):  # float() would parse them
+    if isinstance(value, (str, bytes, bytearray, bool)):  # float() would take them
         raise refuse(field, f"{_shown(value)} is not a number")
     try:
         result = float(value)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import ual
+from ual.shared.flags import flag
 from ual.types import PathHeading
 from ual_daemon import UAL
 from ual_daemon.settings import ConfigError
@@ -80,6 +81,13 @@ PARTS: list[tuple[str, tuple[Any, ...], Mapping[str, Any], str, str]] = [
     ("take_off", ("3",), {}, "height_m", "'3' is not a number"),
     ("take_off", ((3,),), {}, "height_m", "(3,) is not a number"),
     ("take_off", (None,), {}, "height_m", "None is not a number"),
+    ("take_off", (True,), {}, "height_m", "True is not a number"),
+    ("take_off", (3.0,), {"force": "no"}, "force", "'no' is not True or False"),
+    ("return_to_launch", (True,), {}, "height_m", "True is not a number"),
+    ("go_to_waypoint", (P,), {"max_speed_m_s": True}, "max_speed_m_s", "True is not a number"),
+    ("go_to_waypoint_geo", (True, 2, 3), {}, "latitude_deg", "True is not a number"),
+    ("follow_path", ([P],), {"leg_speeds_m_s": [True]}, "leg_speeds_m_s[0]", "True is not a number"),
+    ("recover_from_manual", (), {"force": "no"}, "force", "'no' is not True or False"),
     ("take_off", (10**400,), {}, "height_m", "inf is not a finite number"),
     ("take_off", (np.zeros(2),), {}, "height_m", "array([0., 0.]) is not a number"),
     ("go_to_waypoint_geo", (37.4, None, 20), {}, "longitude_deg", "None is not a number"),
@@ -113,6 +121,57 @@ def test_a_part_that_is_no_number_is_named_alike_by_all(
         error = refuse(member, *args, **kwargs)
         assert error.message.startswith(f"{field}: {said}")
         assert error.metadata["field"] == field
+
+
+@pytest.mark.parametrize(
+    ("member", "args", "kwargs", "field"),
+    [
+        ("set_home", ("no",), {}, "set_z"),
+        ("abort", ("no",), {}, "freeze"),
+        ("take_off", (3.0,), {"blocking": "no"}, "blocking"),
+        ("land", (), {"blocking": "no"}, "blocking"),
+        ("lease", (), {"take": "no"}, "take"),
+    ],
+)
+def test_what_is_switched_is_true_or_false(
+    member: str, args: tuple[Any, ...], kwargs: Mapping[str, Any], field: str, refused_by_class: Refuse
+) -> None:
+    refusals = [refused_by_class, refused_by_client]
+    if not {"blocking", "take"} & set(kwargs):  # these are the class's and the blocking client's
+        refusals.append(refused_by_aio)
+    for refuse in refusals:
+        error = refuse(member, *args, **kwargs)
+        assert error.message == f"{field}: 'no' is not True or False"
+        assert error.metadata["field"] == field
+
+
+@pytest.mark.parametrize("value", [True, False, 1, 0, np.bool_(True)])
+def test_what_numpy_switches_and_1_and_0_are_flags(value: object) -> None:
+    assert flag(value, "set_z") is bool(value)
+
+
+@pytest.mark.parametrize("value", [2, 1.0, None, "", [True]])
+def test_anything_else_is_no_flag(value: object) -> None:
+    with pytest.raises(ual.InvalidArgumentError, match=r"set_z: .* is not True or False"):
+        flag(value, "set_z")
+
+
+@pytest.mark.parametrize(
+    ("member", "args", "field"),
+    [
+        ("go_to_waypoint", (ual.PoseStamped(P, b"map"),), "waypoint"),  # type: ignore[arg-type]
+        ("follow_path", ([ual.PoseStamped(P, b"map")],), "waypoints[0]"),  # type: ignore[arg-type]
+        ("set_pose", (ual.PoseStamped(P, b"map"),), "pose"),  # type: ignore[arg-type]
+        ("set_velocity", (ual.TwistStamped(ual.Twist(), b"map"),), "velocity"),  # type: ignore[arg-type]
+        ("set_external_pose", (ual.PoseStamped(P, b"map"),), "pose"),  # type: ignore[arg-type]
+        ("add_frame", (ual.Transform(P.position, child_frame_id=b"x"),), "transform"),  # type: ignore[arg-type]
+        ("remove_frame", (b"x",), "frame_id"),
+        ("transform", (b"map",), "target_frame_id"),
+    ],
+)
+def test_bytes_are_no_name_of_a_frame(member: str, args: tuple[Any, ...], field: str, refused_by_class: Refuse) -> None:
+    for refuse in (refused_by_class, refused_by_client, refused_by_aio):
+        assert refuse(member, *args).metadata["field"].startswith(field)
 
 
 def test_a_point_of_interest_is_a_vector() -> None:

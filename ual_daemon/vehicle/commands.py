@@ -7,6 +7,7 @@ from functools import partial
 
 from ual.errors import LeaseHeldError, LeaseLostError, LinkLostError, PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import TwistStamped, Vector3
+from ual.shared.flags import flag
 from ual.types import (
     Capability,
     FollowPathRequest,
@@ -140,13 +141,14 @@ class Commands:
         """Prepares a climb to a height above where the UAV stands."""
         with self._preconditions.logging_refusal("take_off"):
             self._preconditions.require_capability(Capability.TAKE_OFF, "take_off")
+            is_forced = flag(request.force, "force")
             height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
             if self._flight.is_on_mission:  # which takes off by itself
                 raise on_mission("take_off")
             snapshot = self._require_armed_for_take_off(order.lease_id)
             self._preconditions.require_own_ground("take_off")
-            self._preconditions.require_no_failsafe("take_off", snapshot, force=request.force)
+            self._preconditions.require_no_failsafe("take_off", snapshot, force=is_forced)
             bounds = self._flight.limits.get()
             on_setpoints = self._backend.info().flies_takeoff_on_setpoints
             # The clearance is for those that fly: a take-off begins on the ground, and may end lower.
@@ -236,6 +238,7 @@ class Commands:
         """
         with self._preconditions.logging_refusal("recover_from_manual"):
             self._preconditions.require_capability(Capability.RECOVER, "recover_from_manual")
+            force = flag(force, "force")
             self._flight.require_replaceable("recover_from_manual")
             is_ground_theirs = self._flight.authority.is_ground_theirs
             allowed = (State.FLYING_MANUAL, State.LANDED_ARMED) if is_ground_theirs else (State.FLYING_MANUAL,)
@@ -274,6 +277,7 @@ class Commands:
     def abort(self, freeze: bool = False, task_id: str = "", lease_id: str = NOBODY) -> None:
         """Stops the UAV, and cancels the task or reference. With `task_id`, nothing happens unless that task runs."""
         with self._preconditions.logging_refusal("abort"):
+            freeze = flag(freeze, "freeze")
             if task_id and self._tasks.get(task_id).future.done():
                 return
             if (waiting := self._waiting(task_id)) is not None:
@@ -400,6 +404,7 @@ class Commands:
     def set_home(self, set_z: bool = False, lease_id: str = NOBODY) -> None:
         """Makes the present position the origin of ``<ns>/odom``."""
         with self._preconditions.logging_refusal("set_home"):
+            set_z = flag(set_z, "set_z")
             snapshot = self._preconditions.require_state("set_home", lease_id, *_LANDED)
             self._resolver.set_home(measured_motion(snapshot).position, snapshot, set_z=set_z)
             accepted("set_home", set_z=set_z)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ual.geometry import Pose, PoseStamped, Transform
 from ual.types import Frame, State, Telemetry
-from ual_daemon import logs
+from ual_daemon import logs, validation
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
@@ -94,6 +94,8 @@ class ReportedVehicle(ABC):
             FrameLostError: It is not known any more.
 
         """
+        validation.require_type(target_frame_id, str, "target_frame_id")
+        validation.require_type(source_frame_id, str, "source_frame_id")
         snapshot = self._snapshot()
         return replace(
             self._resolver.transform(target_frame_id, source_frame_id, snapshot), stamp_s=snapshot.motion.stamp_s

@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 from google.protobuf.message import Message
 
-from ual._wrong_type import require, wrong_part
+from ual._wrong_type import require, require_parts, wrong_part
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
 from ual.geometry import (
     Pose,
@@ -28,6 +28,7 @@ from ual.geometry import (
     stamped_pose,
     stamped_twist,
 )
+from ual.shared.flags import flag
 from ual.shared.time_limit import time_limit
 from ual.shared.tracing import Metadata, of_environment
 from ual.simulation import Fault, SimulationPart
@@ -179,11 +180,13 @@ _UNFIT = (TypeError, ValueError, AttributeError, OverflowError)
 def built(make: Callable[[], Message], field: str, value: object = None) -> Message:
     """Makes a request. `value` is searched for what protobuf refuses, and the error names that."""
     try:
-        return make()
+        request = make()
     except InvalidArgumentError:
         raise
     except _UNFIT as error:
         raise wrong_part(value, field, error) from None
+    require_parts(value, field)
+    return request
 
 
 @member(Kind.QUESTION)
@@ -204,6 +207,8 @@ def transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
     def read(response: pb.GetTransformResponse) -> Transform:
         return convert.transform_from_proto(response.transform)
 
+    require(target_frame_id, str, "target_frame_id")
+    require(source_frame_id, str, "source_frame_id")
     request = built(
         lambda: pb.GetTransformRequest(target_frame_id=target_frame_id, source_frame_id=source_frame_id), "frame_id"
     )
@@ -243,6 +248,7 @@ def add_frame(transform: Transform) -> Call[None]:
 
 @member(Kind.CHANGE)
 def remove_frame(frame_id: str) -> Call[None]:
+    require(frame_id, str, "frame_id")
     request = built(lambda: pb.RemoveFrameRequest(frame_id=frame_id), "frame_id")
     return Call(Service.UAL, "RemoveFrame", request, _nothing)
 
@@ -259,18 +265,18 @@ def disarm() -> Call[None]:
 
 @member(Kind.COMMAND)
 def recover_from_manual(force: bool = False) -> Call[None]:
-    request = built(lambda: pb.RecoverFromManualRequest(force=force), "force")
+    request = pb.RecoverFromManualRequest(force=flag(force, "force"))
     return Call(Service.UAL, "RecoverFromManual", request, _nothing, None)
 
 
 @member(Kind.COMMAND)
 def set_home(set_z: bool) -> Call[None]:
-    return Call(Service.UAL, "SetHome", pb.SetHomeRequest(set_z=set_z), _nothing)
+    return Call(Service.UAL, "SetHome", pb.SetHomeRequest(set_z=flag(set_z, "set_z")), _nothing)
 
 
 @member(Kind.STOP)
 def abort(freeze: bool = False, task_id: str = "") -> Call[None]:
-    return Call(Service.UAL, "Abort", pb.AbortRequest(freeze=freeze, task_id=task_id), _nothing)
+    return Call(Service.UAL, "Abort", pb.AbortRequest(freeze=flag(freeze, "freeze"), task_id=task_id), _nothing)
 
 
 @member(Kind.STOP)
@@ -284,10 +290,12 @@ def resume(task_id: str = "") -> Call[None]:
 
 
 def acquire_lease(holder: str, take: bool) -> Call[str]:
+    is_taken = flag(take, "take")
+
     def read(response: pb.AcquireLeaseResponse) -> str:
         return response.lease_id
 
-    request = built(lambda: pb.AcquireLeaseRequest(holder=holder, take=take), "holder", holder)
+    request = built(lambda: pb.AcquireLeaseRequest(holder=holder, take=is_taken), "holder", holder)
     return Call(Service.UAL, "AcquireLease", request, read)
 
 
@@ -327,8 +335,9 @@ _TASK_METHODS: Mapping[type[TaskRequest], tuple[str, str, str]] = {
 def begin_task(request: TaskRequest, blocking: bool = True) -> Call[TaskInfo]:
     """The call that begins a task, and waits for its end where it is blocking."""
     method, field, at_timeout = _TASK_METHODS[type(request)]
-    message = built(lambda: convert.task_request_to_proto(request, non_blocking=not blocking), field, request)
-    quick_s, at_timeout = (None, at_timeout) if blocking else (QUICK_S, _GOES_ON)
+    is_waited_for = flag(blocking, "blocking")
+    message = built(lambda: convert.task_request_to_proto(request, non_blocking=not is_waited_for), field, request)
+    quick_s, at_timeout = (None, at_timeout) if is_waited_for else (QUICK_S, _GOES_ON)
     return Call(Service.UAL, method, message, _read_task, quick_s, at_timeout)
 
 
@@ -383,6 +392,8 @@ def set_velocity(velocity: TwistStamped | Twist) -> pb.StreamSetpointsRequest:
 def setpoint(reference: Setpoint, field: str) -> pb.StreamSetpointsRequest:
     """A reference as an element of the stream. `field` is named where protobuf refuses a value."""
     try:
+        if isinstance(reference.frame_id, bytes):  # protobuf would take them; the only part that each setpoint checks
+            raise TypeError("bytes")
         return convert.setpoint_to_proto(reference)
     except _UNFIT as error:
         raise wrong_part(reference, field, error) from None
@@ -404,6 +415,8 @@ def set_external_pose(
 ) -> pb.StreamExternalPosesRequest:
     measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
     try:
+        if isinstance(measured.pose.frame_id, bytes):
+            raise TypeError("bytes")
         return convert.external_pose_to_proto(measured)
     except _UNFIT as error:
         raise wrong_part(measured, "external_pose", error) from None

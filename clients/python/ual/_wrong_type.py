@@ -13,6 +13,7 @@ from enum import Enum
 from typing import Any, SupportsFloat, SupportsIndex
 
 from ual.errors import InvalidArgumentError
+from ual.shared.flags import SWITCHES, is_flag
 
 _EXAMPLES = {
     "GeoWaypoint": "ual.GeoWaypoint(latitude_deg, longitude_deg, altitude_m)",
@@ -47,17 +48,32 @@ def wrong_part(request: object, field: str, error: Exception) -> InvalidArgument
     It names the part that is no number, no text or no member of its enum. A setpoint or a transform is itself the
     `field`; the request of a task contains the field.
     """
-    root = field if field in ("pose", "velocity", "transform") else ""
-    for name, part, kind in _parts(request, root):
+    for name, part, kind in _parts(request, _root(field)):
         if not _fits(part, kind):
-            return InvalidArgumentError(f"{name}: {_shown(part)} is not {_KINDS[kind]}", {"field": name})
+            return _misfit(name, part, kind)
         number = _as_float(part) if kind.startswith("float") else None
         if number is not None and not math.isfinite(number):
             return InvalidArgumentError(f"{name}: {number} is not a finite number", {"field": name})
     return InvalidArgumentError(f"{field}: {error}", {"field": field})
 
 
+def require_parts(request: object, field: str) -> None:
+    """Raises `InvalidArgumentError` where protobuf takes a part for what it is not: True for 1, bytes for a text."""
+    for name, part, kind in _parts(request, _root(field)):
+        if not _fits(part, kind):
+            raise _misfit(name, part, kind)
+
+
+def _root(field: str) -> str:
+    return field if field in ("pose", "velocity", "transform") else ""
+
+
+def _misfit(name: str, part: object, kind: str) -> InvalidArgumentError:
+    return InvalidArgumentError(f"{name}: {_shown(part)} is not {_KINDS[kind]}", {"field": name})
+
+
 _KINDS = {
+    "bool": SWITCHES,
     "float": "a number",
     "float | None": "a number",
     "str": "a text",
@@ -84,12 +100,16 @@ def _parts(value: object, name: str, kind: str = "") -> Iterator[tuple[str, obje
 def _fits(value: object, kind: str) -> bool:
     if kind == "str":
         return isinstance(value, str)
+    if kind == "bool":
+        return is_flag(value)
     if kind in ("PathHeading", "AltitudeReference"):
         return isinstance(value, Enum) and type(value).__name__ == kind
     if value is None:
         return kind.endswith("None")
-    is_number = kind.startswith("float") and isinstance(value, (SupportsFloat, SupportsIndex))
-    return is_number and _as_float(value) is not None
+    if type(value) is float:
+        return True
+    is_number = isinstance(value, (SupportsFloat, SupportsIndex)) and not isinstance(value, bool)
+    return is_number and kind.startswith("float") and _as_float(value) is not None
 
 
 def _as_float(value: Any) -> float | None:  # noqa: ANN401 (whatever may be one number)
