@@ -148,7 +148,7 @@ class UAL(Uav):
         self._external_pose_s = -math.inf
         """When the last pose from outside was given that was not refused."""
         self._lease_id = NOBODY
-        self._is_closed = False
+        self._is_closed = self._has_ended = False
         self._extensions = Extensions(extensions, ExtensionContext(self, {}, self._require_lease, vehicle.payload()))
 
     def __repr__(self) -> str:
@@ -182,6 +182,14 @@ class UAL(Uav):
         self._extensions.close()
         for subscription in list(self._subscriptions):
             subscription.close()
+        self._has_ended = True  # what ends it may read it until here
+
+    @property
+    def _open(self) -> ServedVehicle:
+        """The vehicle, unless this object is closed. Setpoints, of which each costs, are refused by the flight."""
+        if self._has_ended:
+            raise UalError("this UAL is closed")
+        return self.vehicle
 
     @property
     def extensions(self) -> Extensions:
@@ -208,20 +216,20 @@ class UAL(Uav):
 
     @override
     def info(self) -> Info:
-        return self.vehicle.info()
+        return self._open.info()
 
     @override
     def state(self) -> State:
-        return self.vehicle.state()
+        return self._open.state()
 
     @override
     def telemetry(self) -> Telemetry:
-        return self.vehicle.telemetry()
+        return self._open.telemetry()
 
     @override
     def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:
-        rate_hz = validation.not_negative(rate_hz, "rate_hz", at_most=1e6)
-        subscription = _Subscription(self.vehicle, self._callbacks.open(callback), rate_hz, self._subscriptions.discard)
+        rate_hz = validation.not_negative(rate_hz, "rate_hz", at_most=validation.MAX_RATE_HZ)
+        subscription = _Subscription(self._open, self._callbacks.open(callback), rate_hz, self._subscriptions.discard)
         self._subscriptions.add(subscription)
         return subscription
 
@@ -229,45 +237,45 @@ class UAL(Uav):
 
     @override
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
-        return self.vehicle.transform(target_frame_id, source_frame_id)
+        return self._open.transform(target_frame_id, source_frame_id)
 
     @override
     def frames(self) -> list[Frame]:
-        return self.vehicle.frames()
+        return self._open.frames()
 
     @override
     def geofence(self) -> Geofence:
-        return self.vehicle.geofence()
+        return self._open.geofence()
 
     @override
     def route(self) -> Route | None:
-        return self.vehicle.route()
+        return self._open.route()
 
     @override
     def add_frame(self, transform: Transform) -> None:
-        self.vehicle.frame_editor.add(checked_transform(transform))
+        self._open.frame_editor.add(checked_transform(transform))
 
     @override
     def remove_frame(self, frame_id: str) -> None:
-        self.vehicle.frame_editor.remove(frame_id)
+        self._open.frame_editor.remove(frame_id)
 
     @override
     def set_home(self, set_z: bool = False) -> None:
-        self.vehicle.commands.set_home(set_z, self._lease_id)
+        self._open.commands.set_home(set_z, self._lease_id)
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
     @override
     def arm(self, *, timeout_s: float | None = None) -> None:
-        _run(partial(self.vehicle.commands.arm, self._lease_id), timeout_s, "arm")
+        _run(partial(self._open.commands.arm, self._lease_id), timeout_s, "arm")
 
     @override
     def disarm(self, *, timeout_s: float | None = None) -> None:
-        _run(partial(self.vehicle.commands.disarm, self._lease_id), timeout_s, "disarm")
+        _run(partial(self._open.commands.disarm, self._lease_id), timeout_s, "disarm")
 
     @override
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Task:
-        commands, lease_id, is_waited_for = self.vehicle.commands, self._lease_id, flag(blocking, "blocking")
+        commands, lease_id, is_waited_for = self._open.commands, self._lease_id, flag(blocking, "blocking")
         prepared = commands.prepare(request, lease_id)
         limit_s = time_limit(timeout_s)  # before anything moves
         task = prepared.begin()
@@ -304,12 +312,12 @@ class UAL(Uav):
 
     @override
     def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
-        prepared = self.vehicle.commands.recover_from_manual(self._lease_id, force=force)
+        prepared = self._open.commands.recover_from_manual(self._lease_id, force=force)
         _run(prepared.begin, timeout_s, "recover_from_manual")
 
     @override
     def abort(self, freeze: bool = False) -> None:
-        self.vehicle.commands.abort(freeze, lease_id=self._lease_id)
+        self._open.commands.abort(freeze, lease_id=self._lease_id)
 
     @override
     def pause(self) -> None:
@@ -320,31 +328,31 @@ class UAL(Uav):
         self._resume()
 
     def _pause(self, task_id: str = "") -> None:
-        self.vehicle.commands.pause(task_id, self._lease_id)
+        self._open.commands.pause(task_id, self._lease_id)
 
     def _resume(self, task_id: str = "") -> None:
-        self.vehicle.commands.resume(task_id, self._lease_id)
+        self._open.commands.resume(task_id, self._lease_id)
 
     def _cancel(self, task: VehicleTask) -> None:
         self.vehicle.commands.cancel(task, self._lease_id)
 
     @override
     def task(self, task_id: str) -> Task:
-        return _Task(self.vehicle.task(task_id), self)
+        return _Task(self._open.task(task_id), self)
 
     @override
     def lease(self, holder: str = "", *, take: bool = False) -> Lease:
         """Makes this object the only one that flies the UAV. It lasts until it is released or taken: this process is
         the daemon's.
         """
-        self._lease_id = self.vehicle.acquire_lease(
+        self._lease_id = self._open.acquire_lease(
             holder or _THIS_PROCESS, _THIS_PROCESS, take=flag(take, "take"), lasts_s=math.inf, lease_id=self._lease_id
         )
         return _Lease(self, self._lease_id)
 
     @override
     def lease_info(self) -> LeaseInfo | None:
-        return self.vehicle.lease()
+        return self._open.lease()
 
     def _end_lease(self, lease_id: str) -> None:
         self.vehicle.release_lease(lease_id)
@@ -357,52 +365,52 @@ class UAL(Uav):
         return DryRun(self._plan)
 
     def _plan(self, motion: MotionRequest) -> Plan:
-        return self.vehicle.commands.plan(motion, self._lease_id)
+        return self._open.commands.plan(motion, self._lease_id)
 
     @property
     @override
     def simulation(self) -> Simulation:
-        return self.vehicle.simulation()
+        return self._open.simulation()
 
     @property
     @override
     def parameters(self) -> Parameters:
-        return Parameters(self.vehicle, lambda: self._lease_id)
+        return Parameters(self._open, lambda: self._lease_id)
 
     @property
     @override
     def mission(self) -> Mission:
-        return Mission(self.vehicle, lambda: self._lease_id)
+        return Mission(self._open, lambda: self._lease_id)
 
     @property
     @override
     def cameras(self) -> Cameras:
-        return Cameras(self.vehicle)
+        return Cameras(self._open)
 
     @property
     @override
     def gimbals(self) -> Gimbals:
-        return Gimbals(self.vehicle)
+        return Gimbals(self._open)
 
     @property
     @override
     def fence(self) -> Fence:
-        return Fence(self.vehicle, lambda: self._lease_id)
+        return Fence(self._open, lambda: self._lease_id)
 
     @property
     @override
     def gripper(self) -> Gripper:
-        return Gripper(self.vehicle, lambda: self._lease_id)
+        return Gripper(self._open, lambda: self._lease_id)
 
     @cached_property
     @override
     def logs(self) -> Logs:
-        return Logs(self.vehicle)
+        return Logs(self._open)
 
     @property
     @override
     def corrections(self) -> Corrections:
-        return Corrections(self.vehicle)
+        return Corrections(self._open)
 
 
 class _Task(Task):
@@ -452,7 +460,7 @@ class _Task(Task):
 
     @override
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
-        period_s = 1.0 / validation.positive(rate_hz, "rate_hz", at_most=1e6)
+        period_s = 1.0 / validation.positive(rate_hz, "rate_hz", at_most=validation.MAX_RATE_HZ)
         while not self._task.future.done():
             yield self._task.info()
             concurrent.futures.wait([self._task.future], timeout=period_s)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
+import ual
 import ual_daemon
 from ual_daemon import ual as class_interface
 
@@ -29,3 +32,27 @@ def test_a_close_that_leaves_a_uav_in_motion_logs_what_it_was_doing(
     assert 0.0 < fields["progress"] < 1.0
     assert fields["speed_m_s"] == pytest.approx(1.2, abs=0.1)
     assert "in uav_1/odom" in fields["position"]
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda uav: uav.state(),
+        lambda uav: uav.telemetry(),
+        lambda uav: uav.pose(),
+        lambda uav: uav.info(),
+        lambda uav: uav.frames(),
+        lambda uav: uav.subscribe(print),
+        lambda uav: uav.land(),
+        lambda uav: uav.arm(),
+        lambda uav: uav.simulation,
+    ],
+)
+def test_what_is_closed_answers_alike_in_the_class_and_in_the_client(ask: Callable[[Any], object]) -> None:
+    closed = ual_daemon.UAL(), ual.Uav("uav_1", address="127.0.0.1:1")
+    for uav, name in zip(closed, ("UAL", "client"), strict=True):
+        uav.close()
+        with pytest.raises(ual.UalError) as caught:
+            ask(uav)
+        assert type(caught.value) is ual.UalError
+        assert caught.value.message == f"this {name} is closed"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator
 from concurrent.futures import Future
 from functools import partial
@@ -13,12 +12,11 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 from typing_extensions import override
 
 from ual.access.roles import Role
-from ual.errors import InvalidArgumentError
 from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual.wire import convert
-from ual_daemon import logs
+from ual_daemon import logs, validation
 from ual_daemon.extensions.base import lease_of
 from ual_daemon.flight.flight import LastCommand
 from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S
@@ -308,6 +306,4 @@ async def _after(future: Future[None], response: R) -> R:
 
 
 def _rate_hz(rate_hz: float) -> float:
-    if not (math.isfinite(rate_hz) and rate_hz >= 0.0):
-        raise InvalidArgumentError(f"rate_hz: {rate_hz} is not a rate; 0 means every update", {"field": "rate_hz"})
-    return rate_hz
+    return validation.not_negative(rate_hz, "rate_hz", at_most=validation.MAX_RATE_HZ)

@@ -21,7 +21,7 @@ from ual.types import ExternalPose, State, TaskKind, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual.wire import rpc_errors
-from ual_daemon import logs
+from ual_daemon import UAL, logs
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server import calls as calls_module
 from ual_daemon.server.calls import MOST_OF_ONE_METHOD, MOST_WITHOUT_REQUEST, Calls
@@ -337,13 +337,25 @@ def test_the_vehicle_knows_who_calls(transport: Choice) -> None:
     asyncio.run(run())
 
 
-@pytest.mark.parametrize("rate_hz", [-1.0, float("nan"), float("inf")])
-def test_a_rate_that_is_none_is_refused(transport: Choice, rate_hz: float) -> None:
+@pytest.mark.parametrize(
+    ("rate_hz", "why"),
+    [
+        (-1.0, "-1 is negative"),
+        (float("nan"), "nan is not a finite number"),
+        (float("inf"), "inf is not a finite number"),
+    ],
+)
+def test_a_rate_that_is_none_is_refused_as_the_class_does(transport: Choice, rate_hz: float, why: str) -> None:
+    with UAL() as uav, pytest.raises(InvalidArgumentError) as caught:
+        uav.subscribe(print, rate_hz)
+    assert caught.value.message == f"rate_hz: {why}"
+
     async def run() -> None:
         async with served(transport) as it:
             stream = it.stub.StreamTelemetry(pb.StreamTelemetryRequest(rate_hz=rate_hz))
             error = await error_of(anext(aiter(stream)))
             assert isinstance(error, InvalidArgumentError)
+            assert error.message == f"rate_hz: {why}"
             assert error.metadata["field"] == "rate_hz"
 
     asyncio.run(run())
