@@ -169,17 +169,30 @@ def read(path: Path) -> list[Any]:
     return list(Recording(path).messages())
 
 
-def test_a_uav_that_carries_nothing_is_asked_once_and_has_no_topic(recorder: Recorder) -> None:
-    for empty in (Equipment(), NOT_OFFERED):
-        gimbals, gripper = without_gimbals(), Gripper(empty)
-        of_gimbals: Any = gimbals
-        of_gripper: Any = gripper
-        recorded = Carried("uav_1", of_gimbals, of_gripper, frames, recorder)
-        recorded.start()
-        until(lambda: not any(each.is_alive() for each in recorded._threads), "its threads end by themselves")  # noqa: B023  called here
-        assert (gimbals.asked_count, gripper.asked_count) == (1, 1)
+def test_a_uav_that_can_carry_nothing_is_asked_once_and_has_no_topic(recorder: Recorder) -> None:
+    gimbals, gripper = without_gimbals(), Gripper(NOT_OFFERED)
+    of_gimbals: Any = gimbals
+    of_gripper: Any = gripper
+    recorded = Carried("uav_1", of_gimbals, of_gripper, frames, recorder)
+    recorded.start()
+    until(lambda: not any(each.is_alive() for each in recorded._threads), "its threads end by themselves")
+    assert (gimbals.asked_count, gripper.asked_count) == (1, 1)
     recorder.close()
     assert {each.topic for each in read(recorder.path)} <= {"/log"}
+
+
+def test_a_uav_that_carries_nothing_has_no_topic(recorder: Recorder) -> None:
+    gripper = Gripper(Equipment())
+    record(recorder, without_gimbals(), gripper, lambda: gripper.asked_count > 2)
+    assert {each.topic for each in read(recorder.path)} <= {"/log"}
+
+
+def test_what_a_daemon_that_was_started_anew_carries_is_recorded(recorder: Recorder) -> None:
+    carrying = holding(GripperState.OPEN)
+    gripper = Gripper(Equipment(), LinkLostError("it is not there"), carrying, carrying, Equipment())
+    record(recorder, without_gimbals(), gripper, lambda: gripper.asked_count > 6)
+    found = [convert.equipment_from_proto(each) for each in messages(recorder, "equipment", pb.GetEquipmentResponse)]
+    assert found == [carrying, Equipment()]
 
 
 def test_a_gimbal_that_is_found_as_the_recording_closes_is_not_watched(recorder: Recorder) -> None:

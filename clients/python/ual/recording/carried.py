@@ -148,11 +148,12 @@ class Carried:
     # --- Grippers, winches, servos, relays ----------------------------------------------------------------------------
 
     def _look_at_equipment(self) -> bool:
-        """Records the states, if they have changed. Returns whether there are any: a configuration stays as it is."""
+        """Records the states, if they have changed.
+
+        Where there are none it asks again: the daemon may be started anew, with others in its configuration.
+        """
         found = self._gripper.get_all()
-        if found == Equipment():
-            return False
-        if found != self._equipment:
+        if found != (self._equipment or Equipment()):
             self._equipment = found
             self._recorder.put(self._equipment_topic.write, self._recorder.clock.now_ns(), found)
         return True
