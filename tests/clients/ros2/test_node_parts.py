@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import importlib
+import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 from hypothesis import given
@@ -25,6 +28,35 @@ from ual_ros2.tf_buffer import TfBuffer
 @pytest.fixture
 def parameters() -> dict[str, Any]:
     return {name: default for name, (default, _) in settings.DEFAULTS.items()}
+
+
+@pytest.fixture
+def topics(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """The module of the topics, on stand-ins for the modules of ROS."""
+    ros = ("diagnostic_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs", "tf2_msgs", "ual_msgs")
+    for name in (*ros, *(f"{each}.msg" for each in ros), "rclpy", "rclpy.qos", "rclpy.qos_overriding_options"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    yield importlib.import_module("ual_ros2.topics")
+    sys.modules.pop("ual_ros2.topics")
+
+
+# --- Topics -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_state_is_told_when_it_changes_and_not_while_its_reason_counts_seconds(topics: Any) -> None:
+    told = topics.Topics(MagicMock(), "uav_1", MagicMock(), MagicMock())
+    published = told._state.publish
+    published.reset_mock()
+    for reason in ("nothing heard for 2.6 s", "nothing heard for 2.7 s", "nothing heard for 12 s"):
+        told.publish(ual.Telemetry(ual.State.UNINITIALIZED, reason))
+    assert published.call_count == 1
+    told.publish(ual.Telemetry(ual.State.UNINITIALIZED, "not heard for 2.7 s"))
+    assert published.call_count == 2
+    told.publish(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"))
+    assert published.call_count == 3
+    told.tell_state_again()
+    told.publish(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"))
+    assert published.call_count == 4
 
 
 # --- Parameters -------------------------------------------------------------------------------------------------------

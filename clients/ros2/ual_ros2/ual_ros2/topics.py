@@ -54,6 +54,14 @@ class _Told(NamedTuple):
     failsafe: str = ""
     held_by: str = ""
 
+    def is_as(self, other: _Told | None) -> bool:
+        """Returns whether another one says the same, but for the seconds that its reason counts."""
+        return self == other or (other is not None and self.timeless() == other.timeless())
+
+    def timeless(self) -> _Told:
+        """Returns the same without the seconds that its reason counts."""
+        return self._replace(reason=health.without_seconds(self.reason))
+
     @classmethod
     def of(cls, sample: ual.Telemetry) -> _Told:
         task, about = sample.task, sample.health
@@ -179,7 +187,7 @@ class Topics:
         publisher.publish(message)
 
     def _publish_state(self, told: _Told) -> None:
-        if told == self._told:
+        if told.is_as(self._told):
             return
         self._told = told
         message = State(**{**told._asdict(), "state": values.STATE_NUMBERS[told.state]})
