@@ -53,8 +53,6 @@ MOVES: Final = frozenset(
 
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 """Counts the time in which the computer slept, where there is such a clock (Linux)."""
-
-
 _boot_time_s = partial(time.clock_gettime, _CLOCK)
 
 
@@ -84,6 +82,7 @@ class Standstill:
         """
         now_s = self._clock()
         if now_s - self._beat_s <= STANDSTILL_S and now_s >= self._until_s:
+            self._beat_s = now_s  # an event loop that is held up is no standstill while setpoints are read
             return
         self.beat()
         error = UalTimeoutError(

@@ -146,6 +146,14 @@ def test_a_busy_computer_is_no_standstill() -> None:
     standstill.require_running("/ual.v1.UalService/SetPose")
 
 
+def test_an_event_loop_that_is_held_up_is_no_standstill_while_setpoints_are_read() -> None:
+    clock = Clock()
+    standstill = running(clock)
+    for _ in range(5):
+        clock.now_s += 0.9 * STANDSTILL_S
+        standstill.require_running("/ual.v1.UalService/StreamSetpoints")
+
+
 def test_after_a_long_sleep_it_waits_no_longer_than_what_was_sent_can_take() -> None:
     clock = Clock()
     standstill = running(clock)
