@@ -25,6 +25,7 @@ from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
 from ual_daemon.backends.dji.wrappers import Call, Wrapper
 from ual_daemon.backends.engine.command import FLYING, Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.offers.cameras import Viewpoint
 from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, RosbridgeLink, parse_url
@@ -101,6 +102,7 @@ class DjiBackend(Backend):
         self._gimbal = DjiGimbal(around, self._link.publish, self._heading_rad)
         self._gimbals = DjiGimbals(self._gimbal)
         self._session.on_payload = self._on_payload
+        self._contained = Contained("the cameras"), Contained("the gimbal")
 
     def _make_link(self) -> RosbridgeLink:
         return RosbridgeLink(self._url, self.clock, self._step, on_woke=self._woke)
@@ -247,8 +249,12 @@ class DjiBackend(Backend):
         has_news, self._session.has_news = self._session.has_news, False
         now_s = self.clock.now_s()
         self._loop.step(now_s, has_news=has_news)
+        of_cameras, of_gimbal = self._contained
+        of_cameras.call(self._step_cameras, now_s, has_news=has_news)
+        of_gimbal.call(self._gimbal.tick)
+
+    def _step_cameras(self, now_s: float, *, has_news: bool) -> None:
         self._cameras.tick(now_s)
-        self._gimbal.tick()
         pose = self._loop.newest.motion.pose
         if has_news and pose is not None:
             self._cameras.step(pose.value.position)

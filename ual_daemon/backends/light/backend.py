@@ -18,6 +18,7 @@ from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon._version import __version__
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
+from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.light.camera import LightCameras, Seen
 from ual_daemon.backends.light.corrections import LightCorrections
@@ -122,6 +123,7 @@ class LightBackend(Backend):
         self._cameras = LightCameras(
             settings.cameras, settings.seed, self._seen, self.world.painter, self._gimbals.gimbals
         )
+        self._contained = Contained("its cameras")
         with self.world.lock:
             self._update_snapshot()
 
@@ -375,7 +377,7 @@ class LightBackend(Backend):
                 self._apply_external_pose(now_s)
             self._update_snapshot()
         if self._cameras.is_busy:
-            self._cameras.step(self._seen())
+            self._contained.call(lambda: self._cameras.step(self._seen()))
         for due_s, ack in list(self._late_acks):
             if now_s >= due_s:
                 self._late_acks.remove((due_s, ack))

@@ -16,6 +16,7 @@ from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.command import Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.engine.command_runner import CommandRunner
+from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.loop import Loop, Posted
 from ual_daemon.backends.firmwares.autopilot import Autopilot
 from ual_daemon.backends.firmwares.listed_fence import KnownAutopilot, ListedFence
@@ -64,6 +65,7 @@ class MavrosBackend(Backend):
         self._corrections = self._make_corrections(f"{self._settings.node}/{topics.RTCM}")
         reach = Reach(self._last_session, self._reached, self._post, self._call_slowly, self._ros, self._node)
         self._services = Services(reach), Services(reach)
+        self._beside = [(Contained(type(each).__name__), each) for each in (self._corrections, *self._services)]
         self._parameters = MavrosParameters(self._services[0])
         lists = MavrosLists(self._services[1])
         gripper = MavrosGripper(
@@ -201,9 +203,8 @@ class MavrosBackend(Backend):
         if self._loop is not None:
             now_s = self.clock.now_s()
             self._loop.step(now_s, has_news=has_news)
-            self._corrections.tick(now_s)
-            for each in self._services:
-                each.tick(now_s)
+            for contained, each in self._beside:
+                contained.call(each.tick, now_s)
 
     def _on_message(self, session: Session, topic: str, message: Message, now_s: float) -> None:
         """Takes a message of MAVROS for the session; one with a field that is missing is logged by the link."""

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, NoReturn, cast
+from unittest.mock import Mock
+
 import pytest
 
 from tests.ual_daemon.backends.faults.craft import Craft
 from tests.ual_daemon.backends.faults.over import over
+from ual.errors import UalError
 from ual.types import State, Telemetry
+from ual_daemon.backends.dji.gimbals import DjiGimbal
+from ual_daemon.backends.light.camera import LightCameras
+from ual_daemon.backends.mavlink.offers import reach as mavlink_reach
+from ual_daemon.backends.mavlink.protocols.cameras import Cameras
+from ual_daemon.backends.mavlink.protocols.gimbals import Gimbals
+from ual_daemon.backends.mavros.offers.services import Services
 
 
 @over()
@@ -26,3 +38,50 @@ def test_an_update_that_fails_above_ends_no_flight(craft: Craft, caplog: pytest.
     assert craft.commands_since(begin_s) == []
     told = [record for record in caplog.records if record.exc_info and "a defect of the layers" in str(record.exc_info)]
     assert len(told) == 1
+
+
+_BESIDE = ((Cameras, "tick"), (Gimbals, "tick"), (Services, "tick"), (DjiGimbal, "tick"), (LightCameras, "step"))
+"""What the threads of the backends do beside flying."""
+_HAVE_MORE = ("px4", "ardupilot", "mavros px4", "mavros ardupilot", "dji psdk", "dji osdk", "light")
+"""Those whose threads do more than fly."""
+
+
+@pytest.mark.parametrize("craft", _HAVE_MORE, indirect=True)
+def test_a_defect_beside_flying_ends_no_link(
+    craft: Craft, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: list[str] = []
+
+    def fail(self: object, *_: object) -> None:
+        called.append(type(self).__name__)
+        raise RuntimeError("a defect of the payload")
+
+    for kind, name in _BESIDE:
+        monkeypatch.setattr(kind, name, fail)
+    monkeypatch.setattr(LightCameras, "is_busy", True)
+    craft.fly()
+    craft.states.clear()
+    craft.run(2.0)
+    assert called
+    assert {state for _, state in craft.states} <= {State.FLYING_AUTO}
+    assert craft.uav.state() is State.FLYING_AUTO
+    told = [record for record in caplog.records if record.exc_info and "the payload" in str(record.exc_info)]
+    assert len(told) in (1, 2)  # one of each that fails
+
+
+def test_a_defect_of_what_is_begun_beside_flying_ends_its_future_only() -> None:
+    def fail(*_: object) -> NoReturn:
+        raise ZeroDivisionError
+
+    posted: list[Callable[[Any], None]] = []
+    mavlink = mavlink_reach.Reach(lambda: None, lambda _: cast("Any", ()), posted.append)
+    failed: list[Future[None]] = [mavlink.give("read its logs", fail)]
+    mavros = Mock(session_in_reach=lambda _: None, post=posted.append)
+    services = Services(mavros)
+    failed.append(services.give("read its logs", fail))
+    for each in posted:
+        each(Mock())
+    services.tick(0.0)
+    for future in failed:
+        with pytest.raises(UalError, match="cannot read its logs: a defect of UAL: ZeroDivisionError"):
+            future.result(0)

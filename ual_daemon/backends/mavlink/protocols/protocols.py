@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from typing_extensions import override
 
+from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.cameras import Cameras
 from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMetadata
@@ -24,7 +25,7 @@ from ual_daemon.backends.mavlink.wire.messages import Message
 
 
 class Protocols(Protocol):
-    """Belongs to the thread that receives.
+    """Belongs to the thread that receives. A defect of one of them ends its exchanges, and neither others nor the link.
 
     Args:
         send: Sends a message.
@@ -68,6 +69,7 @@ class Protocols(Protocol):
             self.gimbals,
         )
         self._ticked = tuple(each for each in self._all if each is not self.gripper)
+        self._contained = {each: Contained(type(each).__name__) for each in self._all}
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
             for message_id, handler in protocol.handlers.items():
@@ -97,9 +99,14 @@ class Protocols(Protocol):
     @override
     def tick(self, now_s: float) -> None:
         for protocol in self._ticked:
-            protocol.tick(now_s)
+            self._tick(protocol, now_s)
         if self.gripper.is_waiting:
-            self.gripper.tick(now_s)
+            self._tick(self.gripper, now_s)
+
+    def _tick(self, protocol: Protocol, now_s: float) -> None:
+        contained = self._contained[protocol]
+        if not contained.call(protocol.tick, now_s):
+            contained.call(protocol.drop, "a defect of UAL")  # else what was begun would fail again at each tick
 
 
 def _in_turn(handlers: list[Handler]) -> Handler:

@@ -5,6 +5,7 @@ A plugin serves one request at a time, and waits for the autopilot meanwhile. It
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -17,6 +18,8 @@ from ual_daemon.backends.engine.loop import Posted
 from ual_daemon.backends.mavros.session import Session
 from ual_daemon.backends.rosbridge import Message, Ros
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
+
+_log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -153,6 +156,10 @@ class Services:
             under_way = job.begin()
         except UalError as error:
             futures.fail(job.future, error)
+            return
+        except Exception as error:  # noqa: BLE001 - logged, and raised to the caller
+            _log.exception("cannot %s; this is a defect of UAL, please report it", job.what)
+            futures.fail(job.future, UalError(f"cannot {job.what}: a defect of UAL: {error!r}"))
             return
         pass_on(under_way, job.future)
 
