@@ -8,6 +8,7 @@ from concurrent.futures import Future
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
 from ual_daemon import traces
 from ual_daemon.backends import futures
+from ual_daemon.backends.judged import judged_by
 from ual_daemon.backends.values import Snapshot
 
 COMMAND_PATIENCE_S = 5.0
@@ -29,13 +30,17 @@ class AutopilotCommand:
         self._trace = traces.current()
         """The place in a trace of the call that wants it."""
 
-    def send(self, sender: Callable[[], Future[None]]) -> None:
-        """Sends it, unless it was withdrawn before. A `UalError` that the backend raises counts as a refusal."""
+    def send(self, sender: Callable[[], Future[None]], judged: Snapshot | None = None) -> None:
+        """Sends it, unless it was withdrawn before. A `UalError` that the backend raises counts as a refusal.
+
+        `judged` is the snapshot by which it was judged; None for the newest one. It does not overrule who has changed
+        the mode since.
+        """
         if self._is_withdrawn:
             return
         end_trace = traces.begin(f"autopilot: {self.what}", self._trace)
         try:
-            self._ack = sender()
+            self._ack = sender() if judged is None else judged_by(judged, sender)
         except UalError as error:
             self._ack = futures.failed(error)
         except BaseException as error:  # a defect is the caller's to handle; what waits for an answer ends all the same

@@ -268,8 +268,8 @@ class Flight:
         """The newest command that began; see `begin`."""
         return self._last_command
 
-    def begin(self, manoeuvre: Manoeuvre, order: Order) -> None:
-        """Begins a manoeuvre, and ends the one before.
+    def begin(self, manoeuvre: Manoeuvre, order: Order, judged: Snapshot | None = None) -> None:
+        """Begins a manoeuvre, and ends the one before. `judged` is the snapshot in which it may; None: the newest one.
 
         Raises:
             WrongStateError: UAL is shutting down, or the manoeuvre before may not be replaced.
@@ -278,7 +278,7 @@ class Flight:
             TaskAbortedError: Another command, such as an abort, began after `Order.since`.
 
         """
-        manoeuvre.begins_in(self._backend.snapshot().control.settled_mode)
+        manoeuvre.begins_in((judged or self._backend.snapshot()).control.settled_mode)
         try:
             self._exchange(manoeuvre, partial(self._begins, manoeuvre, order, ""))
         except UalError as error:
@@ -365,7 +365,7 @@ class Flight:
     def mission_stop(self, by: str, snapshot: Snapshot) -> Handover | None:
         """Returns what is flown instead of the mission that the autopilot flies; see `mission_stop`."""
         state = self.raw_estimate(snapshot).state
-        return mission_stop(by, self._flown.manoeuvre, state, self._backend, self.limits)
+        return mission_stop(by, self._flown.manoeuvre, state, snapshot, self._backend, self.limits)
 
     def _ends_with_lease(self, why: str, new: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
         self._note_command("lease")

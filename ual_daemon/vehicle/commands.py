@@ -170,7 +170,7 @@ class Commands:
                 on_setpoints=on_setpoints,
                 has_safety_pilot=self._flight.has_safety_pilot,
             )
-            return Handover(climb, lambda: command.send(lambda: self._backend.take_off(height_m, bounds)))
+            return Handover(climb, lambda: command.send(lambda: self._backend.take_off(height_m, bounds), start))
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal("take_off"):
@@ -180,7 +180,7 @@ class Commands:
                     self._flight.begin(wait, order)
                 else:
                     climb, send = climb_from(snapshot, task)
-                    self._flight.begin(climb, order)
+                    self._flight.begin(climb, order, snapshot)
                     send()
                 accepted("take_off", task_id=task.id, height_m=height_m)
                 return task
@@ -224,7 +224,7 @@ class Commands:
             with self._preconditions.logging_refusal("land"):
                 task = self._tasks.new(TaskKind.LAND, "land")
                 landing, send = self._landings.here(task, snapshot)
-                self._flight.begin(landing, order)
+                self._flight.begin(landing, order, snapshot)
                 send()
                 accepted("land", task_id=task.id)
                 return task
@@ -254,9 +254,9 @@ class Commands:
             with self._preconditions.logging_refusal("recover_from_manual"):
                 command = AutopilotCommand("take our references")
                 recover = Recover(command, self._flight.limits.get(), self._backend.take_control, refusal)
-                self._flight.begin(recover, Order(lease_id))
+                self._flight.begin(recover, Order(lease_id), snapshot)
                 if snapshot.control.held_by is not Cause.OPEN or force:
-                    recover.send()
+                    recover.send(snapshot)
                 accepted("recover_from_manual")
                 return recover.future
 
@@ -336,14 +336,14 @@ class Commands:
         state = self._flight.raw_estimate(snapshot).state
         limits, take_control = self._flight.limits.get(), self._backend.take_control
         recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=state)
-        self._flight.begin(recover, Order(lease_id))
-        recover.send()
+        self._flight.begin(recover, Order(lease_id), snapshot)
+        recover.send(snapshot)
 
     def _stop_mission(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
         """Stops a mission that the autopilot flies; one that lands only ends as a task."""
         info, stop = self._flight.task_info(), self._flight.mission_stop(name, snapshot)
         if stop is not None:
-            self._flight.begin(stop.manoeuvre, Order(lease_id))
+            self._flight.begin(stop.manoeuvre, Order(lease_id), snapshot)
             stop.begin()
         elif info is not None:
             self._flight.drop_task(info.id, name, lease_id)

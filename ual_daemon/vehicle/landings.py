@@ -63,7 +63,7 @@ class Landings:
         has_pilot = self._flight.has_safety_pilot
         send = self._send
         landing = Land(task, command, reference, snapshot, name, on_height, has_safety_pilot=has_pilot, send=send)
-        return Handover(landing, partial(command.send, self._send))
+        return Handover(landing, partial(command.send, self._send, snapshot))
 
     def _send(self) -> Future[None]:
         return self._backend.land(self._flight.limits.get())
@@ -77,7 +77,8 @@ class Landings:
         command = AutopilotCommand("take our references")
         limits, control = self._flight.limits.get(), self._backend.take_control
         recover = RecoverFirst(task, "land", command, limits, control, lambda _: None, onward)
-        return Handover(recover, _nothing if snapshot.control.held_by is Cause.OPEN else recover.send)
+        is_open = snapshot.control.held_by is Cause.OPEN
+        return Handover(recover, _nothing if is_open else partial(recover.send, snapshot))
 
 
 def _nothing() -> None:

@@ -312,10 +312,10 @@ class Planner:
             recover = RecoverFirst(
                 task, name, command, limits, control, refusal, partial(onward, task), is_early=is_early
             )
-            self._flight.begin(recover, order)
+            self._flight.begin(recover, order, snapshot)
             self._flight.request_home()
             if snapshot.control.held_by is not Cause.OPEN and not is_early:
-                recover.send()
+                recover.send(snapshot)
             accepted(name, task_id=task.id, what=what)
             return task
 

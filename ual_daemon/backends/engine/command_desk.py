@@ -14,6 +14,7 @@ from ual_daemon.backends.engine.command import Command, NotYetError
 from ual_daemon.backends.engine.command_runner import Asked
 from ual_daemon.backends.engine.limits import NOT_YET_S, UNSENT_S
 from ual_daemon.backends.engine.loop import Loop
+from ual_daemon.backends.judged import judged
 
 R = TypeVar("R")
 
@@ -47,7 +48,7 @@ class CommandDesk(Generic[R]):
         runner = self._reach(what)
         if isinstance(runner, UalError):
             return futures.failed(runner)
-        asked = Asked.at(self._clock.now_s(), self._loop.newest)
+        asked = Asked.at(self._clock.now_s(), judged() or self._loop.newest)
         result: Future[None] = Future()
         self._loop.post(partial(self._submit, what, make, asked, result))
         return result

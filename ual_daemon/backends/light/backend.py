@@ -20,6 +20,7 @@ from ual_daemon._version import __version__
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.loop import Loop
+from ual_daemon.backends.judged import judged
 from ual_daemon.backends.light.camera import LightCameras, Seen
 from ual_daemon.backends.light.corrections import LightCorrections
 from ual_daemon.backends.light.faults import Faults
@@ -289,7 +290,7 @@ class LightBackend(Backend):
         refusal = None if command is None else self._faults.refusal(command)
         if refusal is None:
             with self.world.lock:
-                refusal = action(self.world.fleet)
+                refusal = self._why_overtaken() or action(self.world.fleet)
         if refusal is not None:
             self._status_text = refusal
         if command is not None and self._faults.is_ack_lost(command):
@@ -302,6 +303,12 @@ class LightBackend(Backend):
         else:
             ack.set_result(None)
         return ack
+
+    def _why_overtaken(self) -> str | None:
+        """Returns that the pilot has changed the mode since a command was judged; None if that did not happen."""
+        seen, mode = judged(), FlightMode(int(self.world.fleet.mode[self._index])).name
+        is_same = seen is None or seen.control.settled_mode in ("", mode)
+        return None if is_same else f"Mode: it became {mode}"
 
     def _arm(self, fleet: Vehicles) -> str | None:
         i = self._index

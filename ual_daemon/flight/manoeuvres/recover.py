@@ -69,10 +69,10 @@ class Recover(Manoeuvre):
         self._is_sent = False
         self._began_in = ""
 
-    def send(self) -> None:
-        """Sends the command, once."""
+    def send(self, judged: Snapshot | None = None) -> None:
+        """Sends the command, once. `judged`: see `AutopilotCommand.send`."""
         self._is_sent = True
-        self._command.send(self._take_control)
+        self._command.send(self._take_control, judged)
 
     @override
     def replaces(self, old: Manoeuvre) -> None:

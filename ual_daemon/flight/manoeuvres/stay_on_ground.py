@@ -32,9 +32,9 @@ class StayOnGround(Manoeuvre):
         self._command = self.command = AutopilotCommand("hold its position")
         self._dwell = Dwell(ENTERED_S)
 
-    def send(self) -> None:
-        """Sends the command."""
-        self._command.send(self._hold)
+    def send(self, judged: Snapshot | None = None) -> None:
+        """Sends the command. `judged`: see `AutopilotCommand.send`."""
+        self._command.send(self._hold, judged)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

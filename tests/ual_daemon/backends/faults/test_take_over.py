@@ -8,9 +8,9 @@ import pytest
 
 from tests.ual_daemon.backends.faults.craft import Can, Craft
 from tests.ual_daemon.backends.faults.over import over
-from ual.errors import TaskAbortedError
+from ual.errors import RejectedByAutopilotError, TaskAbortedError
 from ual.geometry import Pose, Twist, Vector3
-from ual.types import State
+from ual.types import LandRequest, State, TakeOffRequest
 from ual_daemon import UAL
 
 GOAL = Pose.at(12.0, 6.0, 4.0)
@@ -100,3 +100,37 @@ def test_a_command_that_waited_on_our_side_does_not_leave_after_it(craft: Craft,
     )
     assert craft.commands_since(begin_s) == []
     assert craft.uav.state() is State.FLYING_MANUAL
+
+
+@over(Can.BE_FLOWN_BY_A_PILOT)
+def test_one_in_the_moment_of_a_landing_is_not_overruled(craft: Craft) -> None:
+    craft.fly()
+    judged = craft.uav.vehicle.commands.prepare(LandRequest())
+    craft.pilot_takes_over()
+    craft.until_state(State.FLYING_MANUAL)
+    begin_s = craft.now_s
+    task = judged.begin()
+    craft.run(3.0)
+    assert craft.commands_since(begin_s) == []
+    assert craft.uav.state() is State.FLYING_MANUAL
+    with pytest.raises((TaskAbortedError, RejectedByAutopilotError)):
+        task.future.result(0.0)
+
+
+@pytest.mark.parametrize(
+    "craft", ["px4", "ardupilot", "mavros px4", "mavros ardupilot", "dji psdk", "light"], indirect=True
+)
+def test_one_in_the_moment_of_a_take_off_is_not_overruled(craft: Craft) -> None:
+    craft.arm()
+    judged = craft.uav.vehicle.commands.prepare(TakeOffRequest(craft.height_m))
+    mode = craft.backend.snapshot().control.mode_name
+    craft.pilot_takes_over()
+    craft.run(1.5)
+    assert craft.backend.snapshot().control.mode_name != mode
+    begin_s = craft.now_s
+    task = judged.begin()
+    craft.run(3.0)
+    assert craft.commands_since(begin_s) == []
+    assert craft.uav.state() is State.LANDED_ARMED
+    with pytest.raises((TaskAbortedError, RejectedByAutopilotError)):
+        task.future.result(0.0)

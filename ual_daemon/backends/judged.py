@@ -1,0 +1,31 @@
+"""By which snapshot the caller of a command has judged it, and so in which mode the autopilot was for him.
+
+Between that and the command the safety pilot may take over. What the backend has heard of that must not count as known
+to the caller, or the command would overrule the pilot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextvars import ContextVar
+from typing import TypeVar
+
+from ual_daemon.backends.values import Snapshot
+
+T = TypeVar("T")
+
+_snapshot: ContextVar[Snapshot | None] = ContextVar("ual_judged", default=None)
+
+
+def judged_by(snapshot: Snapshot, command: Callable[[], T]) -> T:
+    """Calls what commands the backend, by a snapshot in which that was judged."""
+    token = _snapshot.set(snapshot)
+    try:
+        return command()
+    finally:
+        _snapshot.reset(token)
+
+
+def judged() -> Snapshot | None:
+    """Returns the snapshot by which the present command was judged; None for the newest one."""
+    return _snapshot.get()
