@@ -260,6 +260,15 @@ def test_two_signals_at_once_are_one_ctrl_c() -> None:
     assert counted == [1, 2, 3]
 
 
+def test_who_presses_ctrl_c_again_and_again_is_heard() -> None:
+    counted: list[int] = []
+    times = iter([5.0, 5.2, 5.4, 5.6, 5.8])
+    presses = Presses(counted.append, lambda: next(times))
+    for _ in range(5):
+        presses()
+    assert counted == [1, 2, 3]
+
+
 def test_a_second_ctrl_c_holds_and_a_third_one_kills(start_team: StartTeam) -> None:
     launched = start_team(DEAF, speed=4.0)
     launched.wait_for("all are ready")

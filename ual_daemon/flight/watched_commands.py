@@ -80,7 +80,7 @@ class WatchedCommands:
         """Ends the commands of callers that show no effect yet, with an error: they are not sent any more."""
         for watched in self._watched:
             if watched.is_callers and not watched.is_done(snapshot) and self._remove(watched):
-                watched.end(error)
+                watched.end(watched.command.left_behind(error))
 
     def step(self, snapshot: Snapshot, estimate: Estimate) -> None:
         """Ends the commands whose effect shows in a snapshot, and those that failed: with a lost link, all did."""

@@ -93,6 +93,9 @@ class SlowCalls:
                     self._take(connection, operations.decode(data))
         except OSError as error:
             self._lose(connection, error)
+        else:
+            if connection is not self._newest and not connection.idents:
+                self._close(connection)
 
     def _lose(self, connection: _Connection | None, error: OSError) -> None:
         """Ends the calls of a connection: they may have been executed. None: ends those that wait for one."""

@@ -39,13 +39,13 @@ class Presses:
         self._call = call
         self._clock = clock
         self._count = 0
-        self._last_s = -math.inf
+        self._counted_s = -math.inf
 
     def __call__(self) -> None:
         """Takes a signal."""
-        now_s, before_s = self._clock(), self._last_s
-        self._last_s = now_s
-        if now_s - before_s > ONE_PRESS_S:
+        now_s = self._clock()
+        if now_s - self._counted_s > ONE_PRESS_S:  # not since the last one: who presses again and again must be heard
+            self._counted_s = now_s
             self._count += 1
             self._call(self._count)
 

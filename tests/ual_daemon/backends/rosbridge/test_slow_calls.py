@@ -118,6 +118,7 @@ def test_what_is_under_way_goes_on_when_an_earlier_call_is_given_up(how: str) ->
     assert upload.result(0) == {"sum": 2}
     assert after.result(0) == {"sum": 3}
     assert bench.connections_count == 2
+    assert len(bench.calls._connections) == 1
 
 
 def test_what_cannot_connect_or_is_lost_ends() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.ual_daemon.flight.hand_made import Autopilot
 from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import Lab
-from ual.errors import LinkLostError, TaskAbortedError, UalTimeoutError
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.types import Limits
 from ual_daemon.backends.values import Control, LandedState
 from ual_daemon.flight.autopilot_command import AutopilotCommand
@@ -63,6 +63,18 @@ def test_a_mission_that_is_entered_late_is_held_again(ground: Ground) -> None:
     assert len(ground.asked) == 2
     ground.answer("PAUSE")
     assert ground.autopilot.until_end(ground.stay, 5.0) is None
+
+
+def test_an_autopilot_that_accepts_and_flies_on_is_told_and_not_flooded(ground: Ground) -> None:
+    ground.answer("MISSION")
+    error, end_s = None, ground.autopilot.now_s() + 20.0
+    while error is None and ground.autopilot.now_s() < end_s:
+        if not ground.asked[-1].done():
+            ground.answer("MISSION")
+        error = ground.autopilot.step(ground.stay).error
+    assert isinstance(error, RejectedByAutopilotError)
+    assert "in mode MISSION" in str(error)
+    assert 2 <= len(ground.asked) <= 20
 
 
 def test_others_who_choose_a_mode_are_not_overruled(ground: Ground) -> None:
