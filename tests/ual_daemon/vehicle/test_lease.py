@@ -68,7 +68,7 @@ def test_an_arming_that_has_not_left_ends_when_another_acquires_the_lease(
     uav.run(0.5)
     assert not arming.done()
     uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
-    with pytest.raises(TaskAbortedError, match="survey has acquired the lease; .*it may still be executed"):
+    with pytest.raises(TaskAbortedError, match=r"survey has acquired the lease; .*it may still be executed"):
         arming.result(0)
     assert waiting.cancelled()
 
