@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -68,11 +68,15 @@ class Equipment:
 
         """
         order = _Order(text, holds)
-        with self._giving:  # the backend gets the orders of several threads as they are kept here
-            before = self._replace(device, order, holds=holds)
-            if before is not None:
-                self._abort(before, TaskAbortedError(f"{before.text} was replaced", {"by": text}))
-            self._begin(device, order, begin)
+        ended: list[_Order] = []
+        try:
+            with self._giving:  # the backend gets the orders of several threads as they are kept here
+                before = self._replace(device, order, holds=holds)
+                ended += () if before is None else self._stopped([before])
+                self._begin(device, order, begin)
+        finally:  # without the lock: who waits for the end of one may give the next
+            for each in ended:
+                futures.fail(each.result, TaskAbortedError(f"{each.text} was replaced", {"by": text}))
         return order.result
 
     def withdraw(self, why: str, metadata: Mapping[str, str]) -> None:
@@ -80,9 +84,10 @@ class Equipment:
         with self._giving:
             with self._lock:
                 under_way = [each for each in self._under_way.values() if not each.holds]
-            for order in under_way:
-                text = f"{order.text} was withdrawn: {why}; if it has left already, it may still be done"
-                self._abort(order, TaskAbortedError(text, metadata))
+            stopped = self._stopped(under_way)
+        for order in stopped:  # without the lock: who waits for the end of one may give the next
+            text = f"{order.text} was withdrawn: {why}; if it has left already, it may still be done"
+            futures.fail(order.result, TaskAbortedError(text, metadata))
 
     def _replace(self, device: Device, order: _Order, *, holds: bool) -> _Order | None:
         with self._lock:
@@ -113,12 +118,15 @@ class Equipment:
         else:
             futures.end(order.result, error)
 
-    def _abort(self, order: _Order, error: TaskAbortedError) -> None:
+    def _stopped(self, orders: Sequence[_Order]) -> list[_Order]:
+        """Has orders not leave any more. Returns those that had not ended before: their futures are to end."""
         with self._lock:
-            is_first, order.is_over = not order.is_over, True
-        if is_first:
-            futures.fail(order.result, error)
-        order.sent.cancel()
+            stopped = [each for each in orders if not each.is_over]
+            for each in stopped:
+                each.is_over = True
+        for each in orders:
+            each.sent.cancel()
+        return stopped
 
     def _forget(self, device: Device, order: _Order, *, is_obeyed: bool = False) -> bool:
         """Returns whether the order has not ended before."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 from concurrent.futures import Future
 
 import pytest
 
+from tests.conftest import LIMIT_S
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, WrongStateError
 from ual_daemon.settings import PayloadSettings
 from ual_daemon.vehicle.equipment import Device, Equipment
@@ -89,6 +91,26 @@ def test_what_may_let_go_and_waits_is_withdrawn_by_a_lease_and_what_holds_is_not
     assert [each.cancelled() for each in bench.sent] == [True, False]
     bench.sent[1].set_result(None)
     assert grip.result(0) is None
+
+
+@pytest.mark.parametrize("how", ["withdrawn", "replaced"])
+def test_who_waits_for_an_end_may_give_the_next_order(bench: Bench, how: str) -> None:
+    """A lease that ends is told by the thread that flies: it must not wait for a lock that it has itself."""
+    given: list[Future[None]] = []
+    hand = Device("gripper", "hand")
+
+    def end() -> None:
+        if how == "withdrawn":
+            bench.equipment.withdraw("its lease has ended", {"by": "lease"})
+        else:
+            bench.give("grip", holds=True)
+
+    bench.give("release").add_done_callback(lambda _: given.append(bench.give("grip", holds=True, device=hand)))
+    ending = threading.Thread(target=end, daemon=True)
+    ending.start()
+    ending.join(LIMIT_S)
+    assert not ending.is_alive()
+    assert len(given) == 1
 
 
 def test_what_cannot_begin_leaves_the_device_free(bench: Bench) -> None:
