@@ -105,7 +105,7 @@ class Missions:
             is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
             reference = self._flight.brake(snapshot) if is_ours else None
             task = self._tasks.new(TaskKind.MISSION, f"mission of {len(kept.items)} items; {own.link_loss_text}")
-            self._flight.begin(self._manoeuvre(task, offer, kept, first, own, reference), order)
+            self._flight.begin(self._manoeuvre(task, offer, kept, first, own, reference), order, snapshot)
             self._remember(task, kept)
             accepted(NAME, task_id=task.id, items=len(kept.items), first=first)
             return task

@@ -23,6 +23,8 @@ from ual.errors import (
 )
 from ual.geometry import PointStamped, Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
 from ual.types import AltitudeReference, Capability, GeoWaypoint, Limits, PathHeading, Plan, State, TaskStatus
+from ual_daemon.backends.light import LightBackend
+from ual_daemon.backends.light.physics import FlightMode
 from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.tracker import limits
 from ual_daemon.vehicle.prepared import Prepared
@@ -67,6 +69,22 @@ def near(uav: Stepped) -> tuple[float, float, float]:
     point = projection.to_geo(Vector3(3, 4, 3))
     assert point.altitude_amsl_m is not None
     return point.latitude_deg, point.longitude_deg, point.altitude_amsl_m
+
+
+def test_a_pilot_who_chooses_another_mode_in_the_moment_of_a_recovery_keeps_it() -> None:
+    with stepped() as uav:
+        bring_to(uav, State.FLYING_MANUAL)
+        judged = uav.vehicle.commands.recover_from_manual()
+        backend = uav.vehicle.backend
+        assert isinstance(backend, LightBackend)
+        backend.pilot_switch(FlightMode.ALTITUDE)
+        uav.run(STEP_S)
+        recovery = judged.begin()
+        with pytest.raises(TaskAbortedError, match="took over"):
+            uav.end(recovery)
+        uav.run(1.0)
+        assert uav.state is State.FLYING_MANUAL
+        assert backend.snapshot().control.mode_name == "ALTITUDE"
 
 
 def bring_to(uav: Stepped, state: State) -> None:

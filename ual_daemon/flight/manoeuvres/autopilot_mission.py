@@ -408,7 +408,7 @@ class AutopilotMission(Manoeuvre):
 
     def _unless_ours(self, snapshot: Snapshot) -> Step | None:
         """Returns the end of a mission before which others took the UAV; None while it is in the mode it began in."""
-        self._began_in = self._began_in or _mode(snapshot)
+        self._began_in = self._began_in or self.mode_begun or _mode(snapshot)
         return None if _mode(snapshot) == self._began_in else taken(snapshot, NAME)
 
     def _why_not(self) -> UalError | None:

@@ -108,6 +108,14 @@ def lab() -> Lab:
     return Lab()
 
 
+def test_a_pilot_who_takes_over_in_the_moment_of_the_start_keeps_it(lab: Lab) -> None:
+    """It was judged in OFFBOARD, and is stepped first in the pilot's mode."""
+    lab.mission.begins_in("OFFBOARD")
+    lab.autopilot.mode, lab.autopilot.control = "POSCTL", Control.OTHER
+    assert lab.autopilot.step(lab.mission).is_taken
+    assert lab.offer.asked == []
+
+
 def test_a_paused_mission_is_read_again_and_goes_on(lab: Lab) -> None:
     lab.fly()
     lab.pause()
