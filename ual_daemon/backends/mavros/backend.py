@@ -65,7 +65,8 @@ class MavrosBackend(Backend):
         self._corrections = self._make_corrections(f"{self._settings.node}/{topics.RTCM}")
         reach = Reach(self._last_session, self._reached, self._post, self._call_slowly, self._ros, self._node)
         self._services = Services(reach), Services(reach)
-        self._beside = [(Contained(type(each).__name__), each) for each in (self._corrections, *self._services)]
+        beside: tuple[MavrosCorrections | Services, ...] = (self._corrections, *self._services)
+        self._beside = [(Contained(type(each).__name__), each) for each in beside]
         self._parameters = MavrosParameters(self._services[0])
         lists = MavrosLists(self._services[1])
         gripper = MavrosGripper(
