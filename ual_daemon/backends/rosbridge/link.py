@@ -74,6 +74,10 @@ class _Subscription:
     fault: str = ""
 
 
+_UNREADABLE = (OperationError, LookupError, AttributeError, TypeError, ValueError, ArithmeticError)
+"""What it raises to take a message that is other than its type says. It must not cost the link, or each would."""
+
+
 class _ClosedError(Exception):
     """The link is closed while it connects."""
 
@@ -429,7 +433,7 @@ class RosbridgeLink:
     def _on_data(self, data: str | bytes) -> None:
         try:
             self._execute(operations.decode(data))
-        except (OperationError, KeyError, TypeError, ValueError) as error:
+        except _UNREADABLE as error:
             self._say("message_unreadable", f"{type(error).__name__}: {error}")
 
     def _execute(self, operation: dict[str, object]) -> None:

@@ -62,11 +62,14 @@ class Listener:
         self.messages: list[tuple[Message, float]] = []
         self.steps_count = 0
         self.link = RosbridgeLink(parse_url(url), MonotonicClock(), self._step)
-        self.link.subscribe("count", "test_msgs/Count", lambda *both: self.messages.append(both), silence_s=0.5)
+        self.link.subscribe("count", "test_msgs/Count", self._on_count, silence_s=0.5)
         self.link.advertise("setpoint", "test_msgs/Setpoint")
 
     def _step(self) -> None:
         self.steps_count += 1
+
+    def _on_count(self, message: Message, now_s: float) -> None:
+        self.messages.append((message, now_s))
 
     @property
     def has_news(self) -> bool:
@@ -141,6 +144,20 @@ def test_a_defect_of_what_listens_does_not_end_the_link(caplog: pytest.LogCaptur
         count = len(heard.messages)
         until(lambda: len(heard.messages) > count)
     assert "this is a defect of UAL" in caplog.text
+
+
+@pytest.mark.parametrize("error", [KeyError("z"), IndexError(), AttributeError(), OverflowError()])
+def test_a_message_that_cannot_be_read_costs_only_itself(error: Exception, caplog: pytest.LogCaptureFixture) -> None:
+    class Unreadable(Listener):
+        @override
+        def _on_count(self, message: Message, now_s: float) -> None:
+            super()._on_count(message, now_s)
+            raise error
+
+    with bridged() as (server, _), listening(server.url, Unreadable) as heard:
+        until(lambda: len(heard.messages) > 3)
+        assert heard.link.connections_count == 1
+    assert sum("message_unreadable" in each.getMessage() for each in caplog.records) == 1
 
 
 def test_services_answer_refuse_are_missing_or_never_answer() -> None:
