@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -22,6 +23,8 @@ from ual_daemon.backends.crazyflie.connecting import ask_read, ask_write, value_
 from ual_daemon.backends.crazyflie.requests import Request, Requests
 from ual_daemon.backends.crazyflie.toc import Toc, Variable
 from ual_daemon.backends.offers.parameters import Refusal
+
+_log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -97,7 +100,7 @@ class ParameterExchanges:
                 return
             self._running = self._waiting.popleft()
         if is_connected:
-            self._running.tick(now_s)
+            _tick(self._running, now_s)
         else:
             futures.fail(self._running.future, LinkLostError("no Crazyflie is connected"))
         if self._running.future.done():
@@ -109,6 +112,15 @@ class ParameterExchanges:
             futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
         else:
             self._waiting.append(exchange)
+
+
+def _tick(running: _Reading | _Writing, now_s: float) -> None:
+    """Goes on with one. A defect ends it, and not the link: the firmware stops the motors where setpoints stop."""
+    try:
+        running.tick(now_s)
+    except Exception as error:  # noqa: BLE001 - logged, and raised to the caller
+        _log.exception("an exchange of parameters failed; this is a defect of UAL, please report it")
+        futures.fail(running.future, UalError(f"its parameters were not exchanged: a defect of UAL: {error!r}"))
 
 
 class _Reading:

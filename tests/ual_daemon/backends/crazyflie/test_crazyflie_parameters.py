@@ -175,6 +175,20 @@ def test_what_may_not_be_written_any_more_is_not_sent_again() -> None:
     assert bench.tick(1.0) == []
 
 
+def test_a_defect_of_one_exchange_ends_that_one_only() -> None:
+    """It reached the thread that flies, whose setpoints stop then, and a Crazyflie falls without them."""
+
+    def fail() -> UalError | None:
+        raise ZeroDivisionError
+
+    bench, failed, read = Bench(), Future[Parameter](), Future[Parameter]()
+    bench.exchanges.write(Parameter("a.p3", 0.25, ParameterType.REAL32), fail, failed)
+    bench.exchanges.read("a.p1", read)
+    assert bench.tick() == []
+    assert "a defect of UAL: ZeroDivisionError" in str(error_of(failed))
+    assert bench.tick() == [(READ_CHANNEL, 1)]
+
+
 def test_there_are_limits() -> None:
     bench = Bench()
     futures = [Future[Parameter]() for _ in range(MOST_WAITING + 1)]
