@@ -69,7 +69,7 @@ class Protocols(Protocol):
             self.gimbals,
         )
         self._ticked = tuple(each for each in self._all if each is not self.gripper)
-        self._contained = {each: Contained(type(each).__name__) for each in self._all}
+        self._contained: dict[Protocol, Contained] = {each: Contained(type(each).__name__) for each in self._all}
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
             for message_id, handler in protocol.handlers.items():
