@@ -21,9 +21,10 @@ _log = logging.getLogger(__name__)
 
 BEAT_S = 0.5
 """How often it is noted that the daemon runs."""
-STANDSTILL_S = 1.0
-"""After so long without a beat the daemon has stood still. What was known of the autopilot is discarded after the same
-time (`ual_daemon.backends.engine.limits.PAUSE_S`)."""
+STANDSTILL_S = 2.5
+"""After so long without a beat the daemon has stood still. A busy computer holds one up for a second, and its callers
+still wait for their answers. After a second what was known of the autopilot is discarded anyway
+(`ual_daemon.backends.engine.limits.PAUSE_S`), so that nothing moves before that is known again."""
 MOST_QUEUED_S = 5.0
 """Messages of a standstill may be read as long after it as it lasted, as TCP doubles the time until it sends again.
 What moves is refused for so long, and no longer than this."""
