@@ -27,11 +27,12 @@ class Contained:
         try:
             act(*args, **kwargs)
         except Exception as error:  # noqa: BLE001 - what flies goes on
-            self._tell(error)
+            self.tell(error)
             return False
         return True
 
-    def _tell(self, error: Exception) -> None:
+    def tell(self, error: Exception) -> None:
+        """Logs a defect, once."""
         text = repr(error)
         if text in self._told or len(self._told) >= _MOST_TOLD:
             return

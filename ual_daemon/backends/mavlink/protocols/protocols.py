@@ -98,15 +98,17 @@ class Protocols(Protocol):
 
     @override
     def tick(self, now_s: float) -> None:
-        for protocol in self._ticked:
-            self._tick(protocol, now_s)
-        if self.gripper.is_waiting:
-            self._tick(self.gripper, now_s)
+        ticked = (*self._ticked, self.gripper) if self.gripper.is_waiting else self._ticked
+        for protocol in ticked:
+            try:  # here, and not by `Contained.call`: each sample costs it
+                protocol.tick(now_s)
+            except Exception as error:  # noqa: BLE001 - what flies goes on
+                self._end_defective(protocol, error)
 
-    def _tick(self, protocol: Protocol, now_s: float) -> None:
+    def _end_defective(self, protocol: Protocol, error: Exception) -> None:
         contained = self._contained[protocol]
-        if not contained.call(protocol.tick, now_s):
-            contained.call(protocol.drop, "a defect of UAL")  # else what was begun would fail again at each tick
+        contained.tell(error)
+        contained.call(protocol.drop, "a defect of UAL")  # else what was begun would fail again at each tick
 
 
 def _in_turn(handlers: list[Handler]) -> Handler:
