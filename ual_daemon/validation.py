@@ -23,7 +23,7 @@ MIN_SPEED_M_S = 0.01
 MAX_HOLD_S = 3600.0
 """How long a path may hold at one waypoint."""
 MAX_ANGULAR_SPEED_RAD_S = 1000.0
-MAX_RATE_HZ = 1e6
+MAX_RATE_HZ = 1e9
 MAX_STAMP_S = 253_402_300_799.0
 """The end of the year 9999, the latest time in protobuf."""
 
