@@ -151,6 +151,7 @@ class OfMavros(OnRosbridge, OfAutopilot):
     """Through MAVROS, which may stall while the bridge does not."""
 
     can = frozenset(Can)
+    seen_s = 1.2  # MAVROS tells the mode with the heartbeat: once a second
     kind: ClassVar[type[Px4 | ArduPilot]]
     ros_version: ClassVar[int]
 
