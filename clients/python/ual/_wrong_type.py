@@ -13,7 +13,7 @@ from enum import Enum
 from typing import Any, SupportsFloat, SupportsIndex
 
 from ual.errors import InvalidArgumentError
-from ual.shared.flags import SWITCHES, is_flag
+from ual.shared.flags import SWITCHES, is_flag, shown
 
 _EXAMPLES = {
     "GeoWaypoint": "ual.GeoWaypoint(latitude_deg, longitude_deg, altitude_m)",
@@ -32,7 +32,7 @@ def wrong_type(value: object, wanted: type, field: str) -> InvalidArgumentError:
     """Makes the error for a value that is not of the type `wanted`, with an example of one that is."""
     example = _EXAMPLES.get(wanted.__name__, f"a {wanted.__name__}")
     return InvalidArgumentError(
-        f"{field}: {_shown(value)} is of type {type(value).__name__}; pass {example}", {"field": field}
+        f"{field}: {shown(value)} is of type {type(value).__name__}; pass {example}", {"field": field}
     )
 
 
@@ -69,7 +69,7 @@ def _root(field: str) -> str:
 
 
 def _misfit(name: str, part: object, kind: str) -> InvalidArgumentError:
-    return InvalidArgumentError(f"{name}: {_shown(part)} is not {_KINDS[kind]}", {"field": name})
+    return InvalidArgumentError(f"{name}: {shown(part)} is not {_KINDS[kind]}", {"field": name})
 
 
 _KINDS = {
@@ -120,8 +120,3 @@ def _as_float(value: Any) -> float | None:  # noqa: ANN401 (whatever may be one 
         return math.inf
     except (TypeError, ValueError):
         return None
-
-
-def _shown(value: object) -> str:
-    """Returns a value of any type as one line of text."""
-    return " ".join(repr(value).split())[:100]

@@ -7,6 +7,11 @@ from ual.errors import InvalidArgumentError
 SWITCHES = "True or False"
 
 
+def shown(value: object) -> str:
+    """Returns a value of any type as one line of text."""
+    return " ".join(repr(value).split())[:100]
+
+
 def is_flag(value: object) -> bool:
     """Whether a value is True or False, also as 1 or 0, and as NumPy's."""
     if isinstance(value, int):
@@ -22,6 +27,5 @@ def flag(value: object, field: str) -> bool:
 
     """
     if not is_flag(value):
-        shown = " ".join(repr(value).split())[:100]
-        raise InvalidArgumentError(f"{field}: {shown} is not {SWITCHES}", {"field": field})
+        raise InvalidArgumentError(f"{field}: {shown(value)} is not {SWITCHES}", {"field": field})
     return bool(value)
