@@ -122,6 +122,8 @@ def test_one_in_the_moment_of_a_landing_is_not_overruled(craft: Craft) -> None:
 )
 def test_one_in_the_moment_of_a_take_off_is_not_overruled(craft: Craft) -> None:
     craft.arm()
+    # MAVROS may tell the mode up to a second after the arming. Until then a change of it may be the arming's own.
+    craft.until(lambda: craft.backend.snapshot().control.settled_mode)
     judged = craft.uav.vehicle.commands.prepare(TakeOffRequest(craft.height_m))
     mode = craft.backend.snapshot().control.mode_name
     craft.pilot_takes_over()
