@@ -118,7 +118,7 @@ class Calls:
         try:
             who = self._access.identify(call)
             call.identity = who.name
-            who.require(self.needed_role(call.method), call.method.rpartition("/")[2])
+            self._require_role(who, call.method)
         except UalError as error:  # before it is said whether there is such a method
             self._refuse(call, error)
             return
@@ -127,6 +127,9 @@ class Calls:
             call.finish(code=grpc.StatusCode.UNIMPLEMENTED, details=f"there is no method {call.method:.100}")
         else:
             method.kind(self, method, call, who).begin()
+
+    def _require_role(self, who: Caller, method: str) -> None:
+        who.require(self.needed_role(method), method.rpartition("/")[2])
 
     def _refuse(self, call: Call, error: UalError) -> None:
         self.set_context(call, None)
@@ -175,8 +178,8 @@ class Calls:
         self.standstill.beat()
 
     def _end_late(self) -> None:
-        """Ends the calls whose request is late, and logs how many have ended without one. Ends the streams of callers
-        who are not known any more.
+        """Ends the calls whose request is late, and logs how many have ended without one. Ends the calls and streams of
+        callers who are not known any more, or may not do this any more.
         """
         self._loop.call_later(REQUEST_S, self._end_late)
         self._end_unknown()
@@ -195,9 +198,9 @@ class Calls:
             running = [answer for answer in self._answers if answer.caller.is_named]
         for answer in running:
             try:
-                self._access.identify(answer.call).require(self.needed_role(answer.method_name), answer.method_name)
+                self._require_role(self._access.identify(answer.call), answer.method_name)
             except (UnauthenticatedError, PermissionDeniedError) as error:
-                answer.fail(error)
+                answer.end(error)
 
     def _end_without_request(self, answer: Answer, why: str) -> None:
         self.has_request(answer)

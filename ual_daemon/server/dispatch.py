@@ -134,9 +134,9 @@ class Answer:
             self.call.begin()
         self._do(self._begin)
 
-    def end(self) -> None:
-        """Ends it because the daemon shuts down."""
-        self.fail(self._shutdown())
+    def end(self, why: UalError | None = None) -> None:
+        """Ends it, and what it does for its caller, by an error; without one because the daemon shuts down."""
+        self.fail(why or self._shutdown())
 
     def _do(self, step: Callable[..., None], *arguments: object) -> None:
         """Does a step, on the transport's thread. An error ends the call."""
@@ -205,12 +205,14 @@ class _LoopAnswer(Answer):
     _task: asyncio.Task[bytes | None] | None = None
     _has_begun = False
     _is_to_cancel = False
+    _ended_by: UalError | None = None
 
     @override
-    def end(self) -> None:
+    def end(self, why: UalError | None = None) -> None:
         if self._task is None:
-            super().end()
+            super().end(why)
         else:
+            self._ended_by = why
             self._cancel()
 
     def _watch(self) -> None:
@@ -246,7 +248,7 @@ class _LoopAnswer(Answer):
         self._calls.leave(self)
         if task.cancelled():
             if not self.call.is_cancelled:
-                self.fail(self._shutdown())
+                self.fail(self._ended_by or self._shutdown())
             return
         error = task.exception()
         if error is None:
@@ -351,8 +353,8 @@ class _PushAnswer(Answer):
             self._stop()
 
     @override
-    def end(self) -> None:
-        super().end()
+    def end(self, why: UalError | None = None) -> None:
+        super().end(why)
         if self._stop is not None:
             self._stop()
 

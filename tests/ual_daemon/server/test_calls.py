@@ -11,11 +11,20 @@ from typing import Any, cast
 
 import grpc
 import pytest
+from typing_extensions import override
 
 from tests.ual_daemon.server.raw import answer_to
 from tests.ual_daemon.server.serving import serving, told
 from tests.waiting import until_async
-from ual.errors import InvalidArgumentError, ResourceExhaustedError, TaskAbortedError, UalError, WrongStateError
+from ual.access.roles import Role
+from ual.errors import (
+    InvalidArgumentError,
+    ResourceExhaustedError,
+    TaskAbortedError,
+    UalError,
+    UnauthenticatedError,
+    WrongStateError,
+)
 from ual.geometry import TwistStamped
 from ual.types import ExternalPose, State, TaskKind, Telemetry
 from ual.v1 import ual_pb2 as pb
@@ -24,9 +33,12 @@ from ual.wire import rpc_errors
 from ual_daemon import UAL, logs
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server import calls as calls_module
+from ual_daemon.server.access.caller import Caller
+from ual_daemon.server.access.policy import Access
 from ual_daemon.server.calls import MOST_OF_ONE_METHOD, MOST_WITHOUT_REQUEST, Calls
 from ual_daemon.server.server import NEEDED_TO_LAND
 from ual_daemon.server.telemetry_stream import Updates
+from ual_daemon.server.transport.base import Call
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.vehicle.vehicle import Vehicle
@@ -102,6 +114,48 @@ class FakeVehicle:
 
     def set(self, measured: ExternalPose) -> str:
         return self.offer(measured)
+
+
+class FakeAccess(Access):
+    """Knows its caller until that is revoked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_revoked = False
+
+    def identify(self, call: Call) -> Caller:
+        if self.is_revoked:
+            raise UnauthenticatedError("revoked")
+        return Caller("field", Role.PILOT, is_named=True)
+
+
+class LongServicer(ual_pb2_grpc.UalServiceServicer):
+    """Has a method of each kind that goes on until its call ends, and says which of them have begun and ended."""
+
+    def __init__(self) -> None:
+        self.begun: set[str] = set()
+        self.ended: set[str] = set()
+
+    @override
+    def Land(self, request: pb.LandRequest, context: Any) -> Any:
+        return self._go_on("Land")
+
+    @override
+    def StreamTelemetry(self, request: pb.StreamTelemetryRequest, context: Any) -> Any:  # type: ignore[override]  # pushed
+        self.begun.add("StreamTelemetry")
+        return partial(self.ended.add, "StreamTelemetry")
+
+    @override
+    async def WatchTask(self, request: pb.WatchTaskRequest, context: Any) -> Any:
+        await self._go_on("WatchTask")
+        yield pb.WatchTaskResponse()
+
+    async def _go_on(self, name: str) -> Any:
+        self.begun.add(name)
+        try:
+            await asyncio.get_running_loop().create_future()
+        finally:
+            self.ended.add(name)
 
 
 class Served:
@@ -526,3 +580,25 @@ def test_what_begins_at_once_begins_in_the_order_of_the_calls(transport: Choice)
                 await asyncio.to_thread(call, it.vehicle, it.address)
 
     asyncio.run(run())
+
+
+def test_what_is_done_for_a_caller_ends_with_its_token(transport: Choice, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calls_module, "REQUEST_S", 0.05)
+
+    async def main() -> None:
+        access, servicer = FakeAccess(), LongServicer()
+        calls = Calls("uav_1", shutdown_refuses=(), access=access)
+        register = partial(ual_pb2_grpc.add_UalServiceServicer_to_server, servicer)
+        async with serving(transport, calls, register) as (channel, _):
+            stub = ual_pb2_grpc.UalServiceStub(channel)
+            streams = (stub.StreamTelemetry(pb.StreamTelemetryRequest()), stub.WatchTask(pb.WatchTaskRequest()))
+            begun = (stub.Land(pb.LandRequest()), *(stream.read() for stream in streams))
+            running = [asyncio.ensure_future(each) for each in begun]
+            await until_async(lambda: len(servicer.begun) == 3, "begun")
+            access.is_revoked = True
+            for each in running:
+                assert (await error_of(each)).reason == "UNAUTHENTICATED"
+            await until_async(lambda: servicer.ended == servicer.begun, "ended")
+            assert not calls.running_count
+
+    asyncio.run(main())

@@ -36,6 +36,7 @@ class Subscription:
         self._newest: pb.StreamTelemetryResponse | None = None
         self._missed_count = 0
         self._refusal: Exception | None = None
+        self._interruption: UalError | None = None
         self._is_closed = False
         self._reading: asyncio.Task[None] | None = None
 
@@ -59,6 +60,11 @@ class Subscription:
         response, self._newest = self._newest, None
         missed_count, self._missed_count = self._missed_count, 0
         return convert.telemetry_from_proto(response.telemetry, missed_count)
+
+    @property
+    def interruption(self) -> UalError | None:
+        """Why no samples come, while the daemon is away or refuses them; None while they come."""
+        return self._interruption
 
     async def close(self) -> None:
         """Ends it, and with it the iteration."""
@@ -95,7 +101,7 @@ class Subscription:
         while True:
             try:
                 async for response in self._connection.stream_telemetry(self._rate_hz):
-                    has_begun = True
+                    has_begun, self._interruption = True, None
                     interruptions.resumed()
                     self._missed_count += response.missed_count + (self._newest is not None)
                     self._newest = response
@@ -103,5 +109,6 @@ class Subscription:
             except UalError as error:
                 if not has_begun or self._connection.is_closed:
                     raise
+                self._interruption = error
                 interruptions.interrupted(error)
             await asyncio.sleep(RETRY_S)

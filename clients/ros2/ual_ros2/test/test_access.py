@@ -11,13 +11,14 @@ from typing import NamedTuple
 import pytest
 from conftest import ARMED_FAST, ROS_ONLY, Processes
 from diagnostic_msgs.msg import DiagnosticArray
-from flying import LATCHED, Client, velocity, waited
+from flying import ABORTED, LATCHED, Client, pose, velocity, waited
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from std_srvs.srv import Trigger
 from ual_msgs import action, srv
 from ual_msgs.msg import State
 
-from ual import discovery
+from ual import State as UavState
+from ual import Uav, discovery
 
 UAL = "/uav_1/ual"
 
@@ -41,8 +42,8 @@ def team(processes: Processes, tmp_path_factory: pytest.TempPathFactory) -> Team
     secret = ("--tls-key", str(directory / "certificates/uav_1.key"), "--tokens", str(directory / "tokens.json"))
     ual(directory, "certificates", "authority")
     ual(directory, "certificates", "daemon", "uav_1", "--host", "127.0.0.1")
-    for role in ("observer", "pilot"):
-        ual(directory, "token", "new", "--role", role, "--name", role, "--output", f"{role}.token")
+    for role, name in (("observer", "observer"), ("pilot", "pilot"), ("pilot", "guest")):
+        ual(directory, "token", "new", "--role", role, "--name", name, "--output", f"{name}.token")
     (directory / "wrong.token").write_text("ual_wrong")
     processes.daemon(*flags, *secret)
     found = discovery.registered("uav_1")
@@ -122,3 +123,20 @@ def test_a_node_without_what_the_daemon_wants_says_so(
     is_told(client, State.UNINITIALIZED, said)
     refused = client.call(srv.TakeOff, f"{UAL}/take_off", height=3.0, blocking=True)
     assert (refused.success, refused.reason) == (False, said.removesuffix(": "))
+
+
+def test_a_token_that_is_revoked_in_flight_ends_the_goal_and_is_told(
+    client: Client, processes: Processes, team: Team
+) -> None:
+    processes.node(*team.parameters("guest.token"))
+    assert client.call(srv.TakeOff, f"{UAL}/take_off", height=3.0, blocking=True).success
+    goal = client.begin(action.GoToWaypoint, f"{UAL}/go_to_waypoint", lambda _: None, waypoint=pose(200.0, 0.0, 3.0))
+    ual(team.directory, "token", "revoke", "guest")
+    status, result = client.end_of(goal)
+    assert (status, result.reason) == (ABORTED, "UNAUTHENTICATED")
+    is_told(client, State.UNINITIALIZED, "UNAUTHENTICATED: ")
+    with Uav(address=team.address, tls_ca=str(team.directory / "certificates" / "authority.pem")) as world:
+        waited(lambda: world.velocity().twist.linear.norm() < 0.02)
+        telemetry = world.telemetry()
+        assert (telemetry.state, telemetry.task) == (UavState.FLYING_AUTO, None)
+        world.land()

@@ -108,7 +108,7 @@ def test_a_daemon_that_dies_is_told_and_found_again(client: Client, processes: P
     healths = client.hear(DiagnosticArray, f"{UAL}/health", 10)
     daemon.kill()
     daemon.wait()
-    is_told(client, State.UNINITIALIZED, "tells nothing")
+    is_told(client, State.UNINITIALIZED, "DAEMON_UNREACHABLE: ")
     waited(lambda: healths and healths[-1].status[0].level == b"\x02")
     refused = client.call(srv.TakeOff, f"{UAL}/take_off", height=3.0, blocking=True)
     assert refused.reason == "DAEMON_UNREACHABLE"
@@ -130,7 +130,7 @@ def test_a_daemon_that_was_started_anew_gets_the_frames_of_tf_again(client: Clie
         assert gone.success, gone.message
         daemon.kill()
         daemon.wait()
-        is_told(client, State.UNINITIALIZED, "tells nothing")
+        is_told(client, State.UNINITIALIZED, "DAEMON_UNREACHABLE: ")
         daemon = processes.daemon(*ARMED_FAST)
 
 

@@ -82,6 +82,9 @@ class UavInterface:
         self._newest: ual.Telemetry | None = None
         self._heard_s = 0.0
         self._refused_s = 0.0
+        self._samples: ual.aio.Subscription | None = None
+        self._refusal: ual.UalError | None = None
+        """Why the daemon gives no samples at all."""
         self._trouble = ""
         """Why nothing is known of it, while that is so: it is in the log once."""
         self._is_active = False
@@ -196,6 +199,7 @@ class UavInterface:
         self._is_active = True
         self._pulse = Pulse()
         self._said.address, self._said.failed = self._uav.address, ""
+        self._samples = self._refusal = None
         self._heard_s = self._loop.time()
         works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed(), self._cameras.follow()]
         works += [self._about.follow(), self._about.follow_route()]
@@ -365,18 +369,19 @@ class UavInterface:
         while True:
             try:
                 self._has_safety_pilot = (await self._uav.info()).has_safety_pilot
-                async with self._uav.subscribe(rate_hz) as samples:
-                    async for sample in samples:
+                async with self._uav.subscribe(rate_hz) as self._samples:
+                    async for sample in self._samples:
                         self._on_sample(sample)
             except ual.UalError as error:
-                self._tell_unknown(f"{error.reason}: {error.message}")
+                self._refusal = error
+                self._tell_unknown(self._why_silent())
             await asyncio.sleep(RETRY_S)
 
     def _on_sample(self, sample: ual.Telemetry) -> None:
         if self._trouble:
             _log.info("%s: it tells again", self._ns)
             self._trouble = ""
-        self._newest = sample
+        self._newest, self._refusal = sample, None
         self._heard_s = self._loop.time()
         self._topics.publish(sample)
         self._about.note(sample.task)
@@ -389,10 +394,17 @@ class UavInterface:
             await asyncio.sleep(1.0 / settings.slow_rate_hz)
             self._note_connection()
             if self._loop.time() - self._heard_s > silent_s:
-                self._tell_unknown(f"the daemon at {self._uav.address} tells nothing")
+                self._tell_unknown(self._why_silent())
             elif self._newest is not None:
                 self._topics.publish_slow(self._newest, self._said)
                 self._about.publish_slow(self._newest)
+
+    def _why_silent(self) -> str:
+        """Says why nothing is known of the UAV: a daemon that is away, or that refuses, does not just tell nothing."""
+        error = self._refusal or (self._samples.interruption if self._samples is not None else None)
+        if error is None:
+            return f"the daemon at {self._uav.address} tells nothing"
+        return f"{error.reason}: {error.message}"
 
     def _note_others(self) -> None:
         before, self._said.other_nodes = self._said.other_nodes, self._topics.others_count()
