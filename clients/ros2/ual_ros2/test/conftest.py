@@ -10,7 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -82,10 +82,10 @@ class Processes:
         assert process.poll() is None, self.said()
         return process
 
-    def node(self, *parameters: str) -> subprocess.Popen[bytes]:
-        """Starts a node with parameters (``ns:=uav_1``)."""
+    def node(self, *parameters: str, program: Sequence[str] = ("-m", "ual_ros2")) -> subprocess.Popen[bytes]:
+        """Starts a node with parameters (``ns:=uav_1``); `program` is what Python runs."""
         given = [word for parameter in parameters for word in ("-p", parameter)]
-        return self.start(sys.executable, "-m", "ual_ros2", "--ros-args", *given)
+        return self.start(sys.executable, *program, "--ros-args", *given)
 
     def said(self) -> str:
         """All that they have said."""
@@ -128,6 +128,13 @@ def processes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
         yield processes
 
 
+@pytest.fixture
+def own_processes(tmp_path: Path) -> Iterator[Processes]:
+    """Starts daemons and nodes of one test."""
+    with registry(tmp_path) as processes:
+        yield processes
+
+
 @contextmanager
 def in_ros() -> Iterator[Client]:
     """A program in ROS."""
@@ -141,6 +148,14 @@ def in_ros() -> Iterator[Client]:
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
     """A program in ROS."""
+    with in_ros() as client:
+        yield client
+
+
+@pytest.fixture
+def own_client() -> Iterator[Client]:
+    """A program in ROS, in a domain of its own: a node that was killed before is thought to be there for a while."""
+    reserve_domain()
     with in_ros() as client:
         yield client
 

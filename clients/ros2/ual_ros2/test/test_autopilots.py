@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ROS_ONLY, Processes, in_ros, registry, reserve_domain
+from conftest import ROS_ONLY, Processes, own_client, own_processes
 from flying import CANCELED, Client, waited
 from ros_tasks import error_of
 from ros_uav import RosParameters
@@ -24,19 +24,7 @@ import ual
 
 ROOT = Path(__file__).parents[4]
 UAL = "/uav_1/ual"
-
-
-@pytest.fixture
-def processes(tmp_path: Path) -> Iterator[Processes]:
-    with registry(tmp_path) as processes:
-        yield processes
-
-
-@pytest.fixture
-def client() -> Iterator[Client]:
-    reserve_domain()
-    with in_ros() as client:
-        yield client
+client, processes = own_client, own_processes
 
 
 @contextmanager

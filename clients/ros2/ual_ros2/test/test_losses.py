@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-from conftest import ARMED_FAST, Processes, in_ros, registry, reserve_domain
+from conftest import ARMED_FAST, Processes, own_client, own_processes
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from flying import ABORTED, LATCHED, Client, place, pose, velocity, waited
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -23,23 +22,9 @@ from ual_msgs.msg import State
 import ual
 
 UAL = "/uav_1/ual"
+client, processes = own_client, own_processes
 BRAKES_AT_M_S2 = 2.0
 """A light UAV's horizontal acceleration."""
-
-
-@pytest.fixture
-def processes(tmp_path: Path) -> Iterator[Processes]:
-    """Starts daemons and nodes of one test."""
-    with registry(tmp_path) as processes:
-        yield processes
-
-
-@pytest.fixture
-def client() -> Iterator[Client]:
-    """A program in ROS, in a domain of its own: one that was killed before is thought to be there for a while."""
-    reserve_domain()
-    with in_ros() as client:
-        yield client
 
 
 @pytest.fixture

@@ -5,31 +5,16 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-from conftest import Processes, in_ros, registry, reserve_domain
+from conftest import Processes, own_client, own_processes
 from flying import Client, waited
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 
-
-@pytest.fixture
-def processes(tmp_path: Path) -> Iterator[Processes]:
-    """Starts nodes of one test."""
-    with registry(tmp_path) as processes:
-        yield processes
-
-
-@pytest.fixture
-def client() -> Iterator[Client]:
-    """A program in ROS, in a domain of its own."""
-    reserve_domain()
-    with in_ros() as client:
-        yield client
+client, processes = own_client, own_processes
 
 
 def is_in(client: Client, state: str) -> None:
