@@ -10,6 +10,7 @@ from collections.abc import AsyncIterable, AsyncIterator, Callable, Mapping, Seq
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import AsyncMock
 
 import pytest
 
@@ -487,6 +488,26 @@ def test_what_is_refused_is_counted_and_told() -> None:
 
 
 # --- The simulation ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("is_simulation", "refusal", "is_offered", "asked_count"),
+    [
+        (False, None, False, 0),
+        (True, None, True, 1),
+        (True, ual.NotSupportedError("there is no such service"), False, 1),
+        (True, ual.DaemonUnreachableError("it has ended"), False, 1),
+    ],
+)
+def test_the_simulation_of_a_real_uav_is_not_asked_for(
+    is_simulation: bool, refusal: Exception | None, is_offered: bool, asked_count: int
+) -> None:
+    parts = AsyncMock(return_value=frozenset(), side_effect=refusal)
+    uav: Any = SimpleNamespace(simulation=SimpleNamespace(parts=parts))
+    info: Any = SimpleNamespace(is_simulation=is_simulation)
+    assert asyncio.run(_awaited(simulation.is_offered(uav, info))) is is_offered
+    assert parts.await_count == asked_count
+
 
 FAULTS: tuple[Fault, ...] = (
     LinkLost(),

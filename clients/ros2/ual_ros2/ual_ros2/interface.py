@@ -368,7 +368,9 @@ class UavInterface:
         rate_hz = self._shared.settings.rate_hz
         while True:
             try:
-                self._has_safety_pilot = (await self._uav.info()).has_safety_pilot
+                info = await self._uav.info()
+                self._has_safety_pilot = info.has_safety_pilot
+                await self._beside.on_connected(info)
                 async with self._uav.subscribe(rate_hz) as self._samples:
                     async for sample in self._samples:
                         self._on_sample(sample)

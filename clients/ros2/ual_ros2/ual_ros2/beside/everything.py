@@ -13,6 +13,7 @@ from std_msgs.msg import UInt8MultiArray
 
 import ual
 from ual_ros2 import topics
+from ual_ros2.beside import simulation
 from ual_ros2.beside.corrections import Corrections
 from ual_ros2.beside.filling import Filling
 from ual_ros2.beside.services import Table
@@ -23,8 +24,6 @@ from ual_ros2.ros_time import RosTime
 from ual_ros2.services import LateService
 from ual_ros2.settings import Settings
 
-LOOK_S = 2.0
-"""How often a daemon is asked whether its UAV is simulated, until it is known."""
 CORRECTIONS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """Each message counts."""
 
@@ -81,7 +80,13 @@ class Beside:
     def works(self) -> list[Coroutine[Any, Any, None]]:
         """Returns what is to run while the node is active."""
         telling = [each.follow(self._period_s) for each in self._tellers]
-        return [*telling, self._corrections.run(), self._find_simulation()]
+        return [*telling, self._corrections.run()]
+
+    async def on_connected(self, info: ual.Info) -> None:
+        """Adds the services of the simulation where the daemon has one. It is asked once for each connection."""
+        if not self._is_simulated and await simulation.is_offered(self._uav, info):
+            self._is_simulated = True
+            self._services += [self._service(each) for each in self._table.simulation()]
 
     def destroy(self) -> None:
         """Ends its services and topics."""
@@ -90,17 +95,6 @@ class Beside:
         for teller in self._tellers:
             teller.destroy()
         self._node.destroy_subscription(self._incoming)
-
-    async def _find_simulation(self) -> None:
-        """Adds the services of the simulation where there is one. No daemon of a real UAV offers it."""
-        while not self._is_simulated:
-            try:
-                await self._uav.simulation.parts()
-            except ual.UalError:  # it is real, or not there yet
-                await asyncio.sleep(LOOK_S)
-                continue
-            self._is_simulated = True
-            self._services += [self._service(each) for each in self._table.simulation()]
 
     def _service(self, command: Command) -> LateService:
         return LateService(self._node, command.kind, f"{self._prefix}/{command.name}", partial(self._serve, command))

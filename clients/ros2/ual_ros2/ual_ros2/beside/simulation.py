@@ -24,6 +24,20 @@ from ual_ros2.beside.fields import Fields, named, names_of, vector
 from ual_ros2.messages import Message
 
 
+async def is_offered(uav: ual.aio.Uav, info: ual.Info) -> bool:
+    """Returns whether the daemon offers its simulation. That of a real UAV is not asked, as its info says so.
+
+    A simulated UAV need not have one to offer: that of an autopilot's own simulator does not.
+    """
+    if not info.is_simulation:
+        return False
+    try:
+        await uav.simulation.parts()
+    except ual.UalError:  # a daemon that has ended meanwhile is asked again by the next connection
+        return False
+    return True
+
+
 async def list_parts(uav: ual.aio.Uav, _: Message) -> Fields:
     """Serves ListSimulationParts."""
     return {"parts": names_of(await uav.simulation.parts())}
