@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import importlib
+import math
 import sys
 import threading
 from collections.abc import Iterator, Mapping
@@ -85,6 +86,8 @@ def test_which_uavs_are_meant(parameters: dict[str, Any], ns: object, address: o
         ({"rate_hz": 0.0}, "rate_hz"),
         ({"slow_rate_hz": float("nan")}, "slow_rate_hz"),
         ({"feedback_rate_hz": 1e9}, "feedback_rate_hz"),
+        ({"transform_tolerance": 0.0}, "transform_tolerance: 0.0 is not a time above 0 s"),
+        ({"transform_tolerance": float("nan")}, "transform_tolerance: nan"),
         ({"token_file": "/nowhere"}, "token_file: cannot read /nowhere"),
         ({"tls_key": "key.pem"}, "a certificate and its key are needed together"),
         ({"rate_hz": "fast"}, "rate_hz: 'fast' is not a number"),
@@ -108,6 +111,9 @@ def test_a_parameter_that_is_set_too_late_or_wrong_is_refused_with_what_to_do() 
     late = settings.refusal({"rate_hz": 50.0, "use_sim_time": True}, is_configured=True)
     assert late.startswith("rate_hz is read when the node is configured: `ros2 lifecycle set`")
     assert settings.refusal({"rate_hz": -3.0}, is_configured=False) == "rate_hz: -3.0 is not a rate of 0 to 1000 Hz"
+    assert settings.refusal({"transform_tolerance": -1}, is_configured=False).startswith(
+        "transform_tolerance: -1 is not"
+    )
     assert settings.refusal({"ns": 5}, is_configured=False) == "ns: 5 is not text"
     assert settings.refusal({"rate_hz": 50.0, "ns": "uav_1"}, is_configured=False) == ""
     assert settings.refusal({"use_sim_time": True, "qos_overrides./tf": 1}, is_configured=True) == ""
@@ -198,6 +204,67 @@ def test_what_tf_does_not_know_or_where_it_leads_round_is_none() -> None:
     tf.put(link("a", "b", 1.0))
     tf.put(link("b", "a", 1.0))
     assert tf.to_known("a", {"map"}) is None
+
+
+def test_a_moving_frame_that_tf_refreshes_no_more_is_lost_and_a_static_one_is_not() -> None:
+    now_s = 100.0
+    tf = TfBuffer(1.0, lambda: now_s)
+    tf.put(link("map", "ship", 10.0))
+    tf.put(link("ship", "pad", 2.0), is_static=True)
+    tf.put(link("map", "tower", 5.0), is_static=True)
+
+    def require(frame_id: str) -> None:
+        found = tf.to_known(frame_id, {"map"})
+        assert found is not None
+        tf.require_fresh(frame_id, found)
+
+    now_s = 101.0
+    require("pad")
+    now_s = 101.1
+    with pytest.raises(ual.FrameLostError, match=r"where pad is: ship was not on /tf for 1 s: start what") as lost:
+        require("pad")
+    assert lost.value.metadata["frame_id"] == "pad"
+    assert lost.value.metadata["remedy"] == "start what publishes ship on /tf, or set transform_tolerance"
+    tf.put(link("map", "ship", 11.0))
+    require("pad")
+    now_s = 1e9
+    require("tower")
+
+
+def test_of_several_moving_frames_the_oldest_counts_whichever_way_tf_leads() -> None:
+    now_s = 0.0
+    tf = TfBuffer(1.0, lambda: now_s)
+    tf.put(link("earth", "map", 100.0))
+    now_s = 0.9
+    tf.put(link("earth", "ship", 130.0))
+    now_s = 1.5
+    found = tf.to_known("ship", {"map"})
+    assert found is not None
+    with pytest.raises(ual.FrameLostError, match="where ship is: map was not on /tf"):
+        tf.require_fresh("ship", found)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        link("map", "ship", math.nan),
+        link("map", "ship", math.inf),
+        link("map", "ship", 1.0, math.nan),
+        link("", "ship", 1.0),
+        link("ship", "ship", 1.0),
+        ual.Transform(ual.Vector3(), ual.Quaternion(0.0, 0.0, 0.0, 0.0), "map", "ship"),
+        ual.Transform(ual.Vector3(), ual.Quaternion(0.0, 0.0, 0.0, 1.02), "map", "ship"),
+    ],
+)
+def test_what_is_no_transform_is_left_out_as_in_tf2(wrong: ual.Transform) -> None:
+    tf = TfBuffer()
+    tf.put(wrong)
+    assert tf.to_known("ship", {"map"}) is None
+    tf.put(link("map", "ship", 3.0))
+    tf.put(wrong)
+    found = tf.to_known("ship", {"map"})
+    assert found is not None
+    assert found.link.translation.x == 3.0
 
 
 @given(st.lists(st.tuples(st.floats(-10.0, 10.0), st.floats(-3.0, 3.0)), min_size=1, max_size=8))

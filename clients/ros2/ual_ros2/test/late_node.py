@@ -21,8 +21,8 @@ def main(file: Path, arguments: list[str]) -> None:
     def late_s() -> float:
         return float(file.read_text(encoding="utf-8"))
 
-    interface.Lateness = partial(Lateness, utc_s=lambda: time.time() + late_s())
-    interface.Pulse = partial(Pulse, late_s)
+    clocked = {"Lateness": partial(Lateness, utc_s=lambda: time.time() + late_s()), "Pulse": partial(Pulse, late_s)}
+    vars(interface).update(clocked)
     node.main(arguments)
 
 

@@ -340,3 +340,26 @@ def test_a_goal_in_a_frame_of_tf_that_moves_is_followed(client: Client, flying: 
     there = ual.Vector3(2.0, 2.0, 4.0)
     waited(lambda: (flying.transform("map", "uav_1/base_link").translation - there).norm() < 0.1)
     client.node.destroy_timer(places)
+
+
+def test_a_goal_in_a_frame_that_tf_refreshes_no_more_is_refused(client: Client, flying: ual.Uav) -> None:
+    def asked() -> tuple[bool, str]:
+        answer = client.call(srv.SetPose, f"{UAL}/set_pose", pose=pose(0.0, 0.0, 3.0, "buoy"), dry_run=True)
+        return answer.success, answer.reason
+
+    places = client.repeat(0.02, TFMessage, "/tf", lambda: place(1.0, "map", "buoy"))
+    waited(lambda: asked() == (True, ""))
+    client.node.destroy_timer(places)
+    waited(lambda: asked() == (False, "FRAME_LOST"))
+    begin = flying.pose().pose.position
+    gone = client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(5.0, 0.0, 3.0, "buoy"))
+    assert (gone.success, gone.reason) == (False, "FRAME_LOST")
+    assert "buoy was not on /tf for 1 s" in gone.message
+    told = client.hear(DiagnosticArray, f"{UAL}/health", 10)
+    goals = client.repeat(0.1, PoseStamped, f"{UAL}/set_pose", lambda: pose(5.0, 0.0, 3.0, "buoy"))
+    waited(lambda: [each for each in told if "FRAME_LOST" in each.status[0].message])
+    client.node.destroy_timer(goals)
+    assert (flying.pose().pose.position - begin).norm() < 0.1
+    places = client.repeat(0.02, TFMessage, "/tf", lambda: place(1.0, "map", "buoy"))
+    waited(lambda: asked() == (True, ""))
+    client.node.destroy_timer(places)

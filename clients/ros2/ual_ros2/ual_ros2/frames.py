@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Iterable
+from functools import partial
 
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
@@ -27,14 +28,23 @@ APPEARS_S = 0.3
 
 
 class Tf:
-    """``/tf`` and ``/tf_static``, shared by all UAVs of the node. Only the event loop publishes."""
+    """``/tf`` and ``/tf_static``, shared by all UAVs of the node. Only the event loop publishes.
 
-    def __init__(self, node: Entity, time: RosTime, listener: Listener) -> None:
+    Args:
+        node: Has the topics.
+        time: The node's clock.
+        listener: Hears them.
+        tolerance_s: How long after a frame was on ``/tf`` goals may be in it.
+
+    """
+
+    def __init__(self, node: Entity, time: RosTime, listener: Listener, tolerance_s: float) -> None:
         self.moving = node.create_publisher(TFMessage, "/tf", **topics.overridable(topics.TF))
         self._static = node.create_publisher(TFMessage, "/tf_static", **topics.overridable(topics.LATCHED))
         self._node = node
         self._time = time
         self._listener = listener
+        self._tolerance_s = tolerance_s
         self._published: dict[str, ual.Transform] = {}
         self._listened: TfBuffer | None = None
         self._complete_s = 0.0
@@ -62,20 +72,21 @@ class Tf:
     def listened(self) -> TfBuffer:
         """Returns what tf says. It is listened to from the first call on: most programs need it never."""
         if self._listened is None:
-            self._listened = TfBuffer()
+            self._listened = TfBuffer(self._tolerance_s)
             self._complete_s = asyncio.get_running_loop().time() + COMPLETE_S
-            for topic, qos in (("/tf", topics.TF), ("/tf_static", topics.MANY_LATCHED)):
-                self._subscriptions.append(self._listener.subscribe(TFMessage, topic, self._on_tf, qos))
+            for topic, is_static, qos in (("/tf", False, topics.TF), ("/tf_static", True, topics.MANY_LATCHED)):
+                callback = partial(self._on_tf, is_static=is_static)
+                self._subscriptions.append(self._listener.subscribe(TFMessage, topic, callback, qos))
         return self._listened
 
     def complete_s(self) -> float:
         """Returns when a frame that is not known by then is known to be missing, in the event loop's time."""
         return max(self._complete_s, asyncio.get_running_loop().time() + APPEARS_S)
 
-    def _on_tf(self, message: Message) -> None:
+    def _on_tf(self, message: Message, *, is_static: bool) -> None:
         if self._listened is not None:
             for each in message.transforms:
-                self._listened.put(values.transform_stamped(each))
+                self._listened.put(values.transform_stamped(each), is_static=is_static)
 
     def _stamped(self, link: ual.Transform, stamp_s: float | None = None) -> Message:
         message = TransformStamped()
@@ -121,10 +132,17 @@ class Frames:
         """Gives the daemon those of the frames that it does not know and tf does.
 
         One that neither knows is left to the daemon: its refusal lists the frames that there are.
+
+        Raises:
+            FrameLostError: tf tells no more where one is. What follows a goal in it already holds there.
+
         """
-        for frame_id in set(frame_ids) - self._known - self._given.keys() - {"", self._body}:
+        for frame_id in set(frame_ids) - self._known - {"", self._body}:
             found = await self._appears(frame_id)
-            if found is not None:
+            if found is None:
+                continue
+            self._tf.listened().require_fresh(frame_id, found)
+            if frame_id not in self._given:
                 await self._give(frame_id, found)
 
     async def feed(self) -> None:

@@ -88,7 +88,8 @@ class UalNode(LifecycleNode):
             settings = parameters.read(self)
             named = self._named(settings)
             time = RosTime(self.get_clock())
-            self._shared = Shared(self, self._loop, settings, time, Tf(self, time, self.listener), self.listener)
+            tf = Tf(self, time, self.listener, settings.transform_tolerance_s)
+            self._shared = Shared(self, self._loop, settings, time, tf, self.listener)
             for ns, address in named.items():
                 self._add(ns, address)
         except ual.UalError as error:

@@ -27,6 +27,7 @@ DEFAULTS: dict[str, tuple[Any, str]] = {
     "slow_rate_hz": (2.0, "how often battery, fix and health are published, and frames are looked for"),
     "camera_rate_hz": (5.0, "how often each picture of a camera that is heard is fetched and published"),
     "feedback_rate_hz": (10.0, "how often actions give feedback"),
+    "transform_tolerance": (1.0, "how many seconds after a frame was on /tf goals and setpoints may be in it"),
     "refuse_late": (True, "whether what was sent too long ago, or is stamped so, is refused"),
     "log_directory": ("", "the directory that logs of the autopilot are downloaded to; empty: none are"),
     "autostart": (True, "whether the node configures and activates itself"),
@@ -50,6 +51,7 @@ class Settings:
     slow_rate_hz: float
     camera_rate_hz: float
     feedback_rate_hz: float
+    transform_tolerance_s: float
     refuses_late: bool
     log_directory: Path | None
     """None: the node writes no logs."""
@@ -82,6 +84,8 @@ def refusal(given: Mapping[str, Any], *, is_configured: bool) -> str:
             _require_type(name, value)
             if name.endswith("rate_hz"):
                 _rate(ours, name)
+            if name == "transform_tolerance":
+                _tolerance_s(ours)
     except ual.InvalidArgumentError as error:
         return error.message
     return ""
@@ -111,6 +115,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
         slow_rate_hz=_rate(given, "slow_rate_hz"),
         camera_rate_hz=_rate(given, "camera_rate_hz"),
         feedback_rate_hz=_rate(given, "feedback_rate_hz"),
+        transform_tolerance_s=_tolerance_s(given),
         refuses_late=bool(given["refuse_late"]),
         log_directory=_directory(given["log_directory"]),
     )
@@ -187,6 +192,13 @@ def _rate(given: Mapping[str, Any], name: str) -> float:
     if not 0.0 < rate_hz <= 1000.0:
         raise _invalid(name, f"{rate_hz} is not a rate of 0 to 1000 Hz")
     return float(rate_hz)
+
+
+def _tolerance_s(given: Mapping[str, Any]) -> float:
+    tolerance_s = given["transform_tolerance"]
+    if not tolerance_s > 0.0:
+        raise _invalid("transform_tolerance", f"{tolerance_s} is not a time above 0 s")
+    return float(tolerance_s)
 
 
 def _invalid(name: str, text: str) -> ual.InvalidArgumentError:
