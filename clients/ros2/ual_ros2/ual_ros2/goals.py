@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import KeyValue
 from rclpy.action import ActionServer, CancelResponse
 
 import ual
-from ual_ros2 import outcome, values
+from ual_ros2 import contact, outcome, values
 from ual_ros2.command import Action
 from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Outcome, Run
@@ -37,6 +37,10 @@ class Pilot(Protocol):
 
     async def abort(self) -> None:
         """Ends what flies."""
+        ...
+
+    async def running_id(self) -> str:
+        """Asks the daemon which task runs; empty: none."""
         ...
 
 
@@ -95,7 +99,10 @@ class Goals:
         finally:
             flying.cancel("the node failed")  # of one that has ended, this does nothing
             del self._flying[_key(goal_handle)]
-        result = await self._end(goal_handle, flying.task.result())
+        ended = flying.task.result()
+        if self._action.is_task and _is_cancelled(ended):
+            ended = await contact.confirmed(ended, self._pilot.running_id, task_id, known_id)
+        result = await self._end(goal_handle, ended)
         if self._action.is_task:
             result.task_id = result.task_id or task_id
         return result
@@ -128,7 +135,7 @@ class Goals:
     async def _end(self, goal_handle: Entity, ended: Outcome) -> Message:
         if ended.is_success:
             goal_handle.succeed()
-        elif ended.metadata.get("by") == CANCELLED_BY and await _is_canceling(goal_handle):
+        elif _is_cancelled(ended) and await _is_canceling(goal_handle):
             goal_handle.canceled()
         else:
             goal_handle.abort()
@@ -167,6 +174,10 @@ async def _is_canceling(goal_handle: Entity) -> bool:
             return True
         await asyncio.sleep(0.005)
     return False
+
+
+def _is_cancelled(ended: Outcome) -> bool:
+    return ended.reason == "TASK_ABORTED" and ended.metadata.get("by") == CANCELLED_BY
 
 
 def _key(goal_handle: Entity) -> bytes:

@@ -21,10 +21,11 @@ from ual_ros2.beside.everything import Beside
 from ual_ros2.cameras import Cameras
 from ual_ros2.command import Command
 from ual_ros2.commands import ACTIONS, SERVICES
+from ual_ros2.contact import Contact
 from ual_ros2.frames import Frames, Tf
 from ual_ros2.goals import Goals
 from ual_ros2.health import Said
-from ual_ros2.lateness import BEAT_S, Lateness, Pulse
+from ual_ros2.lateness import BEAT_S, COMMAND_S, SETPOINT_S, Lateness, Pulse
 from ual_ros2.listener import Listener
 from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Outcome, Run
@@ -80,7 +81,7 @@ class UavInterface:
         self._lateness = Lateness(settings.refuses_late)
         self._pulse = Pulse()
         self._newest: ual.Telemetry | None = None
-        self._heard_s = 0.0
+        self._contact = Contact(self._uav.telemetry, settings.rate_hz, self._loop.time)
         self._refused_s = 0.0
         self._samples: ual.aio.Subscription | None = None
         self._refusal: ual.UalError | None = None
@@ -200,7 +201,7 @@ class UavInterface:
         self._pulse = Pulse()
         self._said.address, self._said.failed = self._uav.address, ""
         self._samples = self._refusal = None
-        self._heard_s = self._loop.time()
+        self._contact.note()
         works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed(), self._cameras.follow()]
         works += [self._about.follow(), self._about.follow_route()]
         works.append(self._beat())
@@ -256,6 +257,11 @@ class UavInterface:
         self._require_lease()
         await self._uav.abort()
 
+    async def running_id(self) -> str:
+        """Asks the daemon which task runs; empty: none."""
+        task = (await self._uav.telemetry()).task
+        return "" if task is None else task.id
+
     def begin_command(self, command: Command, request: Message, sent_s: float = 0.0) -> Run:
         """Begins a command, which `end` ends. It was sent at a time of UTC (0: not known)."""
         run = Run(lambda: self._perform(command, request, sent_s))
@@ -284,6 +290,7 @@ class UavInterface:
             self._require_lease()
             if not command.may_be_late:
                 self._require_present(sent_s)
+                await self._contact.require(COMMAND_S)
         await self._frames.provide(command.frames(request))
         for stamp in command.stamps(request):
             self._shared.time.make_utc(stamp)
@@ -300,6 +307,7 @@ class UavInterface:
             await self._set_external_pose(value)
             return
         self._require_lease()
+        await self._contact.require(SETPOINT_S)
         if value.frame_id:
             await self._frames.provide((value.frame_id,))
         if isinstance(value, ual.PoseStamped):
@@ -384,7 +392,7 @@ class UavInterface:
             _log.info("%s: it tells again", self._ns)
             self._trouble = ""
         self._newest, self._refusal = sample, None
-        self._heard_s = self._loop.time()
+        self._contact.note()
         self._topics.publish(sample)
         self._about.note(sample.task)
 
@@ -395,7 +403,7 @@ class UavInterface:
         while True:
             await asyncio.sleep(1.0 / settings.slow_rate_hz)
             self._note_connection()
-            if self._loop.time() - self._heard_s > silent_s:
+            if self._contact.silent_s > silent_s:
                 self._tell_unknown(self._why_silent())
             elif self._newest is not None:
                 self._topics.publish_slow(self._newest, self._said)

@@ -1,0 +1,95 @@
+"""Whether a daemon can be asked now, and what a cancel has come to. It needs no ROS.
+
+A connection that stalls keeps what is sent, and delivers it seconds later. So what moves a UAV is not sent into one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+import ual
+from ual_ros2.outcome import Outcome
+
+QUIET_S = 0.2
+"""After so long without a sample (or three of them) a daemon is asked before anything moves."""
+CONFIRM_S = 5.0
+"""For so long a cancelled goal waits until the daemon says that it has ended."""
+AGAIN_S = 0.05
+
+
+class Contact:
+    """The contact to one daemon. Only the event loop calls it.
+
+    Args:
+        ask: Asks for what a daemon can answer at once.
+        rate_hz: How often it sends samples.
+        clock: The event loop's.
+
+    """
+
+    def __init__(self, ask: Callable[[], Awaitable[object]], rate_hz: float, clock: Callable[[], float]) -> None:
+        self._ask = ask
+        self._quiet_s = max(QUIET_S, 3.0 / rate_hz)
+        self._clock = clock
+        self._heard_s = clock()
+
+    def note(self) -> None:
+        """Takes that the daemon was heard."""
+        self._heard_s = self._clock()
+
+    @property
+    def silent_s(self) -> float:
+        """How long nothing was heard."""
+        return self._clock() - self._heard_s
+
+    async def require(self, limit_s: float) -> None:
+        """Requires that the daemon is heard, or answers within a time.
+
+        Raises:
+            DaemonUnreachableError: It does not answer.
+            UalError: It refuses to.
+
+        """
+        if self.silent_s <= self._quiet_s:
+            return
+        try:
+            await asyncio.wait_for(self._ask(), limit_s)
+        except asyncio.TimeoutError:
+            raise ual.DaemonUnreachableError(
+                f"the daemon does not answer within {limit_s:g} s: this is not sent, as it might be flown much later. "
+                "Send it again when `state` tells of the UAV",
+                {"limit_s": f"{limit_s:g}"},
+            ) from None
+
+
+async def confirmed(
+    ended: Outcome, running_id: Callable[[], Awaitable[str]], own_id: str, known_id: str, limit_s: float = CONFIRM_S
+) -> Outcome:
+    """Returns how a cancelled goal has ended: as cancelled only once the daemon says that its task runs no more.
+
+    Args:
+        ended: How it ended here.
+        running_id: Asks the daemon which task runs; empty: none.
+        own_id: The goal's own task; empty: none was seen.
+        known_id: The one that ran before.
+        limit_s: How long to wait for it.
+
+    """
+    try:
+        await asyncio.wait_for(_until_ended(running_id, own_id, known_id), limit_s)
+    except (ual.UalError, asyncio.TimeoutError) as error:
+        why = f"{error.reason}: {error.message}" if isinstance(error, ual.UalError) else f"no answer in {limit_s:g} s"
+        text = f"{ended.message}. The daemon has not said that it has ended ({why}): it may still fly. Watch `state`"
+        return Outcome("TIMEOUT", text, ended.metadata)
+    return ended
+
+
+async def _until_ended(running_id: Callable[[], Awaitable[str]], own_id: str, known_id: str) -> None:
+    """Waits while the goal's task runs. One that was never seen may be any but that which ran before."""
+    while _is_meant(await running_id(), own_id, known_id):  # noqa: ASYNC110  a daemon that is asked sets no event
+        await asyncio.sleep(AGAIN_S)
+
+
+def _is_meant(found: str, own_id: str, known_id: str) -> bool:
+    return found == own_id if own_id else found not in ("", known_id)
