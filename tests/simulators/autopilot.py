@@ -19,6 +19,7 @@ from tests.simulators.fence import CIRCLES, POLYGONS, Fence, Item
 from tests.simulators.files import FileStore
 from tests.simulators.mission_flight import MissionFlight
 from tests.simulators.mission_store import MISSION, MissionStore, Sender
+from tests.simulators.mount import Mount
 from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus, wrap
 from tests.simulators.satellite_receiver import SatelliteReceiver
 from ual.geometry import Vector3
@@ -127,6 +128,8 @@ class Autopilot(ABC):
         self.kept_parameters: set[str] = set()
         """Names of parameters that it keeps as they are, whatever is written."""
         self.builders: dict[int, Callable[[], Message | None]] = self._builders()
+        self.mount: Mount | None = None
+        """Its gimbal."""
         self.receiver = SatelliteReceiver()
         """What its satellite receiver is given."""
         self._handlers: dict[int, Callable[[Message, Sender], None]] = {
@@ -466,6 +469,8 @@ class Autopilot(ABC):
             result = REJECTED if self.is_armed else ACCEPTED
             if result == ACCEPTED:
                 self.at(0.1, self.reboot)
+        elif self.mount is not None and command in self.mount.commands:
+            result = self.mount.obey(command, params)
         else:
             result = self._command(command, params, sender)
         if result is not None:

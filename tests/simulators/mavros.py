@@ -122,6 +122,8 @@ class Mavros:
             "AUTOPILOT_VERSION": self._version,
             "COMMAND_ACK": self._ack,
             "PARAM_VALUE": self._parameter_value,
+            "MOUNT_ORIENTATION": self._mount,
+            "GIMBAL_DEVICE_ATTITUDE_STATUS": self._gimbal,
         }
         self.server: dict[str, float] = {}
         """What it has put on the parameter server of ROS 1, which outlives it."""
@@ -193,6 +195,7 @@ class Mavros:
             "rc/in": "mavros_msgs/RCIn",
             "timesync_status": "mavros_msgs/TimesyncStatus",
             "setpoint_raw/target_local": "mavros_msgs/PositionTarget",
+            "mount_control/orientation": "geometry_msgs/Quaternion",
         }
         for plugin in self.lists:
             kinds |= {} if plugin.name in self.denied else plugin.topics()
@@ -200,6 +203,7 @@ class Mavros:
             kinds["gpsstatus/gps1/raw"] = "mavros_msgs/GPSRAW"
         if self.ros == 2:
             kinds["status_event"] = "mavros_msgs/StatusEvent"
+            kinds["gimbal_control/device/attitude_status"] = "mavros_msgs/GimbalDeviceAttitudeStatus"
         return {} if self.is_gone else {f"{self.name}/{topic}": kind for topic, kind in kinds.items()}
 
     @property
@@ -215,6 +219,7 @@ class Mavros:
     def services(self) -> Mapping[str, Service]:
         found: dict[str, Service] = {
             "cmd/command": self._command_long,
+            "cmd/command_int": self._command_int,
             "cmd/arming": self._arming,
             "cmd/takeoff": self._take_off,
             "set_mode": self._set_mode,
@@ -244,7 +249,7 @@ class Mavros:
         """Services of which ROS 2 executes one at a time (``srv_cg`` in sys_status.cpp and command.cpp)."""
         groups = (
             ("set_mode", "set_message_interval", "vehicle_info_get"),
-            ("cmd/command", "cmd/arming", "cmd/takeoff"),
+            ("cmd/command", "cmd/command_int", "cmd/arming", "cmd/takeoff"),
             *(tuple(plugin.services()) for plugin in self._plugins),
         )
         return tuple(frozenset(f"{self.name}/{each}" for each in group) for group in groups) if self.ros == 2 else ()
@@ -453,6 +458,18 @@ class Mavros:
         }
         self._publish("setpoint_raw/target_local", {"header": self._header(), "type_mask": message.type_mask, **place})
 
+    def _mount(self, message: Any) -> None:
+        """As MAVROS does, which leaves the axes as they are."""
+        degrees = (message.roll, message.pitch, message.yaw)
+        self._publish("mount_control/orientation", _quaternion(Quaternion.from_euler(*map(math.radians, degrees))))
+
+    def _gimbal(self, message: Any) -> None:
+        if self.ros == 2:
+            w, x, y, z = message.q
+            said = {"flags": message.flags, "failure_flags": message.failure_flags}
+            said |= {"header": self._header(message.time_boot_ms), "q": {"x": x, "y": y, "z": z, "w": w}}
+            self._publish("gimbal_control/device/attitude_status", said)
+
     def _version(self, message: Any) -> None:
         self._has_version = True
         self._software, self._uid, self._board = message.flight_sw_version, message.uid, message.board_version
@@ -516,6 +533,14 @@ class Mavros:
 
     def _command_long(self, message: Message) -> Message:
         return self._command(message["command"], *(float(message.get(f"param{number}", 0.0)) for number in range(1, 8)))
+
+    def _command_int(self, message: Message) -> Message:
+        """Waits for nothing."""
+        params = (float(message.get(f"param{number}", 0.0)) for number in range(1, 5))
+        place = (message.get("x", 0), message.get("y", 0), float(message.get("z", 0.0)))
+        frame, command = message["frame"], message["command"]
+        self._send(mavlink.MAVLink_command_int_message(self.target_system, 1, frame, command, 0, 0, *params, *place))
+        return {"success": True}
 
     def _arming(self, message: Message) -> Message:
         return self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, float(message["value"]))

@@ -21,6 +21,7 @@ from ual_daemon.backends.firmwares.autopilot import (
 )
 from ual_daemon.backends.firmwares.feed_forward import TILT_S
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
+from ual_daemon.backends.firmwares.gimbal_codec import ArduPilotGimbal
 from ual_daemon.backends.firmwares.gripper_codec import ArduPilotGripper
 from ual_daemon.backends.firmwares.mission_codec import ArduCopterMissions
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, Sensor, VtolState
@@ -195,6 +196,7 @@ class ArduCopter(Autopilot):
 
     name = "ArduPilot"
     gripper = ArduPilotGripper(name)
+    gimbal = ArduPilotGimbal()
     capabilities = frozenset(Capability)
     sends_landed_state = True
     setpoint_mode, hold_mode, land_mode = "GUIDED", "BRAKE", "LAND"

@@ -12,6 +12,7 @@ from typing import Protocol
 from ual.types import Capability, Limits
 from ual_daemon.backends.engine.command import NotYetError
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
+from ual_daemon.backends.firmwares.gimbal_codec import GimbalCodec
 from ual_daemon.backends.firmwares.gripper_codec import GripperCodec
 from ual_daemon.backends.firmwares.mission_codec import MissionCodec
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, VehicleType
@@ -90,6 +91,8 @@ class Autopilot(ABC):
     """See `ual_daemon.backends.values.VehicleInfo`."""
     gripper: GripperCodec | None = None
     """How what it carries is moved; None where UAL moves nothing of it."""
+    gimbal: GimbalCodec | None = None
+    """How a gimbal of its own is turned where a bridge passes on its parameters and commands only."""
     setpoint_mode = ""
     """The name of the mode in which it follows setpoints."""
     hold_mode = ""

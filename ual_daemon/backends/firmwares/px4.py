@@ -17,6 +17,7 @@ from ual_daemon.backends.firmwares.autopilot import (
 )
 from ual_daemon.backends.firmwares.feed_forward import VELOCITY_GAINS
 from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
+from ual_daemon.backends.firmwares.gimbal_codec import Px4Gimbal
 from ual_daemon.backends.firmwares.gripper_codec import Px4Gripper
 from ual_daemon.backends.firmwares.mission_codec import Px4Missions
 from ual_daemon.backends.firmwares.numbers import Sensor, VtolState
@@ -117,6 +118,7 @@ class Px4(Autopilot):
 
     name = "PX4"
     gripper = Px4Gripper(name)
+    gimbal = Px4Gimbal()
     capabilities = frozenset(Capability)
     sends_landed_state = True
     setpoint_mode, hold_mode, land_mode = "OFFBOARD", "AUTO.LOITER", "AUTO.LAND"

@@ -27,6 +27,7 @@ from ual_daemon.backends.mavros import commands, topics
 from ual_daemon.backends.mavros.commands import Call
 from ual_daemon.backends.mavros.corrections import MavrosCorrections
 from ual_daemon.backends.mavros.discovery import Discovery
+from ual_daemon.backends.mavros.offers.gimbals import MavrosGimbal, MavrosGimbals
 from ual_daemon.backends.mavros.offers.gripper import MavrosGripper
 from ual_daemon.backends.mavros.offers.lists import MavrosLists
 from ual_daemon.backends.mavros.offers.parameters import MavrosParameters
@@ -69,13 +70,12 @@ class MavrosBackend(Backend):
         self._beside = [(Contained(type(each).__name__), each) for each in beside]
         self._parameters = MavrosParameters(self._services[0])
         lists = MavrosLists(self._services[1])
-        gripper = MavrosGripper(
-            self._last_session, lambda what, command: self._command(what, lambda _: command), self._post
-        )
+        gripper = MavrosGripper(self._last_session, self._give, self._post)
         self._offers = (
             self._corrections,
             self._parameters,
             gripper,
+            MavrosGimbals(MavrosGimbal(reach, self._give, self._now_s)),
             ListedFence(lists, self._known),
             ListedMissions(self._mission_access(lists)),
         )
@@ -237,11 +237,17 @@ class MavrosBackend(Backend):
         desk = self._desk
         return futures.failed(self._why_not(what)) if desk is None else desk.give(what, make_now)
 
+    def _give(self, what: str, command: Command[Call]) -> Future[None]:
+        return self._command(what, lambda _: command)
+
     def _reach(self, what: str) -> CommandRunner[Call] | LinkLostError:
         session = self._session_in_reach(self.clock.now_s())
         return self._why_not(what) if session is None else session.runner
 
     # --- For what is offered beside flying ----------------------------------------------------------------------------
+
+    def _now_s(self) -> float:
+        return self.clock.now_s()
 
     def _last_session(self) -> Session | None:
         return None if self._discovery is None else self._discovery.session

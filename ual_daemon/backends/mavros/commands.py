@@ -40,6 +40,8 @@ _ACCEPTED, _FAILED, _IN_PROGRESS = 0, 4, 5
 _NO_ACK_S = 4.5
 """MAVROS waits for 5 s, and then says FAILED (version 1.21)."""
 _MISSION_START = 300
+_NO_FRAME = 2
+"""MAV_FRAME_MISSION."""
 _RESULTS = {1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED", 6: "CANCELLED"}
 
 Answer = Message | ServiceError
@@ -108,6 +110,13 @@ def move(order: PayloadOrder) -> Command[Call]:
     params = {f"param{number}": value for number, value in enumerate(order.params, 1)}
     call = Call(topics.COMMAND, {"command": order.id, **params})
     return replace(ordered(Command(order.what, call), order), repeat=Repeat(every_s=CALL_S + 0.5, most=1))
+
+
+def as_int(order: PayloadOrder) -> Message:
+    """Returns the arguments of cmd/command_int for an order, which has no place: MAVROS waits for no answer to it."""
+    param1, param2, param3, param4, x, y, z = order.params
+    params = {"param1": param1, "param2": param2, "param3": param3, "param4": param4}
+    return {"frame": _NO_FRAME, "command": order.id, **params, "x": int(x), "y": int(y), "z": z}
 
 
 def fly_mission(autopilot: Autopilot) -> Command[Call]:

@@ -30,8 +30,14 @@ class ParameterReader:
     """Reads parameters, one call at a time. `on_read` is called when some have come."""
 
     def __init__(
-        self, autopilot: Autopilot, parameters: dict[str, float], judge: Plausibility, on_read: Callable[[], None]
+        self,
+        autopilot: Autopilot,
+        parameters: dict[str, float],
+        judge: Plausibility,
+        on_read: Callable[[], None],
+        beside: Callable[[], tuple[str, ...]] = tuple,
     ) -> None:
+        """`beside` returns the names of others that are wanted, by what was read. Each is asked for once."""
         self._autopilot = autopilot
         self._failed: set[str] = set()
         """The names under which MAVROS had none in this round."""
@@ -42,6 +48,8 @@ class ParameterReader:
         self._next_s = 0.0
         self._round_s = FIRST_ROUND_S
         self._optional_asked = False
+        self._beside = beside
+        self._beside_asked: set[str] = set()
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -50,6 +58,8 @@ class ParameterReader:
 
     def tick(self, now_s: float, ros: Ros, call: Call) -> bool:
         """Asks for what is due. Returns whether it has called a service."""
+        if not self._queue:
+            self._queue = self._new_beside()
         if not self._queue:
             if now_s < self._next_s:
                 return False
@@ -76,6 +86,15 @@ class ParameterReader:
         """Returns the optional ones, once: MAVROS logs an error for each that the autopilot does not have."""
         asked, self._optional_asked = self._optional_asked, True
         return [] if asked else absent
+
+    def _new_beside(self) -> list[str]:
+        """Returns those beside flying that were not asked for yet, once all that a flight needs have come."""
+        if self.missing:
+            self._beside_asked.clear()  # it has booted
+            return []
+        found = [name for name in self._beside() if name not in self._beside_asked]
+        self._beside_asked.update(found)
+        return found
 
     def _on_values(self, names: list[str], answer: Message) -> None:
         for name, value in zip(names, answer["values"], strict=False):

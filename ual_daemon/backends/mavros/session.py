@@ -31,7 +31,7 @@ from ual_daemon.backends.mavros import messages, topics
 from ual_daemon.backends.mavros.commands import CALL_S, TEXT_S, Answer, Call, read_answer
 from ual_daemon.backends.mavros.parameters import ParameterReader
 from ual_daemon.backends.mavros.settings import MavrosSettings
-from ual_daemon.backends.mavros.streams import StreamRequests, streams_of
+from ual_daemon.backends.mavros.streams import GIMBAL, StreamRequests, streams_of
 from ual_daemon.backends.mavros.telemetry import Telemetry, target
 from ual_daemon.backends.mavros.vehicle import VehicleDescription
 from ual_daemon.backends.rosbridge import Message, Ros
@@ -101,8 +101,13 @@ class Session:
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
         self._health = HealthReport()
         self._parameters = ParameterReader(
-            autopilot, telemetry.parameters, telemetry.plausibility, telemetry.fence.update
+            autopilot,
+            telemetry.parameters,
+            telemetry.plausibility,
+            self._on_parameters,
+            lambda: telemetry.gimbal.wanted,
         )
+        self._ros = Ros.ROS1
         self._streams = StreamRequests(streams_of(autopilot, settings.pose_rate_hz), telemetry.counts)
         self.reads_parameters = True
         """Whether MAVROS has its whole copy of the parameters. It has not while it fetches them."""
@@ -176,6 +181,7 @@ class Session:
         """Does what is due; to be called often."""
         self._now_s = now_s
         self._began_s = min(self._began_s, now_s)
+        self._ros = ros
         self.runner.tick(now_s)
         self._withdraw_calls()
         self._update_freshness()
@@ -329,6 +335,11 @@ class Session:
                 assumed=assumed_text(self.info().limits),
             )
         return self._parameters.tick(now_s, ros, self._call_alone)
+
+    def _on_parameters(self) -> None:
+        self.telemetry.fence.update()
+        if self._ros is Ros.ROS2 and self.telemetry.gimbal.identity is not None:
+            self._streams.add(GIMBAL)
 
     def _request(self, message_id: int, now_s: float, period_s: float) -> bool:
         """Asks the autopilot for a message, if that is due."""

@@ -28,7 +28,7 @@ CALL_S = 6.0
 """MAVROS waits for the autopilot's acknowledgement for 5 s."""
 _HEARTBEAT, _SYS_STATUS, _GPS_RAW_INT, _ATTITUDE_QUATERNION, _LOCAL_POSITION_NED = 0, 1, 24, 31, 32
 _GLOBAL_POSITION_INT, _GPS_GLOBAL_ORIGIN, _RC_CHANNELS, _VFR_HUD, _TARGET = 33, 49, 65, 74, 85
-_MISSION_CURRENT, _GPS_RTK, _GPS2_RTK = 42, 127, 128
+_MISSION_CURRENT, _GPS_RTK, _GPS2_RTK, _GIMBAL_DEVICE_ATTITUDE_STATUS = 42, 127, 128, 285
 _BATTERY_STATUS, _ESTIMATOR_STATUS, _HOME_POSITION, _EXTENDED_SYS_STATE = 147, 230, 242, 245
 
 
@@ -73,6 +73,10 @@ _UNCOUNTED = (
 """What ArduPilot is asked for, which comes now and then, or of some receivers only."""
 
 
+GIMBAL = Stream(topics.GIMBAL, _GIMBAL_DEVICE_ATTITUDE_STATUS, 10.0, is_counted=False)
+"""Where an autopilot has a gimbal. Only MAVROS of ROS 2 publishes it."""
+
+
 class StreamRequests:
     """Asks for the streams that do not come, one call at a time."""
 
@@ -91,6 +95,12 @@ class StreamRequests:
         self._wanted, self._looked_s = list(self._streams), -math.inf
         self._granted.clear()
         self._asks.clear()
+
+    def add(self, stream: Stream) -> None:
+        """Asks for another one, too."""
+        if stream not in self._streams:
+            self._streams = (*self._streams, stream)
+            self._wanted.append(stream)
 
     def tick(self, now_s: float, call: Call, *, is_flying: bool) -> bool:
         """Asks for what is due. Returns whether it has called a service."""

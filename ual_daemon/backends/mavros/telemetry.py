@@ -25,6 +25,7 @@ from ual_daemon.backends.firmwares.mission_items import MissionType
 from ual_daemon.backends.firmwares.numbers import Sensor
 from ual_daemon.backends.mavros import messages, topics
 from ual_daemon.backends.mavros.geoid import Geoid
+from ual_daemon.backends.mavros.gimbal import GimbalTopics
 from ual_daemon.backends.mavros.missions import MissionTopics
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, stamp_s, vector
@@ -116,6 +117,7 @@ class Telemetry:
         self._has_rangefinder = False
         self.status_text = ""
         self.missions = MissionTopics(autopilot)
+        self.gimbal = GimbalTopics(autopilot, self.parameters)
         self._handlers: dict[str, Callable[[Message, float], None]] = {
             topics.STATE: self._on_state,
             topics.EXTENDED_STATE: self._on_extended_state,
@@ -138,6 +140,7 @@ class Telemetry:
             topics.BATTERY: self._on_battery,
             topics.TIMESYNC: self._on_timesync,
             **self.missions.handlers,
+            **self.gimbal.handlers,
             topics.FENCE: self._on_fence,
         }
 
@@ -387,6 +390,7 @@ class Telemetry:
         self.readings.discard_boot()
         self.parameters.clear()
         self.missions.discard()
+        self.gimbal.discard()
         self.origin = LocalOrigin()
 
     def _accepts_place(self, message: Message) -> bool:

@@ -32,12 +32,15 @@ MISSION = "mission/waypoints"
 REACHED = "mission/reached"
 FENCE = "geofence/waypoints"
 RALLY = "rallypoint/waypoints"
+MOUNT = "mount_control/orientation"
+GIMBAL = "gimbal_control/device/attitude_status"
 
 SETPOINT, SETPOINT_TYPE = "setpoint_raw/local", "mavros_msgs/PositionTarget"
 
 RTCM, RTCM_TYPE = "gps_rtk/send_rtcm", "mavros_msgs/RTCM"
 
 COMMAND = "cmd/command"
+COMMAND_INT = "cmd/command_int"
 ARMING = "cmd/arming"
 TAKE_OFF = "cmd/takeoff"
 SET_MODE = "set_mode"
@@ -87,6 +90,8 @@ TOPICS = {
     RC_IN: Topic("mavros_msgs/RCIn", 150),
     TIMESYNC: Topic("mavros_msgs/TimesyncStatus", 50),
     TARGET: Topic("mavros_msgs/PositionTarget", 80),
+    MOUNT: Topic("geometry_msgs/Quaternion", 100),
+    GIMBAL: Topic("mavros_msgs/GimbalDeviceAttitudeStatus", 100),
     # Each new subscriber gets the last one of these, so they are no sign of life.
     MISSION: Topic("mavros_msgs/WaypointList", 100),
     REACHED: Topic("mavros_msgs/WaypointReached", 100),

@@ -16,6 +16,8 @@ from ual.interface import Gimbal
 TURN_S = 15.0
 """How long a gimbal may take to look elsewhere."""
 NEAR_RAD = 0.05
+TOLD_S = 3.0
+"""How long one may take to say where it looks."""
 
 
 @check()
@@ -99,10 +101,25 @@ def _found(flight: Flight, *abilities: GimbalAbility) -> list[tuple[GimbalInfo, 
 
 
 def _connected(flight: Flight, *abilities: GimbalAbility) -> list[tuple[GimbalInfo, Gimbal]]:
+    """Returns those that can do something, and tell where they look."""
     found = _found(flight, *abilities)
     if not found:
         raise CannotRunError(f"no gimbal offers {', '.join(each.name.lower() for each in abilities)}")
-    return found
+    telling = [(info, gimbal) for info, gimbal in found if not info.note or _tells(flight, gimbal)]
+    if not telling:
+        raise CannotRunError(f"gimbal {found[0][0].number} does not tell where it looks: {found[0][0].note}")
+    return telling
+
+
+def _tells(flight: Flight, gimbal: Gimbal) -> bool:
+    """Whether a gimbal with a note says where it looks."""
+    end_s = flight.now_s() + TOLD_S
+
+    def tells() -> bool:
+        return gimbal.status().angles is not None
+
+    flight.wait(lambda sample: tells() or sample.stamp_s >= end_s, "where it looks, or the time for it", TOLD_S + 10.0)
+    return tells()
 
 
 ON_GROUND = (lists_the_gimbals, turns_a_gimbal, points_a_gimbal)

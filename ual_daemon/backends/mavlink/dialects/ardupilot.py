@@ -6,14 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 from typing_extensions import override
 
-from ual.gimbals import GimbalAbility, GimbalReference
+from ual.gimbals import GimbalAbility
 from ual_daemon.backends.engine.command import FLYING, shows_landed
 from ual_daemon.backends.firmwares import ardupilot
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
+from ual_daemon.backends.firmwares.gimbal_codec import ArduPilotGimbal
 from ual_daemon.backends.mavlink.dialects.command_long import (
     LongCommand,
     arm_or_disarm,
@@ -50,7 +50,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     keeps_items = True
     tells_baseline = True
     gimbal_kind_parameter = "MNT{}_TYPE"
-    gimbal_references = MappingProxyType({1.0: GimbalReference.BODY})  # of servos it says the angles
+    gimbal_references = ArduPilotGimbal.references
     lacking_gimbal_abilities = frozenset({GimbalAbility.BODY})  # its gimbals are level, whatever was ordered
 
     @override

@@ -6,13 +6,12 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 from typing_extensions import override
 
-from ual.gimbals import GimbalReference
 from ual_daemon.backends.firmwares import px4, px4_events
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
+from ual_daemon.backends.firmwares.gimbal_codec import Px4Gimbal
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import (
     CommandLong,
@@ -42,8 +41,7 @@ class Px4(px4.Px4, Dialect):
     names_intended_mode = True
     tells_gimbal_manager = True
     gimbal_kind_parameter = "MNT_DO_STAB"
-    # Of what it takes the lean off, it says the angles of the servos: of all axes, or of yaw.
-    gimbal_references = MappingProxyType({1.0: GimbalReference.BODY, 2.0: GimbalReference.HORIZON})
+    gimbal_references = Px4Gimbal.references
     # Sent on each change and else twice a second, whatever rate was requested (20 Hz); without a request every 2 s.
     sparse_messages = frozenset({mavlink.MAVLINK_MSG_ID_CURRENT_MODE})
     optional_messages = frozenset({mavlink.MAVLINK_MSG_ID_RC_CHANNELS})  # without a transmitter there are none

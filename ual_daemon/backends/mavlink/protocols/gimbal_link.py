@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
-from ual_daemon.backends.mavlink.protocols import gimbal_values
+from ual_daemon.backends.firmwares import gimbal_protocol
+from ual_daemon.backends.firmwares.gimbal_protocol import Identity
 from ual_daemon.backends.mavlink.protocols.camera_exchanges import CameraLine, Order
-from ual_daemon.backends.mavlink.protocols.gimbal_values import Identity
+from ual_daemon.backends.mavlink.protocols.gimbal_values import aiming, identity_of
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.gimbals import GimbalAttitude
@@ -134,20 +135,20 @@ class GimbalLink:
             future.add_done_callback(
                 lambda done: None if done.cancelled() or done.exception() is not None else self.aim(angles, reference)
             )
-        self._add(_TURN, gimbal_values.turning_params(angles, reference, self.device_id), future)
+        self._add(_TURN, gimbal_protocol.turning_params(angles, reference, self.device_id), future)
 
     def turn_at_rates(self, pitch_rad_s: float, yaw_rad_s: float, future: Future[None]) -> None:
         """Turns at rates."""
-        self._add(_TURN, gimbal_values.rates_params(pitch_rad_s, yaw_rad_s, self.device_id), future)
+        self._add(_TURN, gimbal_protocol.rates_params(pitch_rad_s, yaw_rad_s, self.device_id), future)
 
     def rest(self, future: Future[None], *, is_retracted: bool) -> None:
         """Turns to neutral, or is retracted."""
-        flag = mavlink.GIMBAL_MANAGER_FLAGS_RETRACT if is_retracted else mavlink.GIMBAL_MANAGER_FLAGS_NEUTRAL
-        self._add(_TURN, gimbal_values.resting_params(flag, self.device_id), future)
+        flag = gimbal_protocol.RETRACT if is_retracted else gimbal_protocol.NEUTRAL
+        self._add(_TURN, gimbal_protocol.resting_params(flag, self.device_id), future)
 
     def aim(self, angles: GimbalAngles, reference: GimbalReference) -> None:
         """Turns to angles, without an answer. From any thread."""
-        self._line.send_perishable(gimbal_values.aiming(self.manager, angles, reference, self.device_id))
+        self._line.send_perishable(aiming(self.manager, angles, reference, self.device_id))
 
     def take(self, future: Future[None]) -> None:
         """Takes the control. By our ids: PX4 would take -2, "the sender", for itself."""
@@ -206,7 +207,7 @@ class GimbalLink:
         """Takes what it is. It lacks what its autopilot only says that it has."""
         self._hear(now_s)
         self.is_identified = True
-        identity = gimbal_values.identity_of(message)
+        identity = identity_of(message)
         identity = identity._replace(abilities=identity.abilities - lacks)
         if identity != self.identity:
             can = ", ".join(sorted(each.name.lower() for each in identity.abilities))
@@ -221,10 +222,10 @@ class GimbalLink:
     def on_attitude(self, message: Message, now_s: float, *, is_of_manager: bool) -> None:
         """Takes a GIMBAL_DEVICE_ATTITUDE_STATUS."""
         self._hear(now_s)
-        self.failures = gimbal_values.failures_of(message)
+        self.failures = gimbal_protocol.failures_of(message.failure_flags)
         if not self.is_kind_known and is_of_manager:
             return
-        found = gimbal_values.attitude_of(message, self.meant if is_of_manager else None)
+        found = gimbal_protocol.attitude_of(message.flags, message.q, self.meant if is_of_manager else None)
         self._is_odd = found is None
         self.attitude = None if found is None else GimbalAttitude(*found, now_s)
 

@@ -25,6 +25,7 @@ from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError
 from ual.geometry import Quaternion, Vector3, wrap_angle
 from ual.gimbals import AngleRange, GimbalAbility, GimbalAngles, GimbalControl, GimbalReference, GimbalStatus
 from ual.wire import gimbals as wire
+from ual_daemon.backends.firmwares.gimbal_protocol import attitude_of, failures_of
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
@@ -291,7 +292,7 @@ def test_what_is_aimed_at_is_what_is_seen(roll: float, pitch: float, yaw: float,
     nan = math.nan
     flags = FROM_NORTH if reference is EARTH else IN_VEHICLE
     said = mavlink.MAVLink_gimbal_device_attitude_status_message(0, 0, 1, flags, aim.q, nan, nan, nan, 0)
-    found = gimbal_values.attitude_of(said)
+    found = attitude_of(said.flags, said.q)
     assert found is not None
     orientation, said_reference = found
     assert said_reference is reference
@@ -513,9 +514,9 @@ def test_answers_that_no_gimbal_gives_crash_nothing_and_each_order_ends() -> Non
 def test_whatever_it_says_is_no_defect(flags: int, q: list[float], capabilities: int) -> None:
     nan = math.nan
     said = mavlink.MAVLink_gimbal_device_attitude_status_message(0, 0, 1, flags, q, nan, nan, nan, flags)
-    found = gimbal_values.attitude_of(said)
+    found = attitude_of(said.flags, said.q)
     assert found is None or found[0].norm() == pytest.approx(1.0)
-    gimbal_values.failures_of(said)
+    failures_of(said.failure_flags)
     told = mavlink.MAVLink_gimbal_manager_information_message(1, capabilities, 1, *q, *q[:2])
     identity = gimbal_values.identity_of(told)
     for found_range in (identity.roll, identity.pitch, identity.yaw):
