@@ -82,7 +82,7 @@ class ArduPilotGimbal(GimbalCodec):
     def identity(self, known: Known) -> Identity | None:
         if not known.get(self._KIND) or not known.keys() >= set(self._LIMITS):
             return None
-        pitch, yaw = (_turned(known.get(least), known.get(most)) for least, most in _pairs(self._LIMITS))
+        pitch, yaw = (_turned(known[least], known[most]) for least, most in _pairs(self._LIMITS))
         axes = {GimbalAbility.PITCH: pitch, GimbalAbility.YAW: yaw, GimbalAbility.EARTH: yaw}
         able = {ability for ability, limits in axes.items() if limits is not None}
         always = {GimbalAbility.HORIZON, GimbalAbility.RATES, GimbalAbility.NEUTRAL, GimbalAbility.RETRACT}
@@ -140,8 +140,8 @@ class Px4Gimbal(GimbalCodec):
             return None
         able = {GimbalAbility.ROLL, GimbalAbility.PITCH, GimbalAbility.YAW}
         able |= {GimbalAbility.HORIZON, GimbalAbility.NEUTRAL}
-        ranges = [None if self._is_device(known) else _half(known.get(name)) for name in self._RANGES]
-        return Identity(frozenset(able), *ranges)
+        roll, pitch, yaw = (None if self._is_device(known) else _half(known[name]) for name in self._RANGES)
+        return Identity(frozenset(able), roll, pitch, yaw)
 
     @override
     def meant(self, known: Known) -> GimbalReference | None:
@@ -183,14 +183,14 @@ def _pairs(names: tuple[str, ...]) -> zip[tuple[str, str]]:
     return zip(names[::2], names[1::2], strict=True)
 
 
-def _turned(least_deg: float | None, most_deg: float | None) -> AngleRange | None:
-    """Returns a range of MAVLink's angles in ours; None where it is not known, or leaves nothing to turn."""
-    if least_deg is None or most_deg is None or not -360.0 <= least_deg < most_deg <= 360.0:
+def _turned(least_deg: float, most_deg: float) -> AngleRange | None:
+    """Returns a range of MAVLink's angles in ours; None where it leaves nothing to turn, or cannot be."""
+    if not -360.0 <= least_deg < most_deg <= 360.0:
         return None
     return AngleRange(-math.radians(most_deg), -math.radians(least_deg))
 
 
-def _half(range_deg: float | None) -> AngleRange | None:
-    if range_deg is None or not 0.0 < range_deg <= 720.0:
+def _half(range_deg: float) -> AngleRange | None:
+    if not 0.0 < range_deg <= 720.0:
         return None
     return AngleRange(-math.radians(range_deg / 2.0), math.radians(range_deg / 2.0))
