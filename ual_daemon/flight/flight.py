@@ -485,6 +485,7 @@ class Flight:
         shutdown = Shutdown(self._backend, self.is_flown_by_us)
         error = TaskAbortedError(f"{self._backend.options.ns} was closed", {"by": "close"})
         self._exchange(None, partial(self._ends_with_close, shutdown, error))
+        self.sender.forget()
         self._watched.end_all(error)
         if self._shutdown is not None:
             self._shutdown.finish()

@@ -68,6 +68,10 @@ class SetpointSender:
         if self._newest is not given:
             self._send_newer(given)
 
+    def forget(self) -> None:
+        """Forgets what was given last. To be called once no more updates come: it keeps a whole trajectory alive."""
+        self._newest = (None, None)
+
     def _send_newer(self, given: tuple[Manoeuvre | None, Setpoint | None]) -> None:
         """Sends what was given meanwhile, as it may have left before; but not if it is not flown any more."""
         while self._newest is not given:
