@@ -25,7 +25,7 @@ _camera = click.option(
 @click.group(
     "camera",
     cls=UalGroup,
-    section=Section.TOOLS,
+    section=Section.CARRIED,
     examples=(
         "ual camera list",
         "ual camera photo",

@@ -23,7 +23,7 @@ from ual_tools.session import Session, pass_session
 _ORIENTED = 7
 
 
-@command("extpose", "ual extpose --file poses.csv --rate 50", section=Section.TOOLS)
+@command("extpose", "ual extpose --file poses.csv --rate 50", section=Section.AUTOPILOT)
 @click.option(
     "--file",
     type=click.Path(path_type=Path),

@@ -20,7 +20,7 @@ _FORCE = "Also while the UAV is armed."
 @click.group(
     "fence",
     cls=UalGroup,
-    section=Section.TOOLS,
+    section=Section.AUTOPILOT,
     examples=(
         "ual fence show",
         "ual fence upload",

@@ -20,7 +20,7 @@ _gimbal = click.option(
 @click.group(
     "gimbal",
     cls=UalGroup,
-    section=Section.TOOLS,
+    section=Section.CARRIED,
     examples=(
         "ual gimbal list",
         "ual gimbal angles 90deg",

@@ -18,7 +18,7 @@ _name = click.option("--name", default="", help="Which one, where there are seve
 @click.group(
     "gripper",
     cls=UalGroup,
-    section=Section.TOOLS,
+    section=Section.CARRIED,
     examples=(
         "ual gripper list",
         "ual gripper release",

@@ -17,8 +17,11 @@ class Section(Enum):
     FLYING = "Flying"
     TASKS = "What is flown now"
     FRAMES = "Frames and waypoints"
+    AUTOPILOT = "The autopilot's own"
+    CARRIED = "What it carries"
     SIMULATION = "Simulation"
     ACCESS = "Who may fly"
+    TEAMS = "Teams and networks"
     TOOLS = "Checks and shell"
 
 

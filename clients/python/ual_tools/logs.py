@@ -31,7 +31,7 @@ _BROKEN = (DaemonUnreachableError, LinkLostError, UalTimeoutError)
 @click.group(
     "logs",
     cls=UalGroup,
-    section=Section.TOOLS,
+    section=Section.AUTOPILOT,
     examples=("ual logs list", "ual logs fetch --last", "ual logs fetch 2026-11-25/13_22_11.ulg -o flight.ulg"),
 )
 def logs() -> None:

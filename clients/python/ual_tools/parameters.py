@@ -23,7 +23,7 @@ _EXISTING = click.Path(path_type=Path, dir_okay=False, exists=True)
 @click.group(
     "param",
     cls=UalGroup,
-    section=Section.TOOLS,
+    section=Section.AUTOPILOT,
     examples=(
         "ual param list 'MPC_XY_*'",
         "ual param get MPC_XY_CRUISE",

@@ -26,7 +26,7 @@ _FAILED = 1
     "ual launch team.yaml",
     "ual launch --print team.yaml",
     "ual launch --systemd units team.yaml",
-    section=Section.TOOLS,
+    section=Section.TEAMS,
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--print", "is_shown", is_flag=True, help="Only print the command lines.")

@@ -31,7 +31,7 @@ _READABLE = 0o644
     "gateway",
     "ual --network gateway uavs.map --pid nginx.pid",
     "ual --network gateway uavs.map --once",
-    section=Section.TOOLS,
+    section=Section.TEAMS,
 )
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @click.option(

@@ -12,7 +12,7 @@ from ual_tools.help import Section
 from ual_tools.session import Session, pass_session
 
 
-@command("router", "ual router certificates/router_1.router.json5", section=Section.TOOLS)
+@command("router", "ual router certificates/router_1.router.json5", section=Section.TEAMS)
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @pass_session
 def router(session: Session, file: Path) -> None:

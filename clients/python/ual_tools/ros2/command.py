@@ -23,7 +23,7 @@ _NODE = "ual_ros2"
     "ual ros2",
     "ual --ns uav_1,uav_2 ros2 -- --ros-args -p rate_hz:=100.0",
     'eval "$(ual ros2 --variables)"',
-    section=Section.TOOLS,
+    section=Section.TEAMS,
     multi=Multi.ITSELF,
 )
 @click.option("--variables", "is_printing", is_flag=True, help="Only print what a shell needs to find ual_msgs.")

@@ -32,7 +32,7 @@ STATUS_S = 10.0
     "ual rtcm --serial /dev/ttyACM0:115200",
     "ual rtcm --tcp 192.168.1.20:2102",
     "ual rtcm --ntrip ntrip://user@caster.example.org:2101/MOUNT",
-    section=Section.TOOLS,
+    section=Section.AUTOPILOT,
 )
 @click.option("--serial", metavar="PORT[:BAUD]", help="A base station at a serial port (115200 baud unless given).")
 @click.option("--tcp", metavar="HOST:PORT", help="A base station that sends to whoever connects.")
