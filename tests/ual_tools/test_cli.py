@@ -685,6 +685,25 @@ def test_an_angle_of_90_radians_is_refused_with_a_hint(words: list[str]) -> None
     assert "90 radians are more than a full turn: 90deg? (or 90rad)" in " ".join(result.stderr.split())
 
 
+@pytest.mark.parametrize(
+    ("words", "status", "told"),
+    [
+        (["goto", "1", "1", "3", "--yaw", "-90deg"], 1, "ual: DAEMON_UNREACHABLE: "),
+        (["goto", "--yaw=-1.57", "1", "1", "-3"], 1, "ual: DAEMON_UNREACHABLE: "),
+        (["goto", "1", "1", "3", "--max-speed", "-1"], 1, "ual: DAEMON_UNREACHABLE: "),
+        (["path", "1,1,3", "--corner-radius", "-1"], 1, "ual: DAEMON_UNREACHABLE: "),
+        (["goto-geo", "1", "1", "3", "--timeout", "-1"], 2, "Invalid value for '--timeout': -1.0 is not in the range"),
+        (["land", "--at", "-5"], 2, "Invalid value for '--at': '-5' is no time"),
+        (["land", "--ns"], 2, "Option '--ns' requires an argument"),
+    ],
+    ids=str,
+)
+def test_the_value_of_an_option_may_be_negative(words: list[str], status: int, told: str) -> None:
+    result = run("--address", "127.0.0.1:1", *words)
+    assert result.exit_code == status
+    assert told in result.stderr
+
+
 @pytest.mark.parametrize(("text", "angle_rad"), [("6.28", 6.28), ("-6.28", -6.28), ("90rad", 90.0), ("720deg", 12.566)])
 def test_other_angles_are_taken(text: str, angle_rad: float) -> None:
     assert values.angle(text) == pytest.approx(angle_rad, abs=1e-3)

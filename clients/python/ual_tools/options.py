@@ -45,7 +45,8 @@ class Option:
             "shell_complete": self.complete,
             "show_default": self.default not in (None, "") or None,
         }
-        return {"is_flag": self.type is None, **{name: value for name, value in given.items() if value is not None}}
+        kind = {"is_flag": True} if self.type is None else {}  # with False, click lets the value be left out
+        return {**kind, **{name: value for name, value in given.items() if value is not None}}
 
     def __call__(self, command: F) -> F:
         """Adds it to a command, as a decorator."""
