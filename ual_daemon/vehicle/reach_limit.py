@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import count
 
 from ual.errors import GeofenceError
@@ -18,6 +18,7 @@ from ual_daemon.trajectory import Waypoint
 
 _SETTING = {"setting": "reach_m"}
 _KM = 1000.0
+_POLE_DEG = 90.0
 _ZERO = "latitude and longitude 0 are what is left where none were given"
 
 
@@ -55,18 +56,19 @@ class ReachLimit:
         assert self._reach_m is not None
         distance_m = (there - here).horizontal_norm()
         if distance_m > self._reach_m:
-            swapped_m = self._swapped_m(goal, here, snapshot)
-            hint = "" if swapped_m is None else f"; with latitude and longitude swapped it is {_text(swapped_m)} away"
-            raise _beyond(f"{name}: {place}the goal", distance_m, self._reach_m, hint)
+            raise _beyond(f"{name}: {place}the goal", distance_m, self._reach_m, self._hint(goal, here, snapshot))
 
-    def _swapped_m(self, goal: Goal | GeoWaypoint, here: Vector3, snapshot: Snapshot) -> float | None:
-        """Returns how far a goal on Earth would be with its coordinates swapped, where that is within the reach."""
-        if not isinstance(goal, GeoWaypoint) or snapshot.earth.projection is None or abs(goal.longitude_deg) > 90.0:
-            return None
+    def _hint(self, goal: Goal | GeoWaypoint, here: Vector3, snapshot: Snapshot) -> str:
+        """Returns what may be wrong with a goal on Earth: the first mistake without which it is within the reach."""
+        projection = snapshot.earth.projection
+        if not isinstance(goal, GeoWaypoint) or projection is None:
+            return ""
         assert self._reach_m is not None
-        there = snapshot.earth.projection.to_local(goal.longitude_deg, goal.latitude_deg, 0.0)
-        distance_m = (there - here).horizontal_norm()
-        return distance_m if distance_m <= self._reach_m else None
+        for mistake, latitude_deg, longitude_deg in _meant(goal):
+            distance_m = (projection.to_local(latitude_deg, longitude_deg, 0.0) - here).horizontal_norm()
+            if distance_m <= self._reach_m:
+                return f"; with {mistake} it is {_text(distance_m)} away"
+        return ""
 
 
 def require_home(name: str, home: HomePlace, settings: VehicleSettings, snapshot: Snapshot) -> None:
@@ -77,6 +79,16 @@ def require_home(name: str, home: HomePlace, settings: VehicleSettings, snapshot
     if distance_m > settings.reach_m:
         ways_out = "; fly back (go_to_waypoint) and command this again, or land where it is (land)"
         raise _beyond(f"{name}: {home.what}", distance_m, settings.reach_m, ways_out)
+
+
+def _meant(goal: GeoWaypoint) -> Iterator[tuple[str, float, float]]:
+    """Yields each mistake that is often made, and the latitude and longitude (degrees) without it."""
+    latitude_deg, longitude_deg = goal.latitude_deg, goal.longitude_deg
+    if abs(longitude_deg) <= _POLE_DEG:
+        yield "latitude and longitude swapped", longitude_deg, latitude_deg
+    yield "the other sign of the longitude", latitude_deg, -longitude_deg
+    yield "the other sign of the latitude", -latitude_deg, longitude_deg
+    yield "the other sign of both", -latitude_deg, -longitude_deg
 
 
 def _beyond(what: str, distance_m: float, reach_m: float, hint: str) -> GeofenceError:

@@ -134,7 +134,7 @@ def goto(
 @click.argument("altitude_m", type=values.number, metavar="ALT")
 @click.option(
     "--reference",
-    type=click.Choice([reference.name.lower() for reference in AltitudeReference]),
+    type=click.Choice([reference.name.lower() for reference in AltitudeReference], case_sensitive=False),
     default=AltitudeReference.HOME.name.lower(),
     show_default=True,
     help="What the altitude is measured from.",

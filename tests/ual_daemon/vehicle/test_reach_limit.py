@@ -54,6 +54,27 @@ def test_swapped_coordinates_are_recognized() -> None:
         uav.prepare.go_to_waypoint_geo(latitude_deg + 0.0001, longitude_deg, 10.0)
 
 
+@pytest.mark.parametrize(
+    ("latitude_sign", "longitude_sign", "mistake"),
+    [(1, -1, "the longitude"), (-1, 1, "the latitude"), (-1, -1, "both")],
+)
+def test_a_forgotten_sign_is_recognized(latitude_sign: int, longitude_sign: int, mistake: str) -> None:
+    with stepped() as uav:
+        uav.fly()
+        latitude_deg, longitude_deg = here(uav)
+        with pytest.raises(GeofenceError, match=rf"; with the other sign of {mistake} it is 11 m away"):
+            uav.prepare.go_to_waypoint_geo(
+                latitude_sign * (latitude_deg + 0.0001), longitude_sign * longitude_deg, 10.0
+            )
+
+
+def test_a_place_that_is_far_away_by_any_sign_is_only_refused() -> None:
+    with stepped() as uav:
+        uav.fly()
+        with pytest.raises(GeofenceError, match=r"reach_m: 10000 in the configuration\)$"):
+            uav.prepare.go_to_waypoint_geo(47.0, 120.0, 10.0)
+
+
 def test_latitude_and_longitude_0_are_refused_by_name() -> None:
     with stepped() as uav:
         uav.fly()
