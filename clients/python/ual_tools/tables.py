@@ -24,7 +24,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], styles: Se
 
     table = Table(box=SIMPLE_HEAD, header_style="bold")
     for column in header:
-        table.add_column(column)
+        table.add_column(column, overflow="fold")  # on a narrow terminal nothing is cut: LANDED_… may be either
     for row, style in zip(rows, styles or [""] * len(rows), strict=True):
         table.add_row(*map(Text, row), style=style)
     Console().print(table)
