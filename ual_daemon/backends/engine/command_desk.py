@@ -12,6 +12,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.engine.command import Command, NotYetError
 from ual_daemon.backends.engine.command_runner import Asked
+from ual_daemon.backends.engine.contained import defect
 from ual_daemon.backends.engine.limits import NOT_YET_S, UNSENT_S
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.judged import judged
@@ -70,3 +71,5 @@ class CommandDesk(Generic[R]):
                 self._loop.retry(partial(self._submit, what, make, asked, result))
             else:
                 futures.end(result, error)
+        except Exception as error:  # noqa: BLE001  logged, and raised to the caller: the link goes on
+            futures.end(result, defect(what, error))

@@ -22,6 +22,7 @@ from typing import Generic, NamedTuple, TypeVar
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
 from ual_daemon.backends import futures
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Verdict
+from ual_daemon.backends.engine.contained import defect
 from ual_daemon.backends.engine.limits import OWN_MODE_S, SETPOINTS_WAIT_S, UNSENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.values import Control, Mode, Sample, Snapshot
@@ -384,7 +385,10 @@ class CommandRunner(Generic[R]):
         pending.sent_s, pending.passed_on_s = now_s, math.inf
         pending.sends_count += 1
         pending.next_s = now_s + command.repeat.every_s
-        pending.take_back = self._do_transmit(command.request, pending.sends_count - 1, pending.key)
+        try:
+            pending.take_back = self._do_transmit(command.request, pending.sends_count - 1, pending.key)
+        except Exception as error:  # noqa: BLE001  logged, and raised to the caller: the link goes on
+            self._fail(pending, now_s, defect(command.what, error))
 
     def _begin(self, pending: _Pending[R], now_s: float) -> None:
         """Notes the mode from which a command leads to its own, when it is sent first."""

@@ -1,4 +1,4 @@
-"""Keeps what serves no flight (cameras, gimbals, transfers, corrections) from ending one."""
+"""Keeps defects from ending a flight: of what serves none (cameras, gimbals, transfers), and of single requests."""
 
 from __future__ import annotations
 
@@ -6,10 +6,18 @@ import logging
 from collections.abc import Callable
 from typing import ParamSpec
 
+from ual.errors import UalError
+
 _log = logging.getLogger(__name__)
 
 _MOST_TOLD = 10
 P = ParamSpec("P")
+
+
+def defect(what: str, error: Exception) -> UalError:
+    """Logs a defect, and returns the error of who wanted `what` (human-readable: "land")."""
+    _log.error("cannot %s; this is a defect of UAL, please report it", what, exc_info=error)
+    return UalError(f"cannot {what}: a defect of UAL: {error!r}")
 
 
 class Contained:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from ual_daemon.backends.base import Clock, UpdateCallback
+from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.limits import CATCH_UP_S, SILENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.scheduling_gap import SchedulingGap
@@ -23,7 +24,7 @@ FAST_TICK_S = 0.01
 """The shortest interval between two ticks: after a pose, and while an answer of the autopilot is awaited."""
 
 Posted = Callable[[float], None]
-"""What is called on the loop's thread, with the time."""
+"""What is called on the loop's thread, with the time. A defect of it is logged, and ends nothing."""
 
 
 class Driven(Protocol):
@@ -87,6 +88,7 @@ class Loop:
         self._posted: deque[Posted] = deque()
         self._gap = SchedulingGap()
         self._failures = OnceLog("an update failed")
+        self._contained = Contained("a request")
         self.restart(clock.now_s())
 
     # --- From any thread ----------------------------------------------------------------------------------------------
@@ -167,7 +169,7 @@ class Loop:
         if now_s >= self._next_tick_s:
             self._next_tick_s = now_s + TICK_S
         for _ in range(len(self._posted)):  # those that are retried wait for the next tick
-            self._posted.popleft()(now_s)
+            self._contained.call(self._posted.popleft(), now_s)
         self._driven.tick(now_s)
 
 

@@ -26,7 +26,11 @@ from ual_daemon.backends.values import Control, LandedState, Mode, Sample, Snaps
 class Plain:
     """A runner without a loop: the test says what is known."""
 
-    def __init__(self, settings: RunnerSettings = RunnerSettings()) -> None:  # noqa: B008  it is immutable
+    def __init__(
+        self,
+        settings: RunnerSettings = RunnerSettings(),  # noqa: B008  it is immutable
+        transmit: Callable[[str, int, object], Callable[[], object] | None] | None = None,
+    ) -> None:
         self.now_s = 10.0
         self.known = Snapshot(0.0)
         self.sent: list[str] = []
@@ -36,7 +40,7 @@ class Plain:
         self.watch = LinkWatch("plain", 1.0)
         self.runner: CommandRunner[str] = CommandRunner(
             "Hover",
-            self._transmit,
+            transmit or self._transmit,
             lambda now_s: self.known._replace(time_s=now_s),
             self.watch,
             lambda _: 0.0,

@@ -183,6 +183,23 @@ def test_a_defect_is_logged_once_and_does_not_end_the_thread(setup: Setup, caplo
     assert len([record for record in caplog.records if record.exc_info]) == 1
 
 
+def test_a_defect_of_what_was_posted_ends_no_link_and_keeps_nothing_else_back(
+    setup: Setup, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(_: float) -> None:
+        raise ValueError("posted")
+
+    done: list[float] = []
+    setup.loop.post(fail)
+    setup.loop.post(done.append)
+    setup.round(TICK_S)
+    setup.loop.post(fail)
+    setup.round(TICK_S)
+    assert done == [setup.clock.now - TICK_S]
+    assert setup.vehicle.ticks_s == [setup.clock.now - TICK_S, setup.clock.now]
+    assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["posted"]
+
+
 def test_a_turn_needs_no_thread(setup: Setup) -> None:
     timeouts_s: list[float] = []
     thread = LoopThread(setup.loop, setup.clock, "test", timeouts_s.append, lambda *_: None)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import NamedTuple, TypeVar
 
 from ual.errors import UalError
 from ual_daemon.backends import futures
+from ual_daemon.backends.engine.contained import defect
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
-
-_log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -48,5 +46,4 @@ def _begin(what: str, begin: Callable[[Protocols, Future[T]], None], protocols: 
     try:
         begin(protocols, future)
     except Exception as error:  # noqa: BLE001 - logged, and raised to the caller
-        _log.exception("cannot %s; this is a defect of UAL, please report it", what)
-        futures.fail(future, UalError(f"cannot {what}: a defect of UAL: {error!r}"))
+        futures.fail(future, defect(what, error))

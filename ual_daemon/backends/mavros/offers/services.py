@@ -5,7 +5,6 @@ A plugin serves one request at a time, and waits for the autopilot meanwhile. It
 
 from __future__ import annotations
 
-import logging
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -14,12 +13,11 @@ from typing import Any, NamedTuple, TypeVar
 from ual.errors import LinkLostError, NotSupportedError, ResourceExhaustedError, UalError, UalTimeoutError
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import caught, pass_on, then_wait
+from ual_daemon.backends.engine.contained import defect
 from ual_daemon.backends.engine.loop import Posted
 from ual_daemon.backends.mavros.session import Session
 from ual_daemon.backends.rosbridge import Message, Ros
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
-
-_log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -158,8 +156,7 @@ class Services:
             futures.fail(job.future, error)
             return
         except Exception as error:  # noqa: BLE001 - logged, and raised to the caller
-            _log.exception("cannot %s; this is a defect of UAL, please report it", job.what)
-            futures.fail(job.future, UalError(f"cannot {job.what}: a defect of UAL: {error!r}"))
+            futures.fail(job.future, defect(job.what, error))
             return
         pass_on(under_way, job.future)
 
