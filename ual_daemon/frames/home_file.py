@@ -79,11 +79,12 @@ class HomeFile:
             self._number, last = number, self._written
             if last is not None and (last.vehicle, last.home, last.start) == (vehicle, home, start):
                 return
-            self._written = saved
             try:
                 small_file.replace(self._path, json.dumps(asdict(saved)) + "\n")
             except OSError as error:
                 logs.event(_log, logging.WARNING, "home_not_saved", file=str(self._path), why=_why(error))
+            else:
+                self._written = saved
 
 
 def _why(error: Exception) -> str:

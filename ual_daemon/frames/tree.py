@@ -318,6 +318,9 @@ def _estimated_motion(old: _Link | None, link: Transform, now_s: float) -> Frame
     if old is None or old.transform is None or old.parent != link.frame_id:
         return None
     before = old.transform
+    is_same = before.translation == link.translation and before.rotation == link.rotation
+    if old.motion is None and is_same:  # a program that starts again adds its frames again
+        return None
     are_stamped = before.stamp_s > 0.0 and link.stamp_s > 0.0
     passed_s = link.stamp_s - before.stamp_s if are_stamped else now_s - old.updated_s
     last = old.motion or FrameMotion(now_s)

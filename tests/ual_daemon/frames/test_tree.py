@@ -334,6 +334,16 @@ def test_which_frames_move() -> None:
     assert {frame.frame_id for frame in frames.frames(ORIGIN) if not frame.is_static} == {BODY, "car", "camera"}
 
 
+def test_a_frame_that_is_added_again_where_it_is_has_not_moved() -> None:
+    """A program that starts again adds its frames again. A go-to there then has a way, and can be paused."""
+    frames = tree()
+    for now_s in (0.0, 0.1, 30.0):
+        frames.add(at(1, 2, 3, MAP, "tower", 0.5), now_s)
+        assert not frames.is_moving("tower")
+    moved(frames, every(0.1, 0.2), lambda _: 7.0)
+    frames.add(at(7, 0, 0, MAP, "car"), 0.3)
+    assert frames.is_moving("car")
+
 # --- The configuration ------------------------------------------------------------------------------------------------
 
 CONFIGURED = (

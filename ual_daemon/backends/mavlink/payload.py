@@ -72,11 +72,11 @@ class MavlinkPayload(Payload):
             raise InvalidArgumentError(f"{name} takes at most {_PARAMS_COUNT} parameters, not {len(params)}")
         values = tuple(map(float, params))
         command = command_of(command_id, values, f"obey {name}", group=f"payload {command_id}")
-        with self._lock:  # one order of the cancelling and the sending for all threads
+        with self._lock:  # one order for all threads
             replaced = self._newest.get(command_id)
-            if replaced is not None:
-                replaced.cancel()
             self._newest[command_id] = sent = self._submit(f"send {name}", lambda: command)
+        if replaced is not None:
+            replaced.cancel()  # without the lock: who hears of it may send the next
         return sent
 
     @override

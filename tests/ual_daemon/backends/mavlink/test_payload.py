@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -88,6 +89,20 @@ def test_a_newer_command_of_the_same_id_replaces_the_older_one(pair: Pair) -> No
     autopilot.hear("COMMAND_LONG", command=PITCHYAW, param1=-60.0)
     autopilot.say(ack(PITCHYAW, ACCEPTED))
     newer.result(PATIENCE_S)
+
+
+def test_who_hears_that_a_command_was_replaced_may_send_the_next(pair: Pair) -> None:
+    """No lock is held over what an extension has called back: it would wait for itself."""
+    payload, done = pair[0].payload(), threading.Event()
+
+    def send() -> None:
+        older = payload.send_command(PITCHYAW, (-30.0,))
+        older.add_done_callback(lambda _: payload.send_command(PITCHYAW, (-90.0,)))
+        payload.send_command(PITCHYAW, (-60.0,))
+        done.set()
+
+    threading.Thread(target=send, daemon=True).start()
+    assert done.wait(PATIENCE_S)
 
 
 @pytest.mark.parametrize("name", FLYING)
