@@ -12,6 +12,7 @@ from ual.geometry import Pose, PoseStamped, Transform
 from ual.types import Frame, State, Telemetry
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Clock
+from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
@@ -46,6 +47,7 @@ class ReportedVehicle(ABC):
         self._state_listeners: Listeners[Callable[[State], None]] = Listeners()
         self._sequence = 0
         self._last_state: State | None = None
+        self._watchers = Contained("a watcher of a UAV")
 
     # --- What is reported now -----------------------------------------------------------------------------------------
 
@@ -172,7 +174,7 @@ class ReportedVehicle(ABC):
         if due:
             sample = self._sample(snapshot, found, is_late=is_late)
             for subscriber in due:
-                subscriber.callback(sample)
+                self._watchers.call(subscriber.callback, sample)
 
     def _publish_state(self, found: Estimate) -> None:
         last, self._last_state = self._last_state, found.state
@@ -180,4 +182,4 @@ class ReportedVehicle(ABC):
         old = None if last is None else last.name
         logs.event(_log, level, "state", old=old, new=found.state.name, why=found.why)
         for listener in self._state_listeners:
-            listener(found.state)
+            self._watchers.call(listener, found.state)

@@ -15,6 +15,7 @@ from ual.types import Geofence, Info, LeaseInfo, Route, Telemetry
 from ual_daemon import logs, validation
 from ual_daemon._version import __version__
 from ual_daemon.backends.base import Backend, SafetyPilot
+from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.payload import Payload
 from ual_daemon.backends.values import Packet, Setpoint, Snapshot
 from ual_daemon.flight.flight import Flight
@@ -284,14 +285,14 @@ class Vehicle(ReportedVehicle):
 
         To be called before `open`, once for each observer.
         """
-        before = self._flight.sender.on_sent
+        before, contained = self._flight.sender.on_sent, Contained("a watcher of setpoints")
 
         def call_both(setpoint: Setpoint) -> None:
-            assert before is not None
-            before(setpoint)
-            callback(setpoint)
+            if before is not None:
+                before(setpoint)
+            contained.call(callback, setpoint)
 
-        self._flight.sender.on_sent = callback if before is None else call_both
+        self._flight.sender.on_sent = call_both
 
     def configured_fence(self) -> tuple[tuple[float, float], ...]:
         """Returns the corners of the configured polygon; see `fence_on_earth`, also for what is raised."""

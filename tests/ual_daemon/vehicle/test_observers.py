@@ -1,0 +1,47 @@
+"""Those who watch a UAV: a defect of one takes nothing from the flight, from its callers, and from the others."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from tests.ual_daemon.stepped import STEP_S, stepped
+from ual.geometry import Twist, TwistStamped, Vector3
+from ual.types import State, Telemetry
+from ual_daemon.backends.values import Setpoint
+
+
+def test_a_watcher_that_fails_keeps_no_sample_and_no_state_from_the_others(caplog: pytest.LogCaptureFixture) -> None:
+    def fail(_: object) -> None:
+        raise RuntimeError("a defect of a watcher")
+
+    with stepped() as uav:
+        samples: list[Telemetry] = []
+        states: list[State] = []
+        uav.vehicle.subscribe(fail)
+        uav.vehicle.subscribe(samples.append)
+        uav.vehicle.listen_to_state(fail)
+        uav.vehicle.listen_to_state(states.append)
+        uav.arm()
+        uav.run(5 * STEP_S)
+        assert states == [State.LANDED_ARMED]
+        assert len(samples) == 6
+    assert sum(record.levelno == logging.ERROR for record in caplog.records) == 1  # a defect is told once
+
+
+def test_who_watches_the_setpoints_and_fails_ends_no_command(caplog: pytest.LogCaptureFixture) -> None:
+    def fail(_: Setpoint) -> None:
+        raise RuntimeError("a defect of a watcher")
+
+    with stepped() as uav:
+        seen: list[Setpoint] = []
+        uav.vehicle.observe_setpoints(fail)
+        uav.vehicle.observe_setpoints(seen.append)
+        uav.fly()
+        seen.clear()
+        uav.vehicle.commands.setpoints.set_velocity(TwistStamped(Twist(Vector3(1.0))))
+        assert len(seen) == 1
+        uav.run(0.4)
+        assert uav.speed > 0.5
+    assert sum(record.levelno == logging.ERROR for record in caplog.records) == 1
