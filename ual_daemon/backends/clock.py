@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 from ual_daemon.backends.base import Clock
+
+steady_s = partial(time.clock_gettime, getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+"""Returns the seconds since some moment. They never go back, and pass while the computer sleeps, too.
+
+Linux' other monotonic clock stands still then. Data from before the sleep would count as new after it.
+"""
 
 
 class MonotonicClock(Clock):
@@ -13,5 +20,5 @@ class MonotonicClock(Clock):
     Both are the system's own functions, as each message asks for them several times.
     """
 
-    now_s = staticmethod(time.monotonic)
+    now_s = staticmethod(steady_s)
     utc_s = staticmethod(time.time)

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 from collections.abc import Callable
-from functools import partial
 from typing import Final
 
 from ual.errors import UalTimeoutError
 from ual_daemon import logs
+from ual_daemon.backends.clock import steady_s
 from ual_daemon.vehicle.refusal_log import RefusalLog
 
 _log = logging.getLogger(__name__)
@@ -52,15 +51,11 @@ MOVES: Final = frozenset(
 )
 """The methods whose old requests are refused. What ends a motion (Land, Abort, Pause) is obeyed however late it is."""
 
-_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-"""Counts the time in which the computer slept, where there is such a clock (Linux)."""
-_boot_time_s = partial(time.clock_gettime, _CLOCK)
-
 
 class Standstill:
     """Notices that the process stood still. Any thread may call."""
 
-    def __init__(self, clock: Callable[[], float] = _boot_time_s) -> None:
+    def __init__(self, clock: Callable[[], float] = steady_s) -> None:
         self._clock = clock
         self._beat_s = math.inf
         self._stood_s = 0.0

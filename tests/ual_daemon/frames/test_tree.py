@@ -344,6 +344,7 @@ def test_a_frame_that_is_added_again_where_it_is_has_not_moved() -> None:
     frames.add(at(7, 0, 0, MAP, "car"), 0.3)
     assert frames.is_moving("car")
 
+
 # --- The configuration ------------------------------------------------------------------------------------------------
 
 CONFIGURED = (

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 
+from ual_daemon.backends.clock import steady_s
 from ual_daemon.backends.crazyflie.packets import Packet
 
 LARGEST = 64
@@ -22,7 +22,7 @@ class Outbox:
     anything else, and no old one leaves after the link has been blocked.
     """
 
-    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, now_s: Callable[[], float] = steady_s) -> None:
         self._now_s = now_s
         self._changed = threading.Condition()
         self._packets: deque[Packet] = deque()

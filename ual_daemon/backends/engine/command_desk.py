@@ -60,12 +60,7 @@ class CommandDesk(Generic[R]):
         if result.cancelled():
             return
         try:
-            if now_s - asked.time_s > UNSENT_S:
-                raise UalTimeoutError(f"the command to {what} was not sent: this computer had no time for it")
-            runner = self._reach(what)
-            if isinstance(runner, UalError):
-                raise runner
-            runner.submit(make(), now_s, result, asked)
+            self._require_runner(what, asked, now_s).submit(make(), now_s, result, asked)
         except UalError as error:
             if isinstance(error, NotYetError) and now_s - asked.time_s < NOT_YET_S:
                 self._loop.retry(partial(self._submit, what, make, asked, result))
@@ -73,3 +68,11 @@ class CommandDesk(Generic[R]):
                 futures.end(result, error)
         except Exception as error:  # noqa: BLE001  logged, and raised to the caller: the link goes on
             futures.end(result, defect(what, error))
+
+    def _require_runner(self, what: str, asked: Asked, now_s: float) -> Submits[R]:
+        if now_s - asked.time_s > UNSENT_S:
+            raise UalTimeoutError(f"the command to {what} was not sent: this computer had no time for it")
+        runner = self._reach(what)
+        if isinstance(runner, UalError):
+            raise runner
+        return runner

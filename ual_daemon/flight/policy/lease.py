@@ -16,6 +16,7 @@ from datetime import datetime, timezone
 
 from ual.errors import LeaseHeldError, LeaseLostError, UalError
 from ual.types import LeaseInfo
+from ual_daemon.backends.clock import steady_s
 
 EXPIRES_AFTER_S = 2.0
 """How long a lease lasts after it was kept last. A program that is alive keeps it four times as often."""
@@ -36,7 +37,7 @@ class Lease:
     Durations are of the computer's monotonic clock, also in a simulation: a program lives in real time.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float] = steady_s) -> None:
         self.id = NOBODY
         """The identifier of the lease that is held; compared with that of each command."""
         self._clock = clock

@@ -13,7 +13,7 @@ _MOST_PEERS = 64
 class PacketTopics:
     """Writes the packets of one UAV's link. A channel for each direction and each other end.
 
-    The time of a message is when the packet was received or had left, on the monotonic clock. The time of its
+    The time of a message is when the packet was received or had left, on the recorder's clock. The time of its
     publication is the same moment as the computer's clock said it then.
     """
 

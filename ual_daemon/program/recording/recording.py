@@ -96,7 +96,8 @@ class UavRecording(Observer):
         self._recorder.put(self._setpoints.write, self._clock.now_ns(), setpoint)
 
     def _on_packet(self, packet: Packet) -> None:
-        self._recorder.put(self._packets.write, self._clock.utc_ns(packet.time_s), packet, len(packet.data))
+        age_s = self._vehicle.clock.now_s() - packet.time_s
+        self._recorder.put(self._packets.write, self._clock.now_ns() - round(age_s * 1e9), packet, len(packet.data))
 
     @override
     def on_request(self, method: str) -> None:

@@ -60,10 +60,6 @@ class Clock:
         """Returns the present time, in nanoseconds since 1970."""
         return time.monotonic_ns() + self.offset_ns
 
-    def utc_ns(self, monotonic_s: float) -> int:
-        """Returns a time of the monotonic clock as nanoseconds since 1970."""
-        return round(monotonic_s * 1e9) + self.offset_ns
-
 
 @dataclass(frozen=True, slots=True)
 class Turnover:
