@@ -61,7 +61,7 @@ class Planning:
         """Begins to plan. The future ends with the result of `plan`, or with its error; it cannot be cancelled.
 
         Raises:
-            ResourceExhaustedError: So many plans are under way that this one has to be refused.
+            ResourceExhaustedError: So many plans, or threads, are under way that this one has to be refused.
 
         """
         if not self._free.acquire(blocking=False):
@@ -77,7 +77,12 @@ class Planning:
         future: Future[T] = Future()
         future.set_running_or_notify_cancel()
         run = contextvars.copy_context().run  # with the caller's address, for the log
-        threading.Thread(target=run, args=(self._plan, plan, future), name="planning", daemon=True).start()
+        thread = threading.Thread(target=run, args=(self._plan, plan, future), name="planning", daemon=True)
+        try:
+            thread.start()
+        except RuntimeError as error:
+            self._end(time.monotonic())
+            raise ResourceExhaustedError(f"{what}: this computer starts no more threads ({error})") from None
         return future
 
     def _plan(self, plan: Callable[[], T], future: Future[T]) -> None:

@@ -43,6 +43,20 @@ def test_a_plan_that_fails_gives_its_error_and_its_room() -> None:
         assert isinstance(planning.begin("follow_path", fail).exception(LIMIT_S), InvalidArgumentError)
 
 
+def test_a_plan_for_which_there_is_no_thread_is_refused_and_gives_its_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    planning = Planning()
+    with monkeypatch.context() as full:
+        full.setattr(threading.Thread, "start", fail)
+        for _ in range(MOST_AT_ONCE):
+            with pytest.raises(ResourceExhaustedError, match="follow_path: this computer starts no more threads"):
+                planning.begin("follow_path", lambda: 3)
+    assert planning.figures.running_count == 0
+    assert planning.begin("follow_path", lambda: 3).result(LIMIT_S) == 3
+
+
 def test_plans_are_counted_with_how_long_they_took(gate: threading.Event) -> None:
     planning = Planning()
     plan = planning.begin("follow_path", gate.wait)
