@@ -84,7 +84,7 @@ class Shutdown:
                 return False
             hold = self._hold = AutopilotCommand("hold its position")
         logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")
-        hold.send(self._backend.hold)
+        hold.send(self._backend.hold, snapshot)
         return True
 
     def finish(self) -> None:

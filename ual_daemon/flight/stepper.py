@@ -150,7 +150,7 @@ class Stepper:
         logs.event(_log, logging.WARNING, "hold_by_autopilot", why=f"{during} was stopped")
         with suppress(WrongStateError):  # UAL is shutting down
             self._watched.add(hold, is_control_given_up)
-        hold.send(self._backend.hold)
+        hold.send(self._backend.hold, snapshot)
 
 
 def has_led_to_ground(manoeuvre: Manoeuvre, snapshot: Snapshot) -> bool:

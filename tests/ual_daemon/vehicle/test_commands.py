@@ -6,6 +6,7 @@ import itertools
 import logging
 import math
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -85,6 +86,21 @@ def test_a_pilot_who_chooses_another_mode_in_the_moment_of_a_recovery_keeps_it()
         uav.run(1.0)
         assert uav.state is State.FLYING_MANUAL
         assert backend.snapshot().control.mode_name == "ALTITUDE"
+
+
+def test_a_pilot_who_takes_over_in_the_moment_of_the_shutdown_keeps_the_uav(monkeypatch: pytest.MonkeyPatch) -> None:
+    with stepped() as uav:
+        bring_to(uav, State.FLYING_AUTO)
+        hold = uav.vehicle.backend.hold
+
+        def hold_too_late() -> Future[None]:
+            uav.sim.pilot_take_over()
+            return hold()
+
+        monkeypatch.setattr(uav.vehicle.backend, "hold", hold_too_late)
+        ended = uav.vehicle.prepare_shutdown()
+        uav.end(ended)
+        assert uav.vehicle.telemetry().flight_mode == "MANUAL"
 
 
 def bring_to(uav: Stepped, state: State) -> None:
