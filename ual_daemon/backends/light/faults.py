@@ -91,7 +91,7 @@ class Faults:
                 case PositionLost():
                     fleet.has_position[index] = False
                 case EstimatorJumps(offset, period_s):
-                    if int((now_s - began_s) / period_s) % 2 == 0:
+                    if (now_s - began_s) % (2.0 * period_s) < period_s:
                         x, y, z = offset
                         fleet.estimate_offset[index] = (x, y, z)
                 case BatteryLow(remaining_percent):

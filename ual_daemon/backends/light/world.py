@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Vector3
+from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.light.painter import Painter
 from ual_daemon.backends.light.physics import NEVER_REPORTED, STEP_S
@@ -104,6 +105,7 @@ class World:
         """Whose callback may be running now."""
         self._speed_factor = speed_factor
         self._thinning = Thinning()
+        self._contained = Contained("an update of a light UAV")
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
 
@@ -222,7 +224,7 @@ class World:
                 if index not in self._listeners:
                     continue
                 if index in changed or ((self._steps + index) % every == 0 and listener.is_needed()):
-                    listener.on_step()
+                    self._contained.call(listener.on_step)
             self._called = None
 
     def _step_in_time(self, step_s: float) -> None:

@@ -190,6 +190,13 @@ def test_the_estimate_jumps_there_and_back_and_the_autopilot_follows_it(drone: D
     assert drone.true("position")[1] == pytest.approx(0.0, abs=0.05)
 
 
+@pytest.mark.parametrize("period_s", [5e-324, 1e-3])
+def test_an_estimate_may_jump_more_often_than_it_is_looked_at(drone: Drone, period_s: float) -> None:
+    drone.sim.begin_fault(EstimatorJumps(Vector3(0.0, 2.0, 0.0), period_s=period_s))
+    drone.run(4 * STEP_S, HERE)
+    assert drone.pose.position.y - drone.true("position")[1] in (pytest.approx(0.0), pytest.approx(2.0))
+
+
 # --- Motors and battery -----------------------------------------------------------------------------------------------
 
 

@@ -51,6 +51,19 @@ def test_time_that_stands_still_moves_by_steps_only() -> None:
     assert drone.world.now_s() == pytest.approx(1.0 + STEP_S)
 
 
+def test_a_defect_of_one_vehicle_stops_neither_time_nor_the_others(caplog: pytest.LogCaptureFixture) -> None:
+    def fail() -> None:
+        raise RuntimeError("a defect of one vehicle")
+
+    world = World(math.inf)
+    stepped_on = threading.Event()
+    with running(world, 2):
+        world.listen(0, fail)
+        world.listen(1, lambda: stepped_on.set() if world.steps > 10 else None)
+        assert stepped_on.wait(LIMIT_S)
+    assert sum(record.exc_info is not None for record in caplog.records) == 1
+
+
 @pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan, math.inf, 3601.0])
 def test_an_impossible_step_is_refused(duration_s: float) -> None:
     drone = Drone()
