@@ -263,6 +263,7 @@ class Scripted:
         """What the autopilot says while our thread does not look."""
         self.sent: list[tuple[str, Hashable, Order]] = []
         self.updates: list[Snapshot] = []
+        self._broken: BrokenRuleError | None = None
         self.readings = Readings()
         self.read_mode: Reading[Mode] = self.readings.add(Lasts.SEEN)
         self.read_armed: Reading[bool] = self.readings.add(Lasts.SEEN)
@@ -344,6 +345,7 @@ class Scripted:
         if verdict is Verdict.PASSED_ON and key is order.keys[-1]:
             order.passed_on_s = min(order.passed_on_s, self.clock.now)
         self.runner.on_answer(key, verdict, self.clock.now, "no")
+        self._require_unbroken()
 
     def obey(self, index: int = -1) -> None:
         """The autopilot executes one of the requests."""
@@ -380,6 +382,7 @@ class Scripted:
         for said in waiting:
             self._hear(said, now_s)
         self.loop.step(now_s)
+        self._require_unbroken()
 
     def _say(self) -> None:
         if not self.is_silent:
@@ -399,9 +402,18 @@ class Scripted:
 
     def _transmit(self, request: str, sent_before_count: int, key: Hashable) -> Callable[[], object] | None:
         del sent_before_count
-        order = self.judge.on_sent(request, key, self.clock.now)
+        try:
+            order = self.judge.on_sent(request, key, self.clock.now)
+        except BrokenRuleError as error:
+            self._broken = self._broken or error
+            raise
         self.sent.append((request, key, order))
         return None
+
+    def _require_unbroken(self) -> None:
+        """Raises what the judge has found: the engine contains what is raised in it."""
+        if self._broken is not None:
+            raise self._broken
 
     def _setpoints_s(self, now_s: float) -> float:
         return max(0.0, now_s - self.judge.setpoints_since_s)
