@@ -27,6 +27,8 @@ class AutopilotCommand:
         self._ack: Future[None] | None = None
         self._is_withdrawn = False
         self._awaited_s: float | None = None
+        self._said_before: str | None = None
+        """The autopilot's text from before it was sent: that is not about this command."""
         self._trace = traces.current()
         """The place in a trace of the call that wants it."""
 
@@ -38,6 +40,8 @@ class AutopilotCommand:
         """
         if self._is_withdrawn:
             return
+        if judged is not None:
+            self._said_before = judged.condition.status_text
         end_trace = traces.begin(f"autopilot: {self.what}", self._trace)
         try:
             self._ack = sender() if judged is None else judged_by(judged, sender)
@@ -83,6 +87,8 @@ class AutopilotCommand:
             return 0.0
         if self._awaited_s is None:
             self._awaited_s = snapshot.time_s
+            if self._said_before is None:
+                self._said_before = snapshot.condition.status_text
         return snapshot.time_s - self._awaited_s
 
     def left_behind(self, lost: UalError) -> UalError:
@@ -106,7 +112,8 @@ class AutopilotCommand:
             return UalTimeoutError(f"the command to {self.what} was withdrawn before it was sent")
         if self.waited_s(snapshot) <= COMMAND_PATIENCE_S:
             return None
-        status = f"; it says: {snapshot.condition.status_text}" if snapshot.condition.status_text else ""
+        said = snapshot.condition.status_text
+        status = f"; it says: {said}" if said not in ("", self._said_before) else ""
         status += f"; {snapshot.link.trouble}" if snapshot.link.trouble else ""
         if self.is_answered:
             return RejectedByAutopilotError(

@@ -50,6 +50,23 @@ def test_an_accepted_command_without_effect_is_a_refusal_with_the_status_text(
     assert "Preflight Fail: heading" in failure.message
 
 
+@pytest.mark.parametrize("is_judged", [False, True])
+def test_a_text_from_before_a_command_is_no_reason_of_its_failure(
+    autopilot: Autopilot, ack: Future[None], is_judged: bool
+) -> None:
+    autopilot.status_text = "PreArm: Compass not calibrated"  # an hour ago
+    command = AutopilotCommand("land")
+    command.send(lambda: ack, autopilot.snapshot() if is_judged else None)
+    assert command.failure(autopilot.snapshot()) is None
+    failure = command.failure(later(autopilot, COMMAND_PATIENCE_S + 0.1))
+    assert isinstance(failure, UalTimeoutError)
+    assert failure.message == "the autopilot did not answer the command to land"
+    autopilot.status_text = "Mode change failed"
+    late = command.failure(later(autopilot, COMMAND_PATIENCE_S + 0.1))
+    assert late is not None
+    assert late.message.endswith("; it says: Mode change failed")
+
+
 def test_a_refusal_is_known_at_once(autopilot: Autopilot, ack: Future[None]) -> None:
     command = sent(ack, autopilot)
     ack.set_exception(RejectedByAutopilotError("no"))

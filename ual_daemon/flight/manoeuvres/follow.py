@@ -95,6 +95,7 @@ class FollowTrajectory(Manoeuvre):
         self._watched_s, self._watched_waypoint = -math.inf, 0
         self._rest: RestOfWay | None = None
         self._planning: _Planning | None = None
+        self._said_before: str | None = None
 
     def _way_of(self, trajectory: Trajectory, flown_m: float = 0.0, first_waypoint: int = 0) -> _Way:
         end = trajectory.end()
@@ -108,6 +109,8 @@ class FollowTrajectory(Manoeuvre):
             return failed(lost)
         if self._reference is None:
             self._reference = self._tracker(self._way.trajectory, snapshot.time_s, self._tolerance)
+        if self._said_before is None:
+            self._said_before = snapshot.condition.status_text
         try:
             self._look_on(self._reference, snapshot)
         except UalError as error:
@@ -134,7 +137,9 @@ class FollowTrajectory(Manoeuvre):
                 )
             )
         stuck_s = self._stuck_s(reference, snapshot)
-        return no_way(self.name, stuck_s, arrival.error_text(), snapshot) if stuck_s else Step(setpoint)
+        if not stuck_s:
+            return Step(setpoint)
+        return no_way(self.name, stuck_s, arrival.error_text(), snapshot, self._said_before)
 
     def _stuck_s(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> float:
         """Returns for how long it has made no way; 0 while it makes way, or need not, or between two looks."""

@@ -52,6 +52,7 @@ class FollowMovingGoal(Manoeuvre):
         self._limits = limits
         self._headway = Headway()
         self._moved_from = Vector3(math.inf)
+        self._said_before = ""
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -66,6 +67,7 @@ class FollowMovingGoal(Manoeuvre):
         left_m = (goal.position - measured.position).norm()
         if self._started_s is None:
             self._start(snapshot.time_s, left_m)
+            self._said_before = snapshot.condition.status_text
         setpoint = self._moving_goal.setpoint(snapshot)
         if self._moving_goal.stop_reason is not None:
             return failed(self._moving_goal.stop_reason)
@@ -76,7 +78,7 @@ class FollowMovingGoal(Manoeuvre):
             return failed(self._timeout(goal, left_m, estimate))
         stuck_s = self._stuck_s(goal, measured, left_m, snapshot.time_s)
         left = f"{left_m:.2f} m off its goal, which moves at {goal.velocity.norm():.2f} m/s"
-        return no_way(self.name, stuck_s, left, snapshot) if stuck_s else Step(setpoint)
+        return no_way(self.name, stuck_s, left, snapshot, self._said_before) if stuck_s else Step(setpoint)
 
     @property
     def _slowest_m_s(self) -> float:

@@ -190,9 +190,13 @@ def guarded(manoeuvre: Manoeuvre, act: Callable[P, T], *args: P.args, **kwargs: 
         return Step(has_ended=True, error=UalError(f"{manoeuvre.name}: a defect of UAL: {error!r}"))
 
 
-def no_way(during: str, stuck_s: float, left: str, snapshot: Snapshot) -> Step:
-    """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left."""
-    said = f"the autopilot says: {snapshot.condition.status_text}" if snapshot.condition.status_text else ""
+def no_way(during: str, stuck_s: float, left: str, snapshot: Snapshot, said_before: str | None) -> Step:
+    """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left.
+
+    What the autopilot says is told, unless it had said that before the manoeuvre began (`said_before`).
+    """
+    text = snapshot.condition.status_text
+    said = f"the autopilot says: {text}" if text not in ("", said_before) else ""
     why = "".join(f"; {each}" for each in (breach_text(snapshot), said) if each)
     return failed(
         UalTimeoutError(

@@ -14,6 +14,7 @@ from ual.errors import UalError, UalTimeoutError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits, PathHeading, TaskKind
 from ual_daemon.backends.values import (
+    Condition,
     Control,
     ControlState,
     Estimator,
@@ -51,6 +52,7 @@ class Flown:
         self.velocity = Vector3()
         self.lag_s, self.wanders_m, self.turns = lag_s, wanders_m, turns
         self.is_held_fast = self.is_turned_fast = False
+        self.status_text = ""
         self.wind = Vector3()
         """How far the wind holds it off its setpoint."""
 
@@ -70,6 +72,7 @@ class Flown:
                 pose=Sample(Pose(self.position + wander, Quaternion.from_yaw(self.yaw_rad)), now_s),
                 velocity=Sample(Twist(self.velocity), now_s),
             ),
+            condition=Condition(status_text=self.status_text),
         )
 
     def task(self, kind: TaskKind) -> VehicleTask:
@@ -118,6 +121,22 @@ def follow(
 ) -> FollowTrajectory:
     task, tolerance = flown.task(TaskKind.FOLLOW_PATH), ToleranceSettings(position_m=tolerance_m)
     return FollowTrajectory("follow_path", task, trajectory, tolerance, tracker)
+
+
+@pytest.mark.parametrize("text", ["", "EKF3 lane switch 1"])
+def test_only_what_was_said_since_it_began_is_told_as_a_reason(text: str) -> None:
+    flown = Flown()
+    flown.status_text = "EKF3 IMU0 is using GPS"  # since it has booted
+    far = Waypoint(START.position + Vector3(80.0, 0.0, 0.0), START.yaw_rad)
+    task = follow(flown, path(START, [far], 0.0, at(3.0)))
+    flown.run(task, 2.0)
+    flown.is_held_fast = True
+    flown.run(task, 4.0)
+    flown.status_text = text or flown.status_text
+    error = flown.until_end(task)
+    assert isinstance(error, UalTimeoutError)
+    assert "IMU0" not in error.message
+    assert (f"; the autopilot says: {text}" if text else "; it stops") in error.message
 
 
 def at(speed_m_s: float) -> Limits:
