@@ -44,10 +44,10 @@ def topics(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 # --- Topics -----------------------------------------------------------------------------------------------------------
 
 
-def test_the_state_is_told_when_it_changes_and_not_while_its_reason_counts_seconds(topics: Any) -> None:
-    told = topics.Topics(MagicMock(), "uav_1", MagicMock(), MagicMock())
+def test_the_state_is_told_when_it_changes_and_again_slowly(topics: Any) -> None:
+    node = MagicMock(create_publisher=lambda *_, **__: MagicMock())
+    told = topics.Topics(node, "uav_1", MagicMock(), MagicMock())
     published = told._state.publish
-    published.reset_mock()
     for reason in ("nothing heard for 2.6 s", "nothing heard for 2.7 s", "nothing heard for 12 s"):
         told.publish(ual.Telemetry(ual.State.UNINITIALIZED, reason))
     assert published.call_count == 1
@@ -55,8 +55,10 @@ def test_the_state_is_told_when_it_changes_and_not_while_its_reason_counts_secon
     assert published.call_count == 2
     told.publish(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"))
     assert published.call_count == 3
-    told.tell_state_again()
-    told.publish(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"))
+    told.publish_slow(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"), health.Said())
+    assert published.call_count == 4
+    told._state.get_subscription_count.return_value = 0
+    told.publish_slow(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"), health.Said())
     assert published.call_count == 4
 
 

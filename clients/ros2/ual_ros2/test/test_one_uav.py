@@ -283,6 +283,13 @@ def test_what_the_topics_tell(client: Client, flying: ual.Uav) -> None:
     assert healths[-1].status[0].hardware_id == "uav_1"
 
 
+@pytest.mark.usefixtures("flying")
+def test_the_state_reaches_a_subscriber_with_the_defaults_of_ros(client: Client) -> None:
+    states = client.hear(State, f"{UAL}/state", 10)
+    waited(lambda: states)
+    assert states[-1].state == State.FLYING_AUTO
+
+
 EXPECTED_QOS = {
     "pose": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
     "velocity": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),

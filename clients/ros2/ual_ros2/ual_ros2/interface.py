@@ -420,8 +420,6 @@ class UavInterface:
         before, self._said.other_nodes = self._said.other_nodes, self._topics.others_count()
         if self._said.other_nodes > before:
             _log.warning("%s: %s", self._ns, self._said.rivals)
-        if self._said.other_nodes != before:  # one that ends says last that nothing is known of the UAV
-            self._topics.tell_state_again()
 
     def _note_connection(self) -> None:
         self._said.address = self._uav.address

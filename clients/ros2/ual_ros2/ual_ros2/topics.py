@@ -124,6 +124,7 @@ class Topics:
 
     def publish_slow(self, sample: ual.Telemetry, said: health.Said) -> None:
         """Publishes what changes slowly."""
+        self._publish_state(_Told.of(sample), again=True)
         if sample.battery is not None:
             self._publish_battery(self._battery, sample.battery)
         for each in sample.batteries:
@@ -140,17 +141,13 @@ class Topics:
             values.fill_battery(self._battery_message, battery)
             publisher.publish(self._battery_message)
 
-    def tell_state_again(self) -> None:
-        """Lets the next sample tell the state, changed or not."""
-        self._told = None
-
     def others_count(self) -> int:
         """Returns how many others publish the state of this UAV."""
         return max(0, int(self._node.count_publishers(self._state.topic_name)) - 1)
 
     def tell_unknown(self, reason: str, said: health.Said) -> None:
         """Says that nothing is known of the UAV, and why."""
-        self._publish_state(_Told(ual.State.UNINITIALIZED, reason))
+        self._publish_state(_Told(ual.State.UNINITIALIZED, reason), again=True)
         self._publish_health(health.silent(reason, said))
 
     def _publisher(self, kind: Entity, name: str, qos: Entity = SENSOR_DATA) -> Entity:
@@ -186,8 +183,9 @@ class Topics:
         values.fill_pose(message.pose, pose)
         publisher.publish(message)
 
-    def _publish_state(self, told: _Told) -> None:
-        if told.is_as(self._told):
+    def _publish_state(self, told: _Told, *, again: bool = False) -> None:
+        """Publishes each change; what has not changed only again, for those who subscribe without transient local."""
+        if told.is_as(self._told) and not (again and is_heard(self._state)):
             return
         self._told = told
         message = State(**{**told._asdict(), "state": values.STATE_NUMBERS[told.state]})
