@@ -91,6 +91,8 @@ class Autopilot(ABC):
     """See `ual_daemon.backends.values.VehicleInfo`."""
     gripper: GripperCodec | None = None
     """How what it carries is moved; None where UAL moves nothing of it."""
+    sends_image_captured = False
+    """Whether it reports the pictures that it triggers by CAMERA_IMAGE_CAPTURED, too."""
     gimbal: GimbalCodec | None = None
     """How a gimbal of its own is turned where a bridge passes on its parameters and commands only."""
     setpoint_mode = ""

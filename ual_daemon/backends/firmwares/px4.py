@@ -119,6 +119,7 @@ class Px4(Autopilot):
     name = "PX4"
     gripper = Px4Gripper(name)
     gimbal = Px4Gimbal()
+    sends_image_captured = True
     capabilities = frozenset(Capability)
     sends_landed_state = True
     setpoint_mode, hold_mode, land_mode = "OFFBOARD", "AUTO.LOITER", "AUTO.LAND"

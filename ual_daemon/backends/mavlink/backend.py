@@ -21,6 +21,8 @@ from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.firmwares.trigger_camera import TriggerCamera
+from ual_daemon.backends.firmwares.triggered_photos import viewpoint_of
 from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, LongCommand
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Connection, Link, make_link
@@ -31,7 +33,7 @@ from ual_daemon.backends.mavlink.links.endpoints import (
     vehicle_key,
     vehicle_urls,
 )
-from ual_daemon.backends.mavlink.offers.cameras import MavlinkCameras
+from ual_daemon.backends.mavlink.offers.cameras import MavlinkCameras, trigger_order
 from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
 from ual_daemon.backends.mavlink.offers.gimbals import MavlinkGimbals
 from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
@@ -40,7 +42,6 @@ from ual_daemon.backends.mavlink.offers.lists import MavlinkLists, fence_of, mis
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
 from ual_daemon.backends.mavlink.offers.reach import Reach
-from ual_daemon.backends.mavlink.offers.trigger_camera import TriggerCamera
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
@@ -228,10 +229,13 @@ class MavlinkBackend(Backend):
         return TriggerCamera(
             0,
             lambda: None if self._discovery is None else self._discovery.protocols.cameras.trigger,
-            lambda what, command: self._command(what, lambda _: command),
+            self._order_trigger,
             lambda act: self._post(lambda _: act()),
             lambda: self._session_in_reach(self.clock.now_s()) is not None,
         )
+
+    def _order_trigger(self, what: str, command_id: int, params: tuple[float, ...]) -> Future[None]:
+        return self._command(what, lambda _: trigger_order(what, command_id, params))
 
     def _cameras_found(self) -> Sequence[CameraLink]:
         return () if self._discovery is None else self._discovery.protocols.cameras.found
@@ -247,12 +251,7 @@ class MavlinkBackend(Backend):
         return None if orientation is None else Pose(Vector3(), orientation)
 
     def _viewpoint(self) -> Viewpoint:
-        """Returns from where a picture is taken now."""
-        snapshot = self.snapshot()
-        pose, freshness = snapshot.motion.pose, self.freshness
-        is_fresh = pose is not None and snapshot.time_s - pose.time_s <= freshness.pose_s
-        body = pose.value if pose is not None and is_fresh else None
-        return Viewpoint(body, snapshot.link.boots_count, None, snapshot.position_geo() if is_fresh else None)
+        return viewpoint_of(self.snapshot(), self.freshness)
 
     def _last_session(self) -> Session | None:
         return None if self._discovery is None else self._discovery.session

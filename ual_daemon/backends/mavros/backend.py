@@ -23,10 +23,12 @@ from ual_daemon.backends.firmwares.listed_fence import KnownAutopilot, ListedFen
 from ual_daemon.backends.firmwares.listed_missions import HeardMission, ListedMissions, MissionAccess
 from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.firmwares.triggered_photos import viewpoint_of
 from ual_daemon.backends.mavros import commands, topics
 from ual_daemon.backends.mavros.commands import Call
 from ual_daemon.backends.mavros.corrections import MavrosCorrections
 from ual_daemon.backends.mavros.discovery import Discovery
+from ual_daemon.backends.mavros.offers.cameras import MavrosCameras, Means
 from ual_daemon.backends.mavros.offers.gimbals import MavrosGimbal, MavrosGimbals
 from ual_daemon.backends.mavros.offers.gripper import MavrosGripper
 from ual_daemon.backends.mavros.offers.lists import MavrosLists
@@ -66,7 +68,12 @@ class MavrosBackend(Backend):
         self._corrections = self._make_corrections(f"{self._settings.node}/{topics.RTCM}")
         reach = Reach(self._last_session, self._reached, self._post, self._call_slowly, self._ros, self._node)
         self._services = Services(reach), Services(reach)
-        beside: tuple[MavrosCorrections | Services, ...] = (self._corrections, *self._services)
+        self._cameras = MavrosCameras(self._camera_means(), is_there=self._settings.has_camera_trigger)
+        beside: tuple[MavrosCorrections | MavrosCameras | Services, ...] = (
+            self._corrections,
+            self._cameras,
+            *self._services,
+        )
         self._beside = [(Contained(type(each).__name__), each) for each in beside]
         self._parameters = MavrosParameters(self._services[0])
         lists = MavrosLists(self._services[1])
@@ -75,9 +82,29 @@ class MavrosBackend(Backend):
             self._corrections,
             self._parameters,
             gripper,
+            self._cameras,
             MavrosGimbals(MavrosGimbal(reach, self._give, self._now_s)),
             ListedFence(lists, self._known),
             ListedMissions(self._mission_access(lists)),
+        )
+
+    def _camera_means(self) -> Means:
+        def why_not(what: str) -> LinkLostError | None:
+            reached = self._reached(what)
+            return reached if isinstance(reached, LinkLostError) else None
+
+        def tells_photos() -> bool:
+            session = self._last_session()
+            return session is not None and session.autopilot.sends_image_captured
+
+        return Means(
+            lambda order: self._give(order.what, commands.move(order)),
+            lambda act: self._post(lambda _: act()),
+            why_not,
+            self.snapshot,
+            lambda: viewpoint_of(self.snapshot(), self.freshness),
+            self.utc_s,
+            tells_photos,
         )
 
     def _make_corrections(self, topic: str) -> MavrosCorrections:
@@ -117,6 +144,7 @@ class MavrosBackend(Backend):
             self._link.close()
         for each in self._services:
             each.drop("the daemon ends")
+        self._cameras.trigger.drop(LinkLostError("the daemon ends"))
 
     @override
     def info(self) -> VehicleInfo:
@@ -213,6 +241,9 @@ class MavrosBackend(Backend):
         session.on_message(topic, message, now_s)
         if was_ours and not session.takes_setpoints and self._link is not None:
             self._link.withdraw(self._setpoint_topic)  # the safety pilot has taken over: one may wait in a full socket
+        photo = session.telemetry.photo(message, now_s) if topic == topics.CAPTURED else None
+        if photo is not None:
+            self._cameras.trigger.on_report(*photo)
         self._has_news = self._has_news or topic == topics.POSE
 
     def _update(self, snapshot: Snapshot) -> None:

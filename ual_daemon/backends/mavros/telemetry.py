@@ -50,6 +50,7 @@ VELOCITY_LIMIT_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 ATTITUDE_LIMIT_S = 1.2
 """MAVROS goes on publishing poses with the last attitude that came. So ``imu/data`` must show that attitudes come."""
+_TAKEN = 1
 _SAME_MOMENT_S = 0.1
 _HOME_TOLERANCE_M, _HOME_DOUBTS_COUNT = 0.5, 4
 """The altitude and the height above home are of one message of the autopilot, but come on two topics."""
@@ -190,6 +191,20 @@ class Telemetry:
     def is_flying(self) -> bool:
         """Whether it is armed, and not known to stand on the ground."""
         return self.is_armed and self.landed.value is not LandedState.ON_GROUND
+
+    def photo(self, message: Message, now_s: float) -> tuple[int, float, GeoPoint | None] | None:
+        """Reads a CameraImageCaptured: its number, and when (UTC) and where it was; None where it has failed."""
+        if int(message["capture_result"]) != _TAKEN:
+            return None
+        geo = message["geo"]
+        place = None
+        if self._accepts_place(geo) and any(number(geo[name]) for name in ("latitude", "longitude")):
+            ellipsoid_m = number(geo["altitude"])
+            place = replace(
+                _place(geo), altitude_amsl_m=self._geoid.amsl_m(ellipsoid_m), altitude_ellipsoid_m=ellipsoid_m
+            )
+        taken_s = self._clock_offset.to_utc(stamp_s(message), now_s, self._utc_s())
+        return int(message["image_index"]), taken_s, place
 
     def snapshot(self, now_s: float, control: ControlState | None = None, health: Health | None = None) -> Snapshot:
         """Returns all values as of now, with those that are known elsewhere."""

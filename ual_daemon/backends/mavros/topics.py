@@ -32,6 +32,7 @@ MISSION = "mission/waypoints"
 REACHED = "mission/reached"
 FENCE = "geofence/waypoints"
 RALLY = "rallypoint/waypoints"
+CAPTURED = "camera/image_captured"
 MOUNT = "mount_control/orientation"
 GIMBAL = "gimbal_control/device/attitude_status"
 
@@ -90,6 +91,7 @@ TOPICS = {
     RC_IN: Topic("mavros_msgs/RCIn", 150),
     TIMESYNC: Topic("mavros_msgs/TimesyncStatus", 50),
     TARGET: Topic("mavros_msgs/PositionTarget", 80),
+    CAPTURED: Topic("mavros_msgs/CameraImageCaptured", queue_length=20),
     MOUNT: Topic("geometry_msgs/Quaternion", 100),
     GIMBAL: Topic("mavros_msgs/GimbalDeviceAttitudeStatus", 100),
     # Each new subscriber gets the last one of these, so they are no sign of life.

@@ -143,6 +143,12 @@ def _encoded(found: Picture, taken: TakenPhoto, intrinsics: CameraIntrinsics | N
     return EncodedImage(*found, taken.stamp_s, known, taken.viewpoint)
 
 
+def trigger_order(what: str, command_id: int, params: tuple[float, ...]) -> LongCommand:
+    """Returns an order to the camera that the autopilot triggers. One of a picture is sent once."""
+    command = command_of(command_id, params, what, group=f"camera {command_id}")
+    return command if command_id == TRIGGER_DISTANCE else replace(command, repeat=ONCE)
+
+
 def _is_for(intrinsics: CameraIntrinsics, found: Picture) -> bool:
     return (intrinsics.width_px, intrinsics.height_px) == (found.width_px, found.height_px)
 

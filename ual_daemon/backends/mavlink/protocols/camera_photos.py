@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 
-from ual_daemon.backends.mavlink.protocols.camera_values import LARGEST_GAP
+from ual_daemon.backends.firmwares.triggered_photos import LARGEST_GAP
 
 RETRY_S = 1.0
 TRIES_COUNT = 5

@@ -35,8 +35,6 @@ _STORED = {
 _ENCODINGS = {mavlink.VIDEO_STREAM_ENCODING_H264: "H264", mavlink.VIDEO_STREAM_ENCODING_H265: "H265"}
 _EARLIEST_S, _LATEST_S = 946_684_800.0, 4_102_444_800.0
 """The years 2000 to 2100: a camera whose clock was not set says something else."""
-LARGEST_GAP = 1000
-"""Numbers of pictures that are further apart are no lost pictures: the camera counts anew."""
 LEAST_FREE_MIB = 1.0
 """A storage with less room is full."""
 

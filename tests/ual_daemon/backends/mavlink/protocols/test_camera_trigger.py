@@ -13,8 +13,8 @@ from ual.cameras import CameraAbility
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, UalTimeoutError
 from ual.geometry import Pose
 from ual_daemon.backends.engine.command import Repeat
+from ual_daemon.backends.firmwares.trigger_camera import TriggerCamera
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
-from ual_daemon.backends.mavlink.offers.trigger_camera import TriggerCamera
 from ual_daemon.backends.mavlink.protocols.camera_trigger import REPORT_S, CameraTrigger
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint

@@ -1,23 +1,24 @@
-"""The camera that the autopilot itself triggers, as a camera of the vehicle."""
+"""The camera that the autopilot itself triggers, as a camera of the vehicle, whatever protocol passes its orders on."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import replace
 
 from typing_extensions import override
 
 from ual.cameras import CameraAbility, CameraInfo, CameraStatus
 from ual.errors import NotSupportedError
 from ual_daemon.backends import futures
-from ual_daemon.backends.engine.command import ONCE
-from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, command_of
-from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
-from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.firmwares.triggered_photos import TriggeredPhotos
 from ual_daemon.backends.offers.cameras import OfferedCamera, TakenPhoto
 
 NAME = "autopilot's trigger"
+DIGICAM_CONTROL, TRIGGER_DISTANCE = 203, 206
+"""Of MAV_CMD: DO_DIGICAM_CONTROL, and DO_SET_CAM_TRIGG_DIST, which may be repeated."""
+
+Order = Callable[[str, int, tuple[float, ...]], Future[None]]
+"""Passes a command to the autopilot: with a human-readable name, its id in MAV_CMD, and its parameters."""
 
 
 class TriggerCamera(OfferedCamera):
@@ -26,7 +27,7 @@ class TriggerCamera(OfferedCamera):
     Args:
         number: Its number.
         trigger: Returns what it has reported; None before the link was opened.
-        command: Passes a command to the autopilot, with a human-readable name.
+        order: Passes a command to the autopilot.
         post: Has something done on the thread that receives.
         is_up: Whether the autopilot is heard.
 
@@ -35,14 +36,14 @@ class TriggerCamera(OfferedCamera):
     def __init__(
         self,
         number: int,
-        trigger: Callable[[], CameraTrigger | None],
-        command: Callable[[str, LongCommand], Future[None]],
+        trigger: Callable[[], TriggeredPhotos | None],
+        order: Order,
         post: Callable[[Callable[[], None]], None],
         is_up: Callable[[], bool],
     ) -> None:
         self._number = number
         self._trigger = trigger
-        self._command = command
+        self._order = order
         self._post = post
         self._is_up = is_up
 
@@ -81,8 +82,7 @@ class TriggerCamera(OfferedCamera):
         trigger = self._trigger()
         if trigger is not None:
             self._post(lambda: trigger.await_photo(future))
-        shoot = (0.0, 0.0, 0.0, 0.0, 1.0)
-        ordered = self._order("take a photo", mavlink.MAV_CMD_DO_DIGICAM_CONTROL, shoot)
+        ordered = self._order("take a photo", DIGICAM_CONTROL, (0.0, 0.0, 0.0, 0.0, 1.0))
 
         def on_answer(answered: Future[None]) -> None:
             error = None if answered.cancelled() else answered.exception()
@@ -109,7 +109,7 @@ class TriggerCamera(OfferedCamera):
 
     def _set_distance(self, what: str, distance_m: float | None) -> Future[None]:
         once = 0.0 if distance_m is None else 1.0
-        ordered = self._order(what, mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST, (distance_m or 0.0, 0.0, once))
+        ordered = self._order(what, TRIGGER_DISTANCE, (distance_m or 0.0, 0.0, once))
 
         def on_answer(answered: Future[None]) -> None:
             trigger = self._trigger()
@@ -118,11 +118,6 @@ class TriggerCamera(OfferedCamera):
 
         ordered.add_done_callback(on_answer)
         return ordered
-
-    def _order(self, what: str, command_id: int, params: tuple[float, ...]) -> Future[None]:
-        command = command_of(command_id, params, what, group=f"camera {command_id}")
-        is_repeatable = command_id == mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST
-        return self._command(what, command if is_repeatable else replace(command, repeat=ONCE))
 
 
 def _fail(future: Future[TakenPhoto], error: BaseException) -> None:
