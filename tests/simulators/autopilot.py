@@ -22,6 +22,7 @@ from tests.simulators.mission_store import MISSION, MissionStore, Sender
 from tests.simulators.mount import Mount
 from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus, wrap
 from tests.simulators.satellite_receiver import SatelliteReceiver
+from tests.simulators.trigger import Trigger
 from ual.geometry import Vector3
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 from ual_daemon.backends.mavlink.wire.frames import Frame
@@ -130,6 +131,8 @@ class Autopilot(ABC):
         self.builders: dict[int, Callable[[], Message | None]] = self._builders()
         self.mount: Mount | None = None
         """Its gimbal."""
+        self.trigger: Trigger | None = None
+        """Its camera."""
         self.receiver = SatelliteReceiver()
         """What its satellite receiver is given."""
         self._handlers: dict[int, Callable[[Message, Sender], None]] = {
@@ -181,6 +184,8 @@ class Autopilot(ABC):
                 self.missions.tick(self.elapsed_s)
             self.wander.step(STEP_S)
             self._fly()
+            if self.trigger is not None:
+                self.trigger.step()
             self.files.step(self.elapsed_s)
             for channel in self.channels:
                 channel.slowdown = self.files_slow_streams if self.elapsed_s - self.files.sent_s < 1.0 else 1.0
@@ -471,6 +476,8 @@ class Autopilot(ABC):
                 self.at(0.1, self.reboot)
         elif self.mount is not None and command in self.mount.commands:
             result = self.mount.obey(command, params)
+        elif self.trigger is not None and command in self.trigger.commands:
+            result = self.trigger.obey(command, params)
         else:
             result = self._command(command, params, sender)
         if result is not None:

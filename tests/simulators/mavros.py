@@ -123,6 +123,7 @@ class Mavros:
             "COMMAND_ACK": self._ack,
             "PARAM_VALUE": self._parameter_value,
             "MOUNT_ORIENTATION": self._mount,
+            "CAMERA_IMAGE_CAPTURED": self._captured,
             "GIMBAL_DEVICE_ATTITUDE_STATUS": self._gimbal,
         }
         self.server: dict[str, float] = {}
@@ -196,6 +197,7 @@ class Mavros:
             "timesync_status": "mavros_msgs/TimesyncStatus",
             "setpoint_raw/target_local": "mavros_msgs/PositionTarget",
             "mount_control/orientation": "geometry_msgs/Quaternion",
+            "camera/image_captured": "mavros_msgs/CameraImageCaptured",
         }
         for plugin in self.lists:
             kinds |= {} if plugin.name in self.denied else plugin.topics()
@@ -462,6 +464,12 @@ class Mavros:
         """As MAVROS does, which leaves the axes as they are."""
         degrees = (message.roll, message.pitch, message.yaw)
         self._publish("mount_control/orientation", _quaternion(Quaternion.from_euler(*map(math.radians, degrees))))
+
+    def _captured(self, message: Any) -> None:
+        geo = {"latitude": message.lat / 1e7, "longitude": message.lon / 1e7, "altitude": message.alt / 1e3 + EGM96_M}
+        said = {"geo": geo, "relative_alt": message.relative_alt / 1e3, "image_index": message.image_index}
+        said |= {"header": self._header(message.time_boot_ms), "capture_result": message.capture_result}
+        self._publish("camera/image_captured", {**said, "file_url": message.file_url})
 
     def _gimbal(self, message: Any) -> None:
         if self.ros == 2:

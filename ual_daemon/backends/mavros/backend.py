@@ -241,7 +241,7 @@ class MavrosBackend(Backend):
         session.on_message(topic, message, now_s)
         if was_ours and not session.takes_setpoints and self._link is not None:
             self._link.withdraw(self._setpoint_topic)  # the safety pilot has taken over: one may wait in a full socket
-        photo = session.telemetry.photo(message, now_s) if topic == topics.CAPTURED else None
+        photo = session.telemetry.photo(message) if topic == topics.CAPTURED else None
         if photo is not None:
             self._cameras.trigger.on_report(*photo)
         self._has_news = self._has_news or topic == topics.POSE

@@ -16,8 +16,8 @@ class MavrosSettings(Settings, frozen=True, kw_only=True):
     """The section ``mavros`` of the configuration.
 
     `node` is the name of MAVROS' node, within the namespace of the URL. `pose_rate_hz` is the rate at which position
-    and attitude are requested from the autopilot. With `has_camera_trigger` the autopilot itself triggers a camera, which
-    is offered. With `learns_feed_forward` PX4's drag and the error of its estimate
+    and attitude are requested from the autopilot. With `has_camera_trigger` the autopilot itself triggers a camera,
+    which is offered. With `learns_feed_forward` PX4's drag and the error of its estimate
     are learned and compensated: see `ual_daemon.backends.firmwares.feed_forward`; `drag_1_s` is the drag that it
     begins with.
     """

@@ -192,18 +192,17 @@ class Telemetry:
         """Whether it is armed, and not known to stand on the ground."""
         return self.is_armed and self.landed.value is not LandedState.ON_GROUND
 
-    def photo(self, message: Message, now_s: float) -> tuple[int, float, GeoPoint | None] | None:
-        """Reads a CameraImageCaptured: its number, and when (UTC) and where it was; None where it has failed."""
+    def photo(self, message: Message) -> tuple[int, float | None, GeoPoint | None] | None:
+        """Reads a CameraImageCaptured: its number, and when (UTC) and where it was taken; None where that failed."""
         if int(message["capture_result"]) != _TAKEN:
             return None
         geo = message["geo"]
         place = None
         if self._accepts_place(geo) and any(number(geo[name]) for name in ("latitude", "longitude")):
             ellipsoid_m = number(geo["altitude"])
-            place = replace(
-                _place(geo), altitude_amsl_m=self._geoid.amsl_m(ellipsoid_m), altitude_ellipsoid_m=ellipsoid_m
-            )
-        taken_s = self._clock_offset.to_utc(stamp_s(message), now_s, self._utc_s())
+            amsl_m = self._geoid.amsl_m(ellipsoid_m)
+            place = replace(_place(geo), altitude_amsl_m=amsl_m, altitude_ellipsoid_m=ellipsoid_m)
+        taken_s = stamp_s(message) + self._stamp_s - self._measured_s if self._measured_s else None
         return int(message["image_index"]), taken_s, place
 
     def snapshot(self, now_s: float, control: ControlState | None = None, health: Health | None = None) -> Snapshot:

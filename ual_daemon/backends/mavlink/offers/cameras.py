@@ -13,6 +13,9 @@ from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, CameraMode,
 from ual.errors import InvalidArgumentError, LinkLostError, NotSupportedError
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import then
+from ual_daemon.backends.engine.command import ONCE
+from ual_daemon.backends.firmwares.trigger_camera import TRIGGER_DISTANCE
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, command_of
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures, Picture
 from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink

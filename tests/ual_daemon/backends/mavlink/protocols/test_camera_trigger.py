@@ -14,8 +14,10 @@ from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotErro
 from ual.geometry import Pose
 from ual_daemon.backends.engine.command import Repeat
 from ual_daemon.backends.firmwares.trigger_camera import TriggerCamera
+from ual_daemon.backends.firmwares.triggered_photos import REPORT_S
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
-from ual_daemon.backends.mavlink.protocols.camera_trigger import REPORT_S, CameraTrigger
+from ual_daemon.backends.mavlink.offers.cameras import trigger_order
+from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
 
@@ -32,10 +34,10 @@ class Bench:
         self.trigger.utc_s = lambda: 1.9e9
         self.ordered: list[LongCommand] = []
         self.answers: list[Future[None]] = []
-        self.camera = TriggerCamera(0, lambda: self.trigger, self.command, lambda act: act(), lambda: True)
+        self.camera = TriggerCamera(0, lambda: self.trigger, self.order, lambda act: act(), lambda: True)
 
-    def command(self, what: str, command: LongCommand) -> Future[None]:
-        self.ordered.append(command)
+    def order(self, what: str, command_id: int, params: tuple[float, ...]) -> Future[None]:
+        self.ordered.append(trigger_order(what, command_id, params))
         self.answers.append(Future())
         return self.answers[-1]
 
