@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from typing_extensions import override
 
-from ual.errors import LinkLostError, NotSupportedError, UalError
+from ual.errors import NotSupportedError, UalError
 from ual.geometry import Vector3
 from ual.gimbals import GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
 from ual_daemon.backends import futures
@@ -168,8 +168,8 @@ class MavrosGimbal(OfferedGimbal):
                 return
             try:
                 order = self._codec().turning(angles, reference)
-            except LinkLostError:
-                return
+            except UalError:
+                return  # nothing answers to what follows: the state tells it
             self._aimed_s = self._now_s()
             self._aim = self._reach.call(topics.COMMAND_INT, commands.as_int(order), AIM_LIMIT_S)
         self._aim.add_done_callback(self._on_aimed)
