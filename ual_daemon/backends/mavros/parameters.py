@@ -106,7 +106,7 @@ class ParameterReader:
     def _on_answer(self, name: str, answer: Message) -> None:
         if not answer["success"]:
             self._failed.add(name)
-            is_optional = name in self._autopilot.optional_parameters
+            is_optional = name in self._autopilot.optional_parameters or name in self._beside_asked
             if not is_optional and self._failed.issuperset(self._autopilot.names_of(name)):
                 self._queue = []  # MAVROS has not fetched them yet: it would log an error for each
             return

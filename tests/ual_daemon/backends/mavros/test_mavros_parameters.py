@@ -9,6 +9,7 @@ import pytest
 from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
+from ual_daemon.backends.firmwares.gimbal_codec import ArduPilotGimbal
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter as Copter
 from ual_daemon.backends.mavros.parameters import LONGEST_ROUND_S, ParameterReader
 from ual_daemon.backends.rosbridge import Message, Ros
@@ -62,3 +63,20 @@ def test_a_mavros_that_has_fetched_none_is_not_asked_for_each() -> None:
     bench.known = {**OLD, **OTHERS}
     bench.tick(LONGEST_ROUND_S)
     assert bench.reader.missing == ()
+
+
+def test_what_is_beside_flying_is_asked_for_once_and_again_after_a_boot() -> None:
+    """MAVROS logs an error for each that the autopilot does not have."""
+    bench = Bench({**OLD, **OTHERS, "MNT1_TYPE": 1.0})
+    bench.reader = ParameterReader(
+        Copter(), bench.read, Plausibility(), lambda: None, lambda: ArduPilotGimbal().parameters(bench.read)
+    )
+    bench.tick(0.0)
+    wanted = ArduPilotGimbal().parameters({"MNT1_TYPE": 1.0})
+    assert [name for name in bench.asked if name.startswith("MNT")] == list(wanted)
+    bench.tick(LONGEST_ROUND_S)
+    assert [name for name in bench.asked if name in wanted[1:]] == list(wanted[1:])
+    bench.read.clear()
+    bench.asked.clear()
+    bench.tick(2.0 * LONGEST_ROUND_S)
+    assert [name for name in bench.asked if name.startswith("MNT")] == list(wanted)
