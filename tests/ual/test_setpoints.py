@@ -171,6 +171,63 @@ def send_until_refused(setpoints: Setpoints) -> None:
         pause.wait(0.01)
 
 
+# --- Ctrl-C -----------------------------------------------------------------------------------------------------------
+
+
+def interrupting(function: Callable[..., object]) -> Callable[..., object]:
+    """Returns the function; Ctrl-C comes when it is called for the first time, and nothing is done then."""
+    left = [KeyboardInterrupt()]
+
+    def interrupted(*args: object) -> object:  # (a function, to be a method)
+        if left:
+            raise left.pop()
+        return function(*args)
+
+    return interrupted
+
+
+@pytest.mark.parametrize("where", ["stream", "open", "put"])
+def test_after_ctrl_c_amid_a_setpoint_those_that_follow_arrive(
+    daemon: FakeDaemon, setpoints: Setpoints, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    setpoints.send(forward(1.0))
+    if where == "put":
+        setpoints.send(forward(2.0))
+        daemon.wait_for_streamed(1)
+    owner = Connection if where == "stream" else _Stream
+    monkeypatch.setattr(owner, where, interrupting(getattr(owner, where)))
+    with pytest.raises(KeyboardInterrupt):
+        setpoints.send(forward(9.0))
+    streamed_count = len(daemon.streamed)
+    setpoints.send(forward(3.0))
+    setpoints.send(forward(4.0))
+    daemon.wait_for_streamed(streamed_count + 1)
+    assert setpoints.settle()
+    assert len(daemon.answered) == 2, "the first after it is answered"
+    assert 9.0 not in speeds(daemon)
+
+
+def test_after_ctrl_c_within_grpc_a_call_goes_over_a_new_channel(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connection = Connection(Target("uav_1", daemon.address, None))
+    connection.run(_calls.single_setpoint(forward(1.0)))
+    first = connection._route
+    assert first is not None
+
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        connection._use(interrupted)
+    connection.run(_calls.single_setpoint(forward(2.0)))
+    assert connection._route is not first
+    closed: list[object] = []
+    monkeypatch.setattr(first.channel, "close", lambda: closed.append(first))
+    connection.close()
+    assert closed == [], "to close one that is locked would wait forever"
+
+
 # --- What waits to be sent --------------------------------------------------------------------------------------------
 
 
@@ -305,6 +362,19 @@ def test_what_is_under_way_stands_in_what_grpc_waits_for(clock: HandClock, monke
     call._state.due.discard("receive_status_on_client")  # the status came first
     assert call.is_out[0](None) is True, "that was the call's last"
     assert not call._state.due
+
+
+def test_what_ctrl_c_kept_from_being_sent_is_not_waited_for(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    call = Call()
+
+    def operate(*_: object) -> bool:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(call, "operate", operate)
+    stream = opened(clock, call, monkeypatch)
+    with pytest.raises(KeyboardInterrupt):
+        stream.put(forward(1.0))
+    assert call._state.due == {"receive_status_on_client"}
 
 
 @pytest.mark.parametrize("how", ["status", "cancelled"])

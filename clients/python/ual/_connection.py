@@ -31,6 +31,7 @@ class Connection:
         self._is_closed = False
         self._was_reached = False
         self._of_parent: list[Route] = []
+        self._abandoned: list[Route] = []
         _forks.renew_in_child(self)
 
     def begin_anew(self) -> None:
@@ -214,6 +215,17 @@ class Connection:
             if self._is_closed:  # gRPC raises ValueError on a channel that was closed meanwhile
                 raise _calls.closed() from error
             raise
+        except KeyboardInterrupt:
+            self.abandon()
+            raise
+
+    def abandon(self) -> None:
+        """Uses a new channel from now on. Ctrl-C amid gRPC's own steps can leave its channel locked: nothing is heard
+        on it any more, and to close it would wait forever.
+        """
+        with self._lock:
+            self._abandoned += filter(None, [self._route])
+            self._route = None
 
     def _enter(self) -> Route:
         """Returns the route to where the daemon is now. Its channel stays open until `_leave`."""

@@ -52,12 +52,14 @@ def sender(call: Any) -> Send | None:  # noqa: ANN401 (gRPC has no type for it)
         with condition:
             if state.code is not None or state.cancelled:
                 return
-            due.add(operation_type)
+            is_sent = False
             try:
+                due.add(operation_type)
                 is_sent = operate((operation,), on_sent)
             except ValueError:  # the channel was closed
-                is_sent = False
-            if not is_sent:
-                due.discard(operation_type)
+                pass
+            finally:  # also where Ctrl-C came first
+                if not is_sent:
+                    due.discard(operation_type)
 
     return send

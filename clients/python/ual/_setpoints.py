@@ -79,6 +79,14 @@ class Setpoints:
 
     def send(self, setpoint: Element) -> None:
         """Sends a setpoint. Raises the `UalError` by which the daemon refused this one or an earlier one."""
+        try:
+            self._send(setpoint)
+        except KeyboardInterrupt:  # between any two steps: how far the stream has come is not known
+            self._cancel()
+            self._connection.abandon()
+            raise
+
+    def _send(self, setpoint: Element) -> None:
         with self._lock:
             failure, self._failure = self._failure, None
             now_s = self._clock()
@@ -98,6 +106,13 @@ class Setpoints:
         stream.put(setpoint)
         if is_new:
             stream.open()
+
+    def _cancel(self) -> None:
+        """Cancels the stream: the next setpoint is sent by a call."""
+        with self._lock:
+            stream, self._stream, self._accepted_s = self._stream, None, None
+        if stream is not None:
+            stream.cancel()
 
     def settle(self) -> bool:
         """Sends the setpoint that waits and ends the stream, so that the next call reaches the daemon after it.
@@ -195,6 +210,13 @@ class _Stream:
             self._call.cancel()
             self._ended.wait(timeout_s)
         return False
+
+    def cancel(self) -> None:
+        """Ends the stream at once, whether or not it is open. Nothing more is sent."""
+        self._is_ending = True
+        self._iterated.put(None)  # ends gRPC's sending thread, too
+        if self._call is not None:
+            self._call.cancel()
 
     def __iter__(self) -> _Stream:
         return self

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import threading
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +18,7 @@ from ual.types import AltitudeReference, Limits, State
 from ual_tools import manoeuvre, options, values
 from ual_tools.app import Multi, command
 from ual_tools.help import Section
+from ual_tools.interruption import interruption
 from ual_tools.session import Session, note, pass_session
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -237,11 +238,12 @@ def _vector(v: Vector3) -> str:
 
 def _repeat(session: Session, uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
     end_s = time.monotonic() + duration_s
-    interrupted = threading.Event() if session.member is None else session.member.interrupted
-    while time.monotonic() < end_s:
-        uav.set_velocity(wanted)
-        if interrupted.wait(max(0.0, min(_VELOCITY_PERIOD_S, end_s - time.monotonic()))):
-            raise KeyboardInterrupt
+    noted = interruption() if session.member is None else nullcontext(session.member.interrupted)
+    with noted as interrupted:
+        while time.monotonic() < end_s:
+            uav.set_velocity(wanted)
+            if interrupted.wait(max(0.0, min(_VELOCITY_PERIOD_S, end_s - time.monotonic()))):
+                raise KeyboardInterrupt
 
 
 def _stop(uav: Uav) -> None:
