@@ -10,6 +10,8 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+import grpc
+import grpc.aio
 import pytest
 
 import ual
@@ -413,6 +415,31 @@ def test_a_refused_setpoint_is_raised_by_the_next_call_or_logged(caplog: pytest.
     with fake_daemon.running() as daemon, caplog.at_level(logging.WARNING):
         run(fly, address=daemon.address)
     assert "the last setpoints were refused: WRONG_STATE: the pilot flies again" in caplog.text
+
+
+def test_a_refusal_that_grpc_has_lost_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stream that the daemon ended during a write was told as INTERNAL, whatever had been refused."""
+
+    async def lose_status(*_: object) -> None:
+        raise grpc.aio.AioRpcError(
+            grpc.StatusCode.INTERNAL, grpc.aio.Metadata(), grpc.aio.Metadata(), "Internal error from Core"
+        )
+
+    async def stream_on(uav: aio.Uav) -> None:
+        while True:
+            await uav.set_velocity(Twist())
+            await asyncio.sleep(0.01)
+
+    async def fly(uav: aio.Uav) -> None:
+        await uav.set_velocity(Twist())
+        daemon.refusal = ual.WrongStateError("the pilot flies")
+        with pytest.raises(ual.WrongStateError, match="the pilot flies"):
+            await stream_on(uav)
+
+    monkeypatch.setattr("ual.aio._setpoints._Stream._write_newest", lose_status)
+    monkeypatch.setattr("ual.aio._setpoints.CONTINUES_S", LIMIT_S)
+    with fake_daemon.running() as daemon:
+        run(fly, address=daemon.address)
 
 
 def test_setpoints_that_the_daemon_does_not_take_are_told(

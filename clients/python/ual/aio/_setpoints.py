@@ -12,6 +12,9 @@ from ual._setpoints import CLOSE_S, CONTINUES_S, SETPOINTS, STALE_S, Element, Ki
 from ual.aio._connection import Connection
 from ual.errors import DaemonUnreachableError, UalError
 
+_LOST_STATUS = "Internal error from Core"
+"""gRPC's own words where a write has failed because the daemon had ended the stream: its status is not read then."""
+
 
 class Setpoints:
     """Sends setpoints; skips those that a newer one has replaced."""
@@ -55,6 +58,8 @@ class Setpoints:
         if self._stream is stream:
             self._stream = None
             self._failure = failure
+            if failure is None:  # the next one is sent by a call, which gets the answer that this stream has lost
+                self._accepted_s = None
 
 
 class _Stream:
@@ -100,7 +105,7 @@ class _Stream:
             if not self.is_ending:
                 failure = DaemonUnreachableError(f"the daemon ended the stream of {self._kind.name}")
         except grpc.aio.AioRpcError as error:
-            failure = self._connection.error(error)
+            failure = None if error.details() == _LOST_STATUS else self._connection.error(error)
         except UalError as error:
             failure = error
         finally:
