@@ -9,6 +9,7 @@ from ual.errors import UalError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import TaskKind
 from ual_daemon.backends.values import (
+    Cause,
     Condition,
     Control,
     ControlState,
@@ -43,6 +44,7 @@ class Autopilot:
     yaw_rad: float = 0.5
     status_text: str = ""
     mode: str = ""
+    held_by: Cause | None = None
 
     def now_s(self) -> float:
         return self.time_s
@@ -56,6 +58,7 @@ class Autopilot:
                 armed=Sample(self.armed, heard_s),
                 landed=Sample(self.landed, heard_s),
                 mode=Sample(Mode(self.mode or self.control.name, self.control), heard_s),
+                held_by=self.held_by,
             ),
             motion=MotionState(
                 estimator=Sample(Estimator(True), heard_s),

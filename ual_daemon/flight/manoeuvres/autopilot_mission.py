@@ -136,6 +136,11 @@ class AutopilotMission(Manoeuvre):
         return self._item
 
     @override
+    def replaces(self, old: Manoeuvre) -> None:
+        if old.mission and self._phase is _Phase.CHOOSING:
+            self.mission = "the autopilot still flies the mission before"  # nobody took the UAV meanwhile
+
+    @override
     def current_reference(self) -> Reference | None:
         return self._reference
 
@@ -322,6 +327,8 @@ class AutopilotMission(Manoeuvre):
         """Whether the autopilot has ended the mission in the air."""
         if report is None or report.time_s <= self._entered_s or self._ends_by(Land, ReturnToLaunch):
             return False
+        if _is_by_failsafe(snapshot):  # it may hold in the same mode, and is not to be overridden
+            return False
         is_over = report.stage is MissionStage.COMPLETE or (
             report.reached == self._last_moving and _mode(snapshot) != self._offer.mode
         )
@@ -330,6 +337,7 @@ class AutopilotMission(Manoeuvre):
     def _may_be_complete(self, snapshot: Snapshot) -> bool:
         """Whether it has entered the mode in which it holds after a mission, and may still tell its end."""
         is_done = _mode(snapshot) == self._offer.done_mode != self._offer.mode
+        is_done = is_done and not _is_by_failsafe(snapshot)
         if not is_done or self._item < self._last_moving or self._ends_by(Land, ReturnToLaunch):
             self._done_s = None
             return False
@@ -360,8 +368,7 @@ class AutopilotMission(Manoeuvre):
 
     def _is_returning(self, snapshot: Snapshot) -> bool:
         """Whether the return at the end of the mission is what changed the mode; its item may be told later."""
-        cause = snapshot.control.held_by
-        if not self._ends_by(ReturnToLaunch) or (cause is not None and cause.is_failsafe):
+        if not self._ends_by(ReturnToLaunch) or _is_by_failsafe(snapshot):
             return False
         before = [number for number, each in enumerate(self._kept.items, 1) if isinstance(each, MOVING)][:-1]
         if self._item < len(self._kept.items) and before and self._item < before[-1]:
@@ -435,6 +442,11 @@ class AutopilotMission(Manoeuvre):
 
 def _mode(snapshot: Snapshot) -> str:
     return snapshot.control.mode_name
+
+
+def _is_by_failsafe(snapshot: Snapshot) -> bool:
+    cause = snapshot.control.held_by
+    return cause is not None and cause.is_failsafe
 
 
 _STEPS: dict[_Phase, Callable[[AutopilotMission, Snapshot], Step]] = {

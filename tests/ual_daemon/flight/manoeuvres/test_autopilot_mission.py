@@ -11,12 +11,13 @@ from tests.ual_daemon.flight.hand_made import Autopilot
 from ual.errors import TaskAbortedError, UalError
 from ual.geometry import Vector3
 from ual.missions import Item, Waypoint
+from ual.missions.plan import MissionStage
 from ual.types import TaskKind
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.chain import done
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport, OnItsOwn
-from ual_daemon.backends.values import Control, LandedState
+from ual_daemon.backends.values import Cause, Control, LandedState
 from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission, TakeBack
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Hold
@@ -32,6 +33,8 @@ class Missions(AutopilotMissions):
     def __init__(self) -> None:
         self.asked: list[str] = []
         self.read: Future[KeptMission] = Future()
+        self.told: MissionReport | None = None
+        self.chosen = done(None)
 
     def require(self, items: Sequence[Item]) -> None:
         """Takes any."""
@@ -48,13 +51,13 @@ class Missions(AutopilotMissions):
         return self.read
 
     def report(self) -> MissionReport | None:
-        return None
+        return self.told
 
     def set_current(
         self, items: Sequence[Item], item: int, refusal: Callable[[], UalError | None], *, anew: bool
     ) -> Future[None]:
         self.asked.append("set_current")
-        return done(None)
+        return self.chosen
 
     def fly(self) -> Future[None]:
         self.asked.append("fly")
@@ -71,10 +74,13 @@ class Lab:
         self.autopilot = Autopilot(control=Control.REFERENCES, landed=LandedState.IN_AIR, mode="OFFBOARD")
         self.offer = Missions()
         self.task = self.autopilot.task(TaskKind.MISSION)
+        self.mission = self.make()
+
+    def make(self) -> AutopilotMission:
+        """Makes a mission that begins with its first item."""
         backend = LightBackend(BackendOptions("uav_1", settings={"speed_factor": 0}))
-        self.mission = AutopilotMission(
-            self.task, backend, self.offer, KEPT, 1, Hold(Vector3(1.0, 2.0, 3.0), 0.0), self._take_back, lambda: None
-        )
+        reference = Hold(Vector3(1.0, 2.0, 3.0), 0.0)
+        return AutopilotMission(self.task, backend, self.offer, KEPT, 1, reference, self._take_back, lambda: None)
 
     def _take_back(self, task: VehicleTask) -> TakeBack:
         raise NotImplementedError
@@ -151,3 +157,30 @@ def test_others_who_take_it_while_it_is_paused_end_it(lab: Lab) -> None:
     lab.pause()
     lab.autopilot.mode = "POSCTL"
     assert isinstance(lab.autopilot.step(lab.mission).error, TaskAbortedError)
+
+
+@pytest.mark.parametrize("stage", [MissionStage.ACTIVE, MissionStage.COMPLETE])
+def test_a_failsafe_that_holds_at_the_last_item_is_no_end_of_the_mission(lab: Lab, stage: MissionStage) -> None:
+    """PX4 holds in the mode that follows a mission, too. It was told as FLYING_AUTO for 2.5 s, or taken back."""
+    lab.fly()
+    lab.offer.told = MissionReport(stage, 1, 1, lab.autopilot.time_s + 0.1)
+    lab.autopilot.mode, lab.autopilot.held_by = "HOLD", Cause.RC
+    step = lab.autopilot.step(lab.mission)
+    assert step.is_taken
+    assert isinstance(step.error, TaskAbortedError)
+    assert step.error.metadata["by"] == "rc failsafe"
+
+
+def test_a_mission_that_replaces_another_is_never_told_as_flown_by_others(lab: Lab) -> None:
+    """It was FLYING_MANUAL until the autopilot had taken its first item, and an abort was refused."""
+    assert not lab.mission.mission
+    lab.fly()
+    lab.offer.chosen = Future()
+    successor = lab.make()
+    successor.replaces(lab.mission)
+    lab.autopilot.step(successor)
+    assert successor.mission == "the autopilot still flies the mission before"
+    lab.offer.chosen.set_result(None)
+    for _ in range(3):
+        lab.autopilot.step(successor)
+    assert successor.mission == "the autopilot flies our mission: item 1 of 1, waypoint"
