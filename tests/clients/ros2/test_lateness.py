@@ -42,6 +42,14 @@ def test_a_setpoint_of_another_time_is_refused(sent_s: float, stamp_s: float, te
     Lateness(False, Clock()).require_setpoint(sent_s, stamp_s)
 
 
+def test_a_stamp_of_another_time_than_the_simulated_one_is_told_so() -> None:
+    lateness = Lateness(True, Clock(), lambda: True)
+    with pytest.raises(ual.UalTimeoutError, match=r"not the simulated one of this node .* give its"):
+        lateness.require_setpoint(NOW_S, NOW_S + 1e9)
+    with pytest.raises(ual.UalTimeoutError, match="the clocks of the two computers differ"):
+        lateness.require_setpoint(NOW_S - 1.0, NOW_S)
+
+
 def test_an_old_request_is_refused() -> None:
     lateness = Lateness(True, Clock())
     lateness.require_command(NOW_S - COMMAND_S + 0.1)

@@ -295,6 +295,22 @@ class Clock:
         return SimpleNamespace(nanoseconds=round(self.now_s * 1e9))
 
 
+def test_simulated_time_that_stands_is_noticed_and_real_time_never_stands() -> None:
+    steady_s = [0.0]
+    clock = Clock(50.0)
+    time = RosTime(clock, lambda: 1000.0, lambda: steady_s[0])
+    assert not time.stands()
+    for steady_s[0] in (1.0, 2.0):
+        assert not time.stands()
+    steady_s[0] = 2.5
+    assert time.stands()
+    clock.now_s = 51.0
+    assert not time.stands()
+    real = RosTime(Clock(), lambda: 1000.0, lambda: steady_s[0])
+    for steady_s[0] in (10.0, 20.0):
+        assert not real.stands()
+
+
 def test_times_are_those_of_utc_unless_time_is_simulated() -> None:
     time, stamp = RosTime(Clock(), lambda: 1000.0), messages.stamp()
     time.stamp(stamp, 900.5)
@@ -544,6 +560,7 @@ def test_the_worst_that_is_known_comes_first(sample: ual.Telemetry, refused: str
         (health.Said(lease="lost: not kept for 2 s"), health.WARN, "lease lost: not kept for 2 s"),
         (health.Said(lease="not held: base holds it"), health.WARN, "lease not held: base holds it"),
         (health.Said(other_nodes=1), health.WARN, "1 more node(s) offer this UAV"),
+        (health.Said(clock="simulated time stands"), health.WARN, "simulated time stands"),
     ],
 )
 def test_what_the_node_lacks_is_a_warning(said: health.Said, level: int, text: str) -> None:

@@ -31,6 +31,8 @@ class Said:
     refused_count: int = 0
     failed: str = ""
     """Why a part of the node does not work any more: a mistake in this program."""
+    clock: str = ""
+    """What is wrong with ROS' time."""
     other_nodes: int = 0
     """How many other nodes offer this UAV in ROS, too."""
 
@@ -69,6 +71,7 @@ def of(sample: ual.Telemetry, said: Said) -> Status:
         (ERROR, f"failsafe: {about.failsafe}" if about is not None and about.failsafe else ""),
         (WARN, said.rivals),
         (WARN, said.lacking_lease),
+        (WARN, said.clock),
         (WARN, f"refused: {said.refused}" if said.refused else ""),
         (WARN, "; ".join(about.failing_checks) if about is not None else ""),
     ]

@@ -41,6 +41,7 @@ SILENT_S = 1.0
 """Without a sample for this long (or three of them), the UAV is told to be unknown."""
 STAMPED = ("set_pose", "set_velocity")
 """The setpoints that say in their header for when they are."""
+CLOCK_STANDS = "simulated time stands (use_sim_time): nothing new comes on /clock, and stamps are of then"
 REFUSED_S = 5.0
 """How long a refused setpoint stands in the diagnostics."""
 
@@ -78,7 +79,7 @@ class UavInterface:
         settings = shared.settings
         self._uav = ual.aio.Uav(ns, address=address or None, tls_ca=settings.tls_ca, credentials=settings.credentials)
         self._said = Said()
-        self._lateness = Lateness(settings.refuses_late)
+        self._lateness = Lateness(settings.refuses_late, is_time_simulated=lambda: shared.time.is_simulated)
         self._pulse = Pulse()
         self._newest: ual.Telemetry | None = None
         self._contact = Contact(self._uav.telemetry, settings.rate_hz, self._loop.time)
@@ -423,6 +424,7 @@ class UavInterface:
 
     def _note_connection(self) -> None:
         self._said.address = self._uav.address
+        self._said.clock = CLOCK_STANDS if self._shared.time.stands() else ""
         self._note_others()
         if self._loop.time() - self._refused_s > REFUSED_S:
             self._said.refused = ""

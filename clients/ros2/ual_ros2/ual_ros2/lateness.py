@@ -20,13 +20,25 @@ BEAT_S = 0.25
 QUEUED_S = 5.0
 """For so long after it stood still, what comes may have been sent meanwhile: DDS asks for what is missing every 3 s."""
 
+_CLOCKS = "the clocks of the two computers differ: synchronize them, or set refuse_late to false"
+_SIMULATED = (
+    "its time is not the simulated one of this node (use_sim_time): give its program use_sim_time, too, and see that "
+    "/clock is published"
+)
+
 
 class Lateness:
     """Refuses what was sent too long ago, by the clock of its sender's computer. Any thread may ask it."""
 
-    def __init__(self, is_refused: bool, utc_s: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        is_refused: bool,
+        utc_s: Callable[[], float] = time.time,
+        is_time_simulated: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._is_refused = is_refused
         self._utc_s = utc_s
+        self._is_time_simulated = is_time_simulated
 
     def require_setpoint(self, sent_s: float, stamp_s: float) -> None:
         """Requires a setpoint of the present.
@@ -39,8 +51,8 @@ class Lateness:
             UalTimeoutError: It is older than 0.5 s, or of the future.
 
         """
-        self._require(sent_s, SETPOINT_S, "was sent")
-        self._require(stamp_s, SETPOINT_S, "is stamped")
+        self._require(sent_s, SETPOINT_S, "was sent", _CLOCKS)
+        self._require(stamp_s, SETPOINT_S, "is stamped", _SIMULATED if self._is_time_simulated() else _CLOCKS)
 
     def require_command(self, sent_s: float) -> None:
         """Requires a request of the present, sent at a time of UTC (0: not known).
@@ -49,16 +61,15 @@ class Lateness:
             UalTimeoutError: It is older than 3 s, or of the future.
 
         """
-        self._require(sent_s, COMMAND_S, "was sent")
+        self._require(sent_s, COMMAND_S, "was sent", _CLOCKS)
 
-    def _require(self, at_s: float, limit_s: float, how: str) -> None:
+    def _require(self, at_s: float, limit_s: float, how: str, advice: str) -> None:
         age_s = self._utc_s() - at_s
         if not self._is_refused or not at_s or abs(age_s) <= limit_s:
             return
         when = "ago" if age_s > 0.0 else "in the future"
         raise ual.UalTimeoutError(  # the age is not in the words: each of a stream would have others
-            f"it {how} more than {limit_s:g} s {when}: it is not flown. If it was sent just now, the clocks of the two "
-            "computers differ: synchronize them, or set refuse_late to false",
+            f"it {how} more than {limit_s:g} s {when}: it is not flown. If it was sent just now, {advice}",
             {"age_s": f"{age_s:.3f}", "limit_s": f"{limit_s:g}"},
         )
 

@@ -8,13 +8,34 @@ from collections.abc import Callable
 from ual_ros2 import values
 from ual_ros2.messages import Entity, Message
 
+STANDS_S = 2.0
+"""Simulated time that has been the same for so long stands."""
+
 
 class RosTime:
     """Converts between UTC and ROS' clock, which is UTC too unless it is simulated (``use_sim_time``)."""
 
-    def __init__(self, clock: Entity, utc_s: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self, clock: Entity, utc_s: Callable[[], float] = time.time, steady_s: Callable[[], float] = time.monotonic
+    ) -> None:
         self._clock = clock
         self._utc_s = utc_s
+        self._steady_s = steady_s
+        self._seen: tuple[int, float] | None = None
+        """Simulated time as it was seen last, and since when it is this."""
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether it is that of ``/clock``."""
+        return bool(self._clock.ros_time_is_active)
+
+    def stands(self) -> bool:
+        """Returns whether simulated time stands. It is to be called again and again."""
+        now_s = self._steady_s()
+        time_ns = self._clock.now().nanoseconds
+        if not self.is_simulated or self._seen is None or self._seen[0] != time_ns:
+            self._seen = time_ns, now_s
+        return now_s - self._seen[1] > STANDS_S
 
     def stamp(self, stamp: Message, utc_s: float) -> None:
         """Fills a stamp with a time of UTC."""
@@ -38,6 +59,6 @@ class RosTime:
 
     def _offset_s(self) -> float:
         """How far ROS' clock is before UTC."""
-        if not self._clock.ros_time_is_active:
+        if not self.is_simulated:
             return 0.0
         return float(self._clock.now().nanoseconds / values.NANO - self._utc_s())
