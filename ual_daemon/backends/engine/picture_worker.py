@@ -36,8 +36,8 @@ class PictureWorker:
                 return futures.failed(UalError("this UAV is closed"))
             if self._executor is None:
                 self._executor = ThreadPoolExecutor(1, self._thread_name)
-            self._waiting_count += 1
             made = self._executor.submit(make)
+            self._waiting_count += 1  # first that: it may have no thread
         made.add_done_callback(lambda _: self._on_made())
         return made
 
