@@ -35,6 +35,8 @@ from ual_daemon.vehicle.refusal_log import accepted
 _log = logging.getLogger(__name__)
 
 _ENDS_OF_DAEMON = ("shutdown", "close")
+AGAIN_S = 1.0
+"""A mission that could not be read is asked for again after this."""
 _ASIDE_M = 10.0
 """So far from where the UAV stands its take-off may lead: satellites err by a few metres."""
 
@@ -60,6 +62,7 @@ class Missions:
         self._lost = None if file is None or flight.is_watch_only else file.read()
         """What the daemon flew before it was restarted, until that is found again or gone."""
         self._finding: Future[KeptMission] | None = None
+        self._next_s = -math.inf
 
     # --- What is asked for --------------------------------------------------------------------------------------------
 
@@ -221,9 +224,9 @@ class Missions:
         gone = self._why_gone(lost, offer, snapshot, identity)
         if gone:
             self._forget(gone)
-        elif self._finding is None:
-            self._finding = offer.download()
-        elif self._finding.done():
+        elif self._finding is None and snapshot.time_s >= self._next_s:
+            self._finding, self._next_s = offer.download(), snapshot.time_s + AGAIN_S
+        elif self._finding is not None and self._finding.done():
             self._on_found(lost, offer, self._finding)
 
     def _why_gone(self, lost: FlownMission, offer: AutopilotMissions, snapshot: Snapshot, identity: str) -> str:
