@@ -100,6 +100,7 @@ class Vehicle(ReportedVehicle):
         own = settings.geofence
         has_polygon = own is not None and bool(own.polygon or own.polygon_geo)
         self._fence_notice = FenceNotice(backend.info, is_needed=has_polygon and not watch_only)
+        self._contained = Contained("an update of a UAV")
 
     # --- Lifetime -----------------------------------------------------------------------------------------------------
 
@@ -337,17 +338,20 @@ class Vehicle(ReportedVehicle):
     @override
     def _update(self, snapshot: Snapshot) -> None:
         self._sequence = snapshot.sequence or self._sequence + 1
-        self._resolver.update(snapshot)
+        # A defect of one of these takes nothing from the others: neither setpoints, nor samples.
+        self._contained.call(self._resolver.update, snapshot)
+        self._contained.call(self._fly, snapshot)
+        self._publish(snapshot, self._flight.estimate(snapshot))
+        self._contained.call(self.missions.update, snapshot)
+        if snapshot.time_s >= self.gimbals.due_s:
+            self._contained.call(self.gimbals.update, snapshot)
+        self._fence_notice.observe(snapshot.time_s)
+
+    def _fly(self, snapshot: Snapshot) -> None:
         if self._flight.lease.id != NOBODY:
             self._expire_lease()
         if not self._follow_jumps(snapshot):
             self._flight.step(snapshot)
-        self._publish(snapshot, self._flight.estimate(snapshot))
-        # After the flight and what is told of it: a defect of these must not take the UAV its setpoints.
-        self.missions.update(snapshot)
-        if snapshot.time_s >= self.gimbals.due_s:
-            self.gimbals.update(snapshot)
-        self._fence_notice.observe(snapshot.time_s)
 
     def _follow_jumps(self, snapshot: Snapshot) -> bool:
         """Follows jumps of the estimate. Returns whether one is suspected: nothing is then sent to where it was."""

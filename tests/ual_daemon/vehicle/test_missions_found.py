@@ -42,7 +42,7 @@ def test_a_mission_that_cannot_be_read_is_asked_for_once_in_a_while(
         vehicle, offer = uav.vehicle, Unread()
         backend, info, offered = vehicle.backend, vehicle.backend.info(), vehicle.backend.offer
 
-        def offers(kind: type[Any]) -> Any:  # noqa: ANN401  of each kind
+        def offers(kind: type[Any]) -> Any:
             return offer if kind is AutopilotMissions else offered(kind)
 
         monkeypatch.setattr(backend, "offer", offers)

@@ -45,3 +45,36 @@ def test_who_watches_the_setpoints_and_fails_ends_no_command(caplog: pytest.LogC
         uav.run(0.4)
         assert uav.speed > 0.5
     assert sum(record.levelno == logging.ERROR for record in caplog.records) == 1
+
+
+@pytest.mark.parametrize("part", ["resolver", "missions", "gimbals"])
+def test_a_defect_beside_the_flight_takes_it_no_setpoint_and_is_told_once(
+    part: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(_: object) -> bool:
+        raise RuntimeError("a defect beside the flight")
+
+    with stepped() as uav:
+        uav.fly()
+        vehicle = uav.vehicle
+        beside = {"resolver": vehicle._resolver, "missions": vehicle.missions, "gimbals": vehicle.gimbals}[part]
+        monkeypatch.setattr(beside, "update", fail)
+        monkeypatch.setattr(vehicle.gimbals, "due_s", -1.0)
+        seen: list[Setpoint] = []
+        vehicle.observe_setpoints(seen.append)
+        uav.samples.clear()
+        uav.run(10 * STEP_S)
+        assert len(seen) == len(uav.samples) == 10
+    assert sum(record.levelno == logging.ERROR for record in caplog.records) == 1
+
+
+def test_a_defect_of_the_flight_takes_nobody_the_telemetry(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: object) -> None:
+        raise RuntimeError("a defect of the flight")
+
+    with stepped() as uav:
+        uav.fly()
+        monkeypatch.setattr(uav.vehicle._flight, "step", fail)
+        uav.samples.clear()
+        uav.run(10 * STEP_S)
+        assert len(uav.samples) == 10
