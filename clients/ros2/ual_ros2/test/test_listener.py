@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,9 +15,12 @@ from geometry_msgs.msg import Vector3
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 
 from ual_ros2.listener import Listener
+from ual_ros2.node import UalNode
 
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
@@ -177,3 +181,27 @@ def test_the_executor_hears_where_this_rclpy_cannot(node: Any, monkeypatch: pyte
         waited(is_heard)
     executor.shutdown()
     assert heard.threads == {threading.current_thread().name}
+
+
+def test_simulated_time_is_heard_without_the_executor_until_it_is_switched_off() -> None:
+    loop = asyncio.new_event_loop()
+    simulated = [Parameter("use_sim_time", value=True), Parameter("autostart", value=False)]
+    node = UalNode(loop, parameter_overrides=simulated)
+    publisher = node.create_publisher(Clock, "/clock", BEST_EFFORT)
+    now = Clock()
+
+    def is_now(sec: int) -> bool:
+        now.clock.sec = sec
+        publisher.publish(now)
+        return node.get_clock().now().seconds_nanoseconds()[0] == sec
+
+    with spinning(node.listener):
+        waited(lambda: is_now(1000))
+        waited(lambda: is_now(5))
+        node.set_parameters([Parameter("use_sim_time", value=False)])
+        waited(lambda: publisher.get_subscription_count() == 0)
+        assert not is_now(1000)
+        node.set_parameters([Parameter("use_sim_time", value=True)])
+        waited(lambda: is_now(2000))
+    node.destroy_node()
+    loop.close()

@@ -53,9 +53,13 @@ class Listener:
 
     def unsubscribe(self, subscription: Entity) -> None:
         """Ends it."""
+        self.forget(subscription)
+        self._node.destroy_subscription(subscription)
+
+    def forget(self, subscription: Entity) -> None:
+        """Hears it no more. From then on it may be destroyed."""
         with self._lock:
             self._subscriptions = tuple(each for each in self._subscriptions if each is not subscription)
-            self._node.destroy_subscription(subscription)
         self._changed.trigger()
 
     def spin(self) -> None:
@@ -84,7 +88,7 @@ class Listener:
                     self._tell_events(waiting, subscriptions)
 
     def _tell_events(self, waiting: _Waiting, subscriptions: tuple[Entity, ...]) -> None:
-        with self._lock:  # none of them is destroyed meanwhile
+        with self._lock:  # none of them is forgotten and destroyed meanwhile
             if self._subscriptions is subscriptions:
                 waiting.tell_events()
 
