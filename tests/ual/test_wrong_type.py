@@ -98,6 +98,22 @@ PARTS: list[tuple[str, tuple[Any, ...], Mapping[str, Any], str, str]] = [
     ("go_to_waypoint_geo", (1, 2, 3, "home"), {}, "altitude_reference", "'home' is not an AltitudeReference"),
     ("follow_path", ([P],), {"heading": "along"}, "heading", "'along' is not a PathHeading"),
     ("follow_path", ([P],), {"leg_speeds_m_s": ["1"]}, "leg_speeds_m_s[0]", "'1' is not a number"),
+    *(
+        ("set_velocity", (ual.Twist(each, turn),), {}, f"velocity.twist.{name}", f"{said} is not a number")
+        for each, turn, name, said in (
+            (ual.Vector3(True), ual.Vector3(), "linear.x", True),
+            (ual.Vector3(0.0, False), ual.Vector3(), "linear.y", False),
+            (ual.Vector3(), ual.Vector3(0.0, 0.0, True), "angular.z", True),
+        )
+    ),
+    *(
+        ("set_pose", (ual.PoseStamped(pose, "map"),), {}, f"pose.pose.{name}", "True is not a number")
+        for pose, name in (
+            (ual.Pose.at(True, 2.0, 3.0), "position.x"),
+            (ual.Pose.at(1.0, 2.0, True), "position.z"),
+            (ual.Pose(ual.Vector3(1.0, 2.0, 3.0), ual.Quaternion(0.0, 0.0, 0.0, True)), "orientation.w"),
+        )
+    ),
     ("set_velocity", (ual.Twist(ual.Vector3("x")),), {}, "velocity.twist.linear.x", "'x' is not a number"),  # type: ignore[arg-type]
 ]
 
@@ -121,6 +137,19 @@ def test_a_part_that_is_no_number_is_named_alike_by_all(
         error = refuse(member, *args, **kwargs)
         assert error.message.startswith(f"{field}: {said}")
         assert error.metadata["field"] == field
+
+
+@pytest.mark.parametrize(
+    ("pose", "std_dev_m", "field"),
+    [
+        (ual.Pose.at(1.0, True, 3.0), None, "pose.pose.position.y"),
+        (P, True, "position_std_dev_m"),
+    ],
+)
+def test_a_bool_is_no_part_of_a_pose_from_outside(pose: ual.Pose, std_dev_m: float | None, field: str) -> None:
+    for refuse in (refused_by_client, refused_by_aio):
+        error = refuse("set_external_pose", pose, position_std_dev_m=std_dev_m)
+        assert error.message == f"{field}: True is not a number"
 
 
 @pytest.mark.parametrize(

@@ -391,24 +391,55 @@ def setpoint_from_proto(request: pb.StreamSetpointsRequest) -> PoseStamped | Twi
     raise _not_set("setpoint")
 
 
+def _require_numbers_of_pose(pose: Pose) -> None:
+    """Raises `TypeError` for a bool, which protobuf takes for a number. Written out: each setpoint is asked."""
+    p, q = pose.position, pose.orientation
+    if bool in (
+        p.x.__class__, p.y.__class__, p.z.__class__, q.x.__class__, q.y.__class__, q.z.__class__, q.w.__class__,
+    ):  # fmt: skip
+        raise TypeError("a bool is no number")
+
+
+def _require_numbers_of_twist(twist: Twist) -> None:
+    """Raises `TypeError` for a bool; see `_require_numbers_of_pose`."""
+    v, w = twist.linear, twist.angular
+    if bool in (v.x.__class__, v.y.__class__, v.z.__class__, w.x.__class__, w.y.__class__, w.z.__class__):
+        raise TypeError("a bool is no number")
+
+
 def setpoint_to_proto(setpoint: PoseStamped | TwistStamped) -> pb.StreamSetpointsRequest:
-    """One setpoint of the stream."""
+    """One setpoint of the stream.
+
+    Raises:
+        TypeError: A part is no number, or a bool.
+
+    """
     message = pb.StreamSetpointsRequest()
     if isinstance(setpoint, TwistStamped):
         velocity = message.velocity
         if setpoint.frame_id:
             velocity.header.frame_id = setpoint.frame_id
+        _require_numbers_of_twist(setpoint.twist)
         _write_twist(setpoint.twist, velocity.twist)
     else:
         pose = message.pose
         if setpoint.frame_id:
             pose.header.frame_id = setpoint.frame_id
+        _require_numbers_of_pose(setpoint.pose)
         _write_pose(setpoint.pose, pose.pose)
     return message
 
 
 def external_pose_to_proto(measured: ExternalPose) -> pb.StreamExternalPosesRequest:
-    """One pose from outside of the stream."""
+    """One pose from outside of the stream.
+
+    Raises:
+        TypeError: A part is no number, or a bool.
+
+    """
+    if bool in (measured.position_std_dev_m.__class__, measured.orientation_std_dev_rad.__class__):
+        raise TypeError("a bool is no number")
+    _require_numbers_of_pose(measured.pose.pose)
     message = pb.StreamExternalPosesRequest()
     external, pose = message.external_pose, measured.pose
     if pose.frame_id:
