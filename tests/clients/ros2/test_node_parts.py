@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import MagicMock
+from unittest.mock import AsyncMock, MagicMock
 
 import pytest
 from hypothesis import given
@@ -22,7 +22,7 @@ from tests.clients.ros2 import messages
 from ual_ros2 import health, outcome, settings
 from ual_ros2.outcome import Outcome, Run
 from ual_ros2.ros_time import RosTime
-from ual_ros2.setpoints import STALE_S, Newest
+from ual_ros2.setpoints import STALE_S, Given, Newest, send_given
 from ual_ros2.tf_buffer import TfBuffer
 
 
@@ -427,6 +427,58 @@ def test_a_refusal_is_told_and_the_next_one_is_sent() -> None:
         assert refusals == [(1, "not 1"), (2, "not 2")]
 
     asyncio.run(check())
+
+
+def test_a_mistake_of_the_node_is_told_and_those_that_follow_are_sent() -> None:
+    async def main() -> None:
+        sent: list[int] = []
+        refusals: list[tuple[int, str]] = []
+
+        async def send(value: int) -> None:
+            if value == 1:
+                raise ZeroDivisionError("a mistake")
+            sent.append(value)
+
+        newest = Newest(
+            asyncio.get_running_loop(), send, lambda value, error: refusals.append((value, error.message)), lambda: 0.0
+        )
+        for value in (1, 2):
+            newest.put(value)
+            await run_ready()
+        assert refusals == [(1, "the node failed: ZeroDivisionError('a mistake')")]
+        assert sent == [2]
+
+    asyncio.run(main())
+
+
+class Flying:
+    """A node that may be deactivated while a setpoint waits."""
+
+    is_active = True
+
+    def __init__(self, ends_in: str = "") -> None:
+        self._ends_in = ends_in
+
+    async def require_setpoint(self) -> None:
+        self._end_in("require_setpoint")
+
+    async def provide_frame(self, frame_id: str) -> None:
+        assert frame_id == "deck"
+        self._end_in("provide_frame")
+
+    def _end_in(self, where: str) -> None:
+        self.is_active = self.is_active and self._ends_in != where
+
+
+@pytest.mark.parametrize(("ends_in", "is_sent"), [("", True), ("require_setpoint", False), ("provide_frame", False)])
+def test_a_setpoint_that_waits_while_the_node_is_deactivated_is_not_sent(ends_in: str, is_sent: bool) -> None:
+    uav: Any = SimpleNamespace(set_pose=AsyncMock(), set_velocity=AsyncMock())
+    for value in (
+        ual.PoseStamped(ual.Pose.at(1.0, 2.0, 3.0), "deck"),
+        ual.TwistStamped(ual.Twist(ual.Vector3(1.0)), "deck"),
+    ):
+        asyncio.run(send_given(uav, Flying(ends_in), Given("set_pose", value)))
+    assert (uav.set_pose.await_count, uav.set_velocity.await_count) == (is_sent, is_sent)
 
 
 # --- Outcomes ---------------------------------------------------------------------------------------------------------

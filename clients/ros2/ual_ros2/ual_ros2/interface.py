@@ -8,7 +8,7 @@ from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from diagnostic_msgs.msg import KeyValue
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
@@ -31,7 +31,7 @@ from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Outcome, Run
 from ual_ros2.ros_time import RosTime
 from ual_ros2.services import LateService
-from ual_ros2.setpoints import Newest
+from ual_ros2.setpoints import Given, Newest, send_given
 from ual_ros2.settings import Settings
 
 _log = logging.getLogger(__name__)
@@ -56,13 +56,6 @@ class Shared:
     time: RosTime
     tf: Tf
     listener: Listener
-
-
-class Given(NamedTuple):
-    """What came on a topic."""
-
-    topic: str
-    value: ual.PoseStamped | ual.TwistStamped | ual.types.ExternalPose
 
 
 class UavInterface:
@@ -101,8 +94,9 @@ class UavInterface:
             shared.node, self._uav, ns, shared.time, shared.tf.publish_moving, settings.camera_rate_hz
         )
         self._about = About(shared.node, self._loop, self._uav, ns, shared.time)
-        self._setpoints: Newest[Given] = Newest(self._loop, self._set, self._on_refusal)
-        self._external_poses: Newest[Given] = Newest(self._loop, self._set, self._on_refusal)
+        sending = partial(send_given, self._uav, self)
+        self._setpoints: Newest[Given] = Newest(self._loop, sending, self._on_refusal)
+        self._external_poses: Newest[Given] = Newest(self._loop, sending, self._on_refusal)
         self._beside = Beside(shared.node, self._loop, settings, shared.time, self._uav, ns, self._serve)
         self._make_inputs()
 
@@ -162,31 +156,23 @@ class UavInterface:
             callback(message)
 
     def _on_pose(self, message: Message) -> None:
-        self._put(self._setpoints, "set_pose", values.pose_stamped(message))
+        self._setpoints.put(Given("set_pose", values.pose_stamped(message)))
 
     def _on_velocity(self, message: Message) -> None:
-        self._put(self._setpoints, "set_velocity", values.twist_stamped(message))
+        self._setpoints.put(Given("set_velocity", values.twist_stamped(message)))
 
     def _on_body_velocity(self, message: Message) -> None:
         """Takes a Twist, which names no frame: as ``cmd_vel`` of other robots, along the axes of the body."""
-        self._put(self._setpoints, "cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link"))
+        self._setpoints.put(Given("cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link")))
 
     def _on_external_pose(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
-        self._put(self._external_poses, "external_pose", values.external_pose(message, stamp_s))
+        self._external_poses.put(Given("external_pose", values.external_pose(message, stamp_s)))
 
     def _on_external_pose_with_covariance(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
         measured = values.external_pose_with_covariance(message, stamp_s)
-        self._put(self._external_poses, "external_pose_cov", measured)
-
-    def _put(
-        self,
-        stream: Newest[Given],
-        topic: str,
-        value: ual.PoseStamped | ual.TwistStamped | ual.types.ExternalPose,
-    ) -> None:
-        stream.put(Given(topic, value))
+        self._external_poses.put(Given("external_pose_cov", measured))
 
     def _serve(self, command: Command, request: Message, sent_s: float) -> Future[Message]:
         return self._run(self._answered(command, request, sent_s))
@@ -300,28 +286,19 @@ class UavInterface:
             await self._frames.publish()
         return told
 
-    async def _set(self, given: Given) -> None:
-        if not self._is_active:  # it ended after ROS' thread had taken this one
-            return
-        value = given.value
-        if isinstance(value, ual.types.ExternalPose):
-            await self._set_external_pose(value)
-            return
+    @property
+    def is_active(self) -> bool:
+        """Whether it flies."""
+        return self._is_active
+
+    async def require_setpoint(self) -> None:
+        """Raises the error of a lease that is lacking, or of a daemon that was not heard of lately."""
         self._require_lease()
         await self._contact.require(SETPOINT_S)
-        if value.frame_id:
-            await self._frames.provide((value.frame_id,))
-        if isinstance(value, ual.PoseStamped):
-            await self._uav.set_pose(value)
-        else:
-            await self._uav.set_velocity(value)
 
-    async def _set_external_pose(self, measured: ual.types.ExternalPose) -> None:
-        await self._uav.set_external_pose(
-            measured.pose,
-            position_std_dev_m=measured.position_std_dev_m,
-            orientation_std_dev_rad=measured.orientation_std_dev_rad,
-        )
+    async def provide_frame(self, frame_id: str) -> None:
+        """Gives the daemon a frame that only tf knows."""
+        await self._frames.provide((frame_id,))
 
     def _on_refusal(self, given: Given, error: ual.UalError) -> None:
         """A topic has no answer: so its refusal is told in `refusals`, in the diagnostics, and once in the log."""

@@ -1,13 +1,16 @@
-"""What is streamed to a daemon: from ROS' thread to the event loop, the newest first."""
+"""What is streamed to a daemon: from ROS' thread to the event loop, the newest first. It needs no ROS."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections.abc import Awaitable, Callable
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import ual
+
+_log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -63,3 +66,58 @@ class Newest(Generic[T]):
             await self._send(value)
         except ual.UalError as error:
             self._on_refusal(value, error)
+        except Exception as error:  # noqa: BLE001 (a mistake in the node: those that follow are still sent)
+            _log.exception("a setpoint failed in the node")
+            self._on_refusal(value, ual.UalError(f"the node failed: {error!r}"))
+
+
+class Given(NamedTuple):
+    """What came on a topic."""
+
+    topic: str
+    value: ual.PoseStamped | ual.TwistStamped | ual.types.ExternalPose
+
+
+class Flying(Protocol):
+    """Whether setpoints may fly now."""
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the node is active."""
+        ...
+
+    async def require_setpoint(self) -> None:
+        """Raises an error where a setpoint may not fly: a lease that is lacking, a daemon that was not heard of."""
+        ...
+
+    async def provide_frame(self, frame_id: str) -> None:
+        """Gives the daemon a frame that only tf knows. It may wait for tf."""
+        ...
+
+
+async def send_given(uav: ual.aio.Uav, flying: Flying, given: Given) -> None:
+    """Sends what came on a topic, unless the node is not active any more.
+
+    Raises:
+        UalError: The daemon, or the node, refuses it.
+
+    """
+    value = given.value
+    if not flying.is_active:  # it ended after ROS' thread had taken this one
+        return
+    if isinstance(value, ual.types.ExternalPose):
+        await uav.set_external_pose(
+            value.pose,
+            position_std_dev_m=value.position_std_dev_m,
+            orientation_std_dev_rad=value.orientation_std_dev_rad,
+        )
+        return
+    await flying.require_setpoint()
+    if value.frame_id:
+        await flying.provide_frame(value.frame_id)
+    if not flying.is_active:  # it ended while the daemon or the frame was waited for
+        return
+    if isinstance(value, ual.PoseStamped):
+        await uav.set_pose(value)
+    else:
+        await uav.set_velocity(value)
