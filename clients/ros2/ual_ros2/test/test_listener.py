@@ -193,7 +193,7 @@ def test_simulated_time_is_heard_without_the_executor_until_it_is_switched_off()
     def is_now(sec: int) -> bool:
         now.clock.sec = sec
         publisher.publish(now)
-        return node.get_clock().now().seconds_nanoseconds()[0] == sec
+        return bool(node.get_clock().now().seconds_nanoseconds()[0] == sec)
 
     with spinning(node.listener):
         waited(lambda: is_now(1000))
