@@ -58,7 +58,7 @@ class Setpoints:
         if self._stream is stream:
             self._stream = None
             self._failure = failure
-            if failure is None:  # the next one is sent by a call, which gets the answer that this stream has lost
+            if stream.has_lost_status:  # the next one is sent by a call, which gets it
                 self._accepted_s = None
 
 
@@ -67,7 +67,7 @@ class _Stream:
 
     def __init__(self, connection: Connection, on_end: Callable[[_Stream, UalError | None], None], kind: Kind) -> None:
         self._kind = kind
-        self.is_ending = False
+        self.is_ending = self.has_lost_status = False
         self._connection = connection
         self._on_end = on_end
         self._changed = asyncio.Event()
@@ -105,7 +105,8 @@ class _Stream:
             if not self.is_ending:
                 failure = DaemonUnreachableError(f"the daemon ended the stream of {self._kind.name}")
         except grpc.aio.AioRpcError as error:
-            failure = None if error.details() == _LOST_STATUS else self._connection.error(error)
+            self.has_lost_status = error.details() == _LOST_STATUS
+            failure = None if self.has_lost_status else self._connection.error(error)
         except UalError as error:
             failure = error
         finally:
