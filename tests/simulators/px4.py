@@ -65,6 +65,8 @@ _OFFBOARD_ENTERED_S = 0.4
 """The same, from entering OFFBOARD."""
 _RAMP_S = 1.8
 """How long the thrust rises before the vehicle leaves the ground."""
+_HOVERS_M = 0.12
+"""How high it hovers where its take-off was held too late, as measured."""
 _LANDED_S = 3.0
 """The time from the touch-down until it reports ON_GROUND."""
 _LANDED_DISARM_S = 2.0
@@ -522,11 +524,15 @@ class Px4(Autopilot):
                 self._ramp_s = 0.0
 
     def _stand(self, target: Target) -> None:
-        """Handles the ground: the thrust rises while the target is above it, until the vehicle leaves the ground."""
+        """Handles the ground: the thrust rises while the target is above it, until the vehicle leaves the ground.
+
+        Once it rises, a Hold does not end that (TakeoffHandling): the vehicle lifts off, and hovers.
+        """
         goal_z_m = target.position[2]
         wants_up = target.velocity[2] < -0.05 or (goal_z_m is not None and goal_z_m < self.position[2] - 0.15)
         spool_up_s = _TAKEOFF_SHOWN_S if self.mode == TAKEOFF else _SPOOL_UP_S
-        if wants_up and self.now_s - self.armed_s >= spool_up_s and self.mode not in (LAND, RTL):
+        is_held_too_late = self.mode == LOITER and self._ramp_s > 0.0
+        if is_held_too_late or (wants_up and self.now_s - self.armed_s >= spool_up_s and self.mode not in (LAND, RTL)):
             self._ramp_s += STEP_S
             self._touched_s = None
         else:
@@ -549,7 +555,9 @@ class Px4(Autopilot):
                 self._event(*_TAKEOFF_DETECTED)
             self._is_landed = False
             self._has_flown = True
-            self._follow(target, self._agility())
+            if is_held_too_late:
+                self._hold = plus(self._hold, (0.0, 0.0, -_HOVERS_M))
+            self._follow(self._target(), self._agility())
 
     def _watch(self) -> None:
         """Applies failsafes and automatic disarming."""

@@ -23,7 +23,7 @@ from ual_daemon.flight.explanation import Explanation
 from ual_daemon.flight.flown import SILENT, Ending, Flown
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
-from ual_daemon.flight.mission_stop import mission_stop
+from ual_daemon.flight.mission_stop import MissionStop
 from ual_daemon.flight.policy.authority import Authority
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
@@ -363,9 +363,12 @@ class Flight:
             stop.begin()
 
     def mission_stop(self, by: str, snapshot: Snapshot) -> Handover | None:
-        """Returns what is flown instead of the mission that the autopilot flies; see `mission_stop`."""
+        """Returns what is flown instead of the mission that the autopilot flies; see `MissionStop.after`."""
+        mission = self._flown.manoeuvre
+        if mission is None:  # it has ended just now
+            return None
         state = self.raw_estimate(snapshot).state
-        return mission_stop(by, self._flown.manoeuvre, state, snapshot, self._backend, self.limits)
+        return MissionStop(by, mission, self._backend, self.limits).after(state, snapshot, mission)
 
     def _ends_with_lease(self, why: str, new: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
         self._note_command("lease")

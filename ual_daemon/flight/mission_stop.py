@@ -7,43 +7,57 @@ from functools import partial
 from ual.types import State
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
+from ual_daemon.flight.manoeuvres.await_stop import AwaitStop
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
-from ual_daemon.flight.manoeuvres.recover import Recover
 from ual_daemon.flight.manoeuvres.stay_on_ground import StayOnGround
+from ual_daemon.flight.manoeuvres.stop_in_air import StopInAir
 from ual_daemon.tracker.limits import CurrentLimits
 
 _LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
 _UNREACHED = (State.TAKING_OFF, State.UNINITIALIZED)
-"""In these the control is taken back later: once the take-off has ended, or the autopilot is seen again."""
+"""In these it is stopped later: once the take-off has ended, or the autopilot is seen again."""
 
 
-def mission_stop(
-    by: str, flown: Manoeuvre | None, state: State, snapshot: Snapshot, backend: Backend, limits: CurrentLimits
-) -> Handover | None:
-    """Returns what is flown instead of a mission. None where it only has to end: it lands, or was not sent yet.
+class MissionStop:
+    """Stops one mission. What stops it in one state hands over to what does in the next."""
 
-    Args:
-        by: What stops it, for people.
-        flown: What is flown now.
-        state: The state that the data show in the snapshot.
-        snapshot: The one by which it is judged.
-        backend: Commands the autopilot.
-        limits: Those of the stop.
+    def __init__(self, by: str, mission: Manoeuvre, backend: Backend, limits: CurrentLimits) -> None:
+        """`by` is what stops it, human-readable; `mission` is flown now, or stops it already."""
+        self._by = by
+        self._modes = _modes_of(mission)
+        self._backend = backend
+        self._limits = limits
 
-    """
-    if state in _LANDED:
-        if not isinstance(flown, AutopilotMission):
-            return None
-        stay = StayOnGround(by, flown, backend.hold)
+    def after(self, state: State, snapshot: Snapshot, old: Manoeuvre) -> Handover | None:
+        """Returns what is flown after a manoeuvre, in the state that the data show. None where it only has to end: it
+        lands, or was not sent yet.
+        """
+        handover = self._in(state, snapshot, old)
+        if handover is not None:
+            handover.manoeuvre.replaces(old)
+        return handover
+
+    def _in(self, state: State, snapshot: Snapshot, old: Manoeuvre) -> Handover | None:
+        if state in _UNREACHED:
+            return Handover(AwaitStop(self._by, old, self._modes, self.after), _nothing)
+        if state in _LANDED:
+            return None if self._modes is None else self._stay(self._modes, snapshot, old)
+        return None if state is State.LANDING else self._take_back(snapshot, is_early=state is State.FLYING_AUTO)
+
+    def _stay(self, modes: tuple[str, str], snapshot: Snapshot, old: Manoeuvre) -> Handover:
+        stay = StayOnGround(self._by, old, modes, self._backend.hold, self.after)
         return Handover(stay, partial(stay.send, snapshot))
-    if state is State.LANDING:
-        return None
-    is_early, is_patient = state is State.FLYING_AUTO, state in _UNREACHED
-    command, control = AutopilotCommand("take our references"), backend.take_control
-    recover = Recover(command, limits.get(), control, lambda _: None, name=by, is_early=is_early, is_patient=is_patient)
-    return Handover(recover, _nothing if is_early or is_patient else partial(recover.send, snapshot))
+
+    def _take_back(self, snapshot: Snapshot, *, is_early: bool) -> Handover:
+        control = self._backend.take_control
+        recover = StopInAir(self._by, self._modes, self._limits.get(), control, self.after, is_early=is_early)
+        return Handover(recover, _nothing if is_early else partial(recover.send, snapshot))
+
+
+def _modes_of(mission: Manoeuvre) -> tuple[str, str] | None:
+    """Returns the modes in which the autopilot flies it and holds; None where UAL takes the control back already."""
+    return mission.modes if isinstance(mission, AutopilotMission | AwaitStop | StayOnGround | StopInAir) else None
 
 
 def _nothing() -> None:

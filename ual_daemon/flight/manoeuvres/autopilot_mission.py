@@ -117,6 +117,8 @@ class AutopilotMission(Manoeuvre):
         """Since when it is in the mode in which it holds after a mission."""
         self._was_in_air = first is None
         self._heard_s: float | None = None
+        self._seen_s: float | None = None
+        """When its state was known last."""
         self._task: VehicleTask = task
         self._update_words()
 
@@ -188,6 +190,7 @@ class AutopilotMission(Manoeuvre):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         if not estimate.is_link_up or estimate.state is State.UNINITIALIZED:
             return self._step_blind(snapshot, estimate)
+        self._seen_s = snapshot.time_s
         self._look_after_silence(snapshot)
         self._look_at_items()
         self._was_in_air = self._was_in_air or estimate.state not in _LANDED
@@ -198,12 +201,16 @@ class AutopilotMission(Manoeuvre):
         return _STEPS[self._phase](self, snapshot)
 
     def _step_blind(self, snapshot: Snapshot, estimate: Estimate) -> Step:
-        """The autopilot flies on; before it does, nothing is known of what was commanded."""
-        if self._phase in (_Phase.CHOOSING, _Phase.ENTERING):
+        """The autopilot flies on. Before it does, nothing is known of what was commanded; its mode tells that later."""
+        if self._seen_s is None:
+            self._seen_s = snapshot.time_s
+        is_entering = self._phase is _Phase.ENTERING
+        if self._phase is _Phase.CHOOSING or (is_entering and snapshot.time_s - self._seen_s > LONGEST_GAP_S):
             text = f"{NAME}: {estimate.why}; it is not known whether the autopilot flies it now"
             metadata = {"state": State.UNINITIALIZED.name, "by": "autopilot"}
             return failed(TaskAbortedError(text, metadata) if estimate.is_link_up else LinkLostError(text, metadata))
-        self._task.note = f"{estimate.why}; the autopilot flies on by itself"
+        does = "it is not known whether the autopilot flies it" if is_entering else "the autopilot flies on by itself"
+        self._task.note = f"{estimate.why}; {does}"
         return Step()
 
     def _look_after_silence(self, snapshot: Snapshot) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from concurrent.futures import Future
 
@@ -13,7 +12,6 @@ from ual.types import Limits, State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, LedTo, Manoeuvre, Step, failed, taken, why_blind
-from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.state import Estimate
@@ -47,18 +45,14 @@ class Recover(Manoeuvre):
         task: VehicleTask | None = None,
         out_of: State = State.FLYING_MANUAL,
         is_early: bool = False,
-        is_patient: bool = False,
     ) -> None:
         """`take_control` sends the command; `refusal` returns why it may not be sent by a snapshot, None if it may.
 
         `out_of` is the state that it is to leave for FLYING_AUTO. `is_early`: the autopilot may just be entering the
-        mode out of which it is to be taken, by an earlier command of UAL. `is_patient`: it waits while the autopilot
-        takes off, which only the safety pilot can abort, and for a while until it is seen again.
+        mode out of which it is to be taken, by an earlier command of UAL.
         """
         super().__init__(name, task)
         self._is_early = is_early
-        self._is_patient = is_patient
-        self._seen_s = math.inf
         self._begun_s: float | None = None
         self._out_of = out_of
         self._command = self.command = command
@@ -89,8 +83,6 @@ class Recover(Manoeuvre):
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
-        if self._waits(snapshot, estimate, is_blind=lost is not None):
-            return Step()
         if lost is not None:
             return failed(self._command.left_behind(lost))
         if estimate.state is State.FLYING_AUTO and self._may_still_enter(snapshot):
@@ -124,15 +116,6 @@ class Recover(Manoeuvre):
         if failure is not None:
             return failed(failure)
         return self._hold(snapshot)
-
-    def _waits(self, snapshot: Snapshot, estimate: Estimate, *, is_blind: bool) -> bool:
-        if not self._is_patient or self._is_sent:
-            return False
-        if not is_blind or self._seen_s == math.inf:
-            self._seen_s = snapshot.time_s
-        if is_blind:  # after longer the flight may be another's
-            return snapshot.time_s - self._seen_s <= LONGEST_GAP_S
-        return estimate.state is State.TAKING_OFF
 
     def _begin_anew(self, snapshot: Snapshot) -> None:
         """Begins in the mode to which UAL itself has led: the command from before it does not hold any more."""

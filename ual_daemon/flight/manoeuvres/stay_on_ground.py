@@ -8,32 +8,48 @@ from concurrent.futures import Future
 from typing_extensions import override
 
 from ual.errors import RejectedByAutopilotError, UalError
-from ual_daemon.backends.values import Snapshot
+from ual.types import State
+from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.autopilot_command import COMMAND_PATIENCE_S, AutopilotCommand
 from ual_daemon.flight.manoeuvres.arrival import Dwell
-from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
-from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step, failed, taken, why_blind
-from ual_daemon.flight.manoeuvres.recover import ENTERED_S
+from ual_daemon.flight.manoeuvres.await_stop import StopIn
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step, failed, taken
+from ual_daemon.flight.manoeuvres.recover import ENTERED_S, TAKES_BACK
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Reference
 
 _AGAIN_S = 0.3
 """The shortest time from one command to the next: the mode to which the first has led may show only then."""
+LIFTS_OFF_S = 8.0
+"""So long after it has begun to hold the autopilot may yet lift off. PX4 raises the thrust for up to 5 s
+(MPC_TKO_RAMP_T) once it has begun to, whatever the mode is then."""
+_LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
+_UNTOLD = (None, Cause.OPEN)
 
 
 class StayOnGround(Manoeuvre):
-    """Has the autopilot hold by itself, so that the mission does not lift off after its task has ended."""
+    """Has the autopilot hold by itself, so that the mission does not lift off after its task has ended.
+
+    Where it lifts off all the same, UAL takes the control back: the flight is its own.
+    """
 
     why_not_pausable = "it keeps the UAV on the ground"
 
-    def __init__(self, name: str, mission: AutopilotMission, hold: Callable[[], Future[None]]) -> None:
-        """`hold` commands the autopilot to hold its position."""
+    def __init__(
+        self, name: str, flown: Manoeuvre, modes: tuple[str, str], hold: Callable[[], Future[None]], stop: StopIn
+    ) -> None:
+        """`flown` is the mission, or what waited to stop it, and `modes` those in which the autopilot flies it and
+        holds. `hold` commands it to hold its position. `stop` makes what stops it in the air, or once it is seen.
+        """
         super().__init__(name, None)
-        self._flies, self._holds = mission.modes
-        self._hold = hold
+        self._flown = flown
+        self._flies, self._holds = self.modes = modes
+        self._hold, self._stop = hold, stop
         self._command = self.command = AutopilotCommand("hold its position")
-        self._dwell = Dwell(ENTERED_S)
+        self._dwell = Dwell(LIFTS_OFF_S)
+        self._held_s: float | None = None
+        """When the autopilot first held by the command."""
         self._next_s: float | None = None
         """When the command may be sent again."""
         self._flies_s: float | None = None
@@ -45,31 +61,51 @@ class StayOnGround(Manoeuvre):
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
-        lost = why_blind(estimate, self.name)
-        if lost is not None:
-            return failed(self._command.left_behind(lost))
         mode = snapshot.control.mode_name
         self.mode_begun = self.mode_begun or mode
-        if mode not in (self._flies, self._holds, self.mode_begun):
+        self._note_mode(mode, snapshot)
+        if self._is_theirs(mode, snapshot):
             return taken(snapshot, self.name)
-        self._note_mission(snapshot)
+        if estimate.state in (State.FLYING_MANUAL, State.UNINITIALIZED):
+            return self._stop_otherwise(snapshot, estimate)
         # The mode of the mission may come late, by the command from before.
-        if self._dwell.has_held(snapshot.time_s, holds=mode == self._holds and self._command.is_answered):
-            return Step(has_ended=True)
+        if mode == self._holds and self._command.is_accepted:
+            has_held = self._dwell.has_held(snapshot.time_s, holds=True) or estimate.state is State.LANDED_DISARMED
+            return Step(has_ended=has_held and estimate.state in _LANDED)
+        self._dwell.has_held(snapshot.time_s, holds=False)
         failure = self._command.failure(snapshot) or self._why_stuck(snapshot)
         if failure is not None:
-            return failed(failure)
+            return failed(failure) if estimate.state in _LANDED else self._stop_otherwise(snapshot, estimate, failure)
         if mode == self._flies and self._command.is_accepted:
             self._send_anew(snapshot)
         return Step()
 
-    def _note_mission(self, snapshot: Snapshot) -> None:
+    def _stop_otherwise(self, snapshot: Snapshot, estimate: Estimate, failure: UalError | None = None) -> Step:
+        """Hands over to what stops the mission in the air, or while the autopilot is not seen."""
+        self.mission = TAKES_BACK
+        handover = self._stop(estimate.state, snapshot, self)
+        return Step(has_ended=True, error=failure) if handover is None else Step(handover=handover)
+
+    def _note_mode(self, mode: str, snapshot: Snapshot) -> None:
         if self._next_s is None:
             self._next_s = snapshot.time_s + _AGAIN_S
-        if snapshot.control.mode_name != self._flies:
+        if self._held_s is None and mode == self._holds and self._command.is_accepted:
+            self._held_s = snapshot.time_s
+        if mode != self._flies:
             self._flies_s = None
         elif self._flies_s is None:
             self._flies_s = snapshot.time_s
+
+    def _is_theirs(self, mode: str, snapshot: Snapshot) -> bool:
+        """Whether others have chosen the mode. UAL led to those of the mission and of the hold; its command for the
+        mission may be executed late, but then nothing shows that others chose it.
+        """
+        if mode == self._holds:
+            return False
+        if self._held_s is None:
+            return mode not in (self._flies, self.mode_begun)
+        is_late = self._flies_s is not None and self._flies_s - self._held_s > ENTERED_S
+        return self._flies_s is None or is_late or snapshot.control.held_by not in _UNTOLD
 
     def _why_stuck(self, snapshot: Snapshot) -> UalError | None:
         """Returns that the autopilot accepts to hold again and again, and does not; None if that is not so."""
@@ -85,6 +121,10 @@ class StayOnGround(Manoeuvre):
         self._next_s = snapshot.time_s + _AGAIN_S
         self._command = self.command = AutopilotCommand(self._command.what)
         self.send()
+
+    @override
+    def led_to(self, snapshot: Snapshot) -> bool | None:
+        return snapshot.control.mode_name == self._holds or self._flown.led_to(snapshot)
 
     @override
     def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:

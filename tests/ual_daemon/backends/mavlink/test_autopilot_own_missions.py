@@ -373,6 +373,12 @@ def test_with_a_mission_that_begins_anew_it_is_not_paused() -> None:
         flight.uav.close()
 
 
+def is_entered_on_ground(told: Telemetry) -> bool:
+    """Whether the autopilot is in the mode of its mission, and has not lifted off."""
+    is_its_mode = told.flight_mode in ("AUTO.MISSION", "AUTO")
+    return told.task is not None and is_its_mode and told.state is State.LANDED_ARMED
+
+
 @pytest.mark.parametrize("how", ["abort", "cancel", "lease"])
 def test_one_that_ends_before_it_lifts_off_stays_on_the_ground(flight: Flight, how: str) -> None:
     """Its task had ended, by a cancel that was accepted, and the autopilot took off and flew all of it."""
@@ -388,22 +394,67 @@ def test_one_that_ends_before_it_lifts_off_stays_on_the_ground(flight: Flight, h
         assert told is not None
         ends[how](told.id)
 
-    def is_entered(told: Telemetry) -> bool:
-        is_its_mode = told.flight_mode in ("AUTO.MISSION", "AUTO")
-        return told.task is not None and is_its_mode and told.state is State.LANDED_ARMED
-
     def end_and_take_off() -> None:
         with pytest.raises(WrongStateError, match="take_off: the autopilot flies a mission; stop it first"):
             flight.uav.take_off(3.0, blocking=False)
         end()
 
-    flight.when(is_entered, end_and_take_off)
+    flight.when(is_entered_on_ground, end_and_take_off)
     task = flight.uav.task(start(flight, [TakeOff(6.0), at(flight, FAR_M, 0)]))
     with pytest.raises(TaskAbortedError):
         task.wait(LIMIT_S)
     flight.let_pass(5.0)
     assert flight.uav.telemetry().flight_mode in ("AUTO.LOITER", "BRAKE")
     assert place_m(flight)[0] < 10.0  # a busy computer may be so late that it has lifted off
+
+
+@pytest.mark.parametrize("flight", ["px4"], indirect=True)  # ArduPilot's hold on the ground stays there
+@pytest.mark.parametrize("how", ["abort", "cancel", "lease"])
+def test_one_that_is_stopped_as_it_lifts_off_is_held_by_ual(flight: Flight, how: str) -> None:
+    """PX4 raises its thrust on in the hold: it hovered there, and UAL had let it go as a flight of others."""
+    stand_armed(flight)
+    begun_s = flight.now_s
+    entered_s: list[float] = []
+    flight.when(is_entered_on_ground, lambda: entered_s.append(flight.now_s))
+    stops: dict[str, Callable[[], object]] = {
+        "abort": flight.uav.abort,
+        "cancel": lambda: flight.uav.task(flight.uav.mission.progress().task_id).cancel(),
+        "lease": lambda: flight.uav.lease("another"),
+    }
+
+    def stop() -> None:
+        stops[how]()
+
+    flight.when(lambda _: bool(entered_s) and flight.now_s > entered_s[0] + 0.6, stop)
+    task = flight.uav.task(start(flight, [TakeOff(6.0), at(flight, FAR_M, 0)]))
+    with pytest.raises(TaskAbortedError):
+        task.wait(LIMIT_S)
+    assert flight.uav.state() is State.LANDED_ARMED
+    flight.wait_for_state(State.FLYING_AUTO)
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "OFFBOARD", "the control")
+    flight.let_pass(3.0)
+    assert State.FLYING_MANUAL not in flight.states_since(begun_s)
+    assert place_m(flight)[2] < 1.5
+
+
+def test_one_whose_lease_ends_in_a_silence_on_the_ground_is_stopped_once_it_is_seen(flight: Flight) -> None:
+    """The stop waited for the end of its take-off, and ended as that had not begun: all of it was flown."""
+    stand_armed(flight)
+    flight.when(is_entered_on_ground, lambda: setattr(flight.link, "down", SILENT))
+
+    def take() -> None:
+        flight.uav.lease("another")
+        flight.link.down = Faults()
+
+    flight.when(lambda told: told.state is State.UNINITIALIZED and told.task is not None, take)
+    task = flight.uav.task(start(flight, [TakeOff(6.0), at(flight, FAR_M, 0)]))
+    with pytest.raises(TaskAbortedError, match="lease"):
+        task.wait(LIMIT_S)
+    flight.wait_for(lambda: flight.uav.state() is not State.UNINITIALIZED, "it to be seen")
+    held_modes = ("AUTO.LOITER", "BRAKE", "OFFBOARD", "GUIDED")
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode in held_modes, "its stop")
+    flight.let_pass(8.0)
+    assert place_m(flight)[0] < 5.0
 
 
 def test_a_lease_that_is_taken_stops_it(flight: Flight) -> None:

@@ -1,0 +1,58 @@
+"""Taking the control back from a mission that was stopped in the air."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from typing_extensions import override
+
+from ual.types import Limits, State
+from ual_daemon.backends.values import Control, Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.manoeuvres.await_stop import StopIn
+from ual_daemon.flight.manoeuvres.manoeuvre import Step
+from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.state import Estimate
+
+_ELSEWHERE = (State.LANDED_ARMED, State.TAKING_OFF, State.UNINITIALIZED)
+"""In these the mission is stopped in another way: an autopilot may tell them for a moment as it lifts off."""
+
+
+class StopInAir(Recover):
+    """Takes the control back; see `Recover`. Hands over where the mission is not in the air any more, or not seen."""
+
+    def __init__(
+        self,
+        name: str,
+        modes: tuple[str, str] | None,
+        limits: Limits,
+        take_control: Callable[[], Future[None]],
+        stop: StopIn,
+        *,
+        is_early: bool,
+    ) -> None:
+        """`modes`: see `AwaitStop`; `is_early`: see `Recover`. `stop` makes what stops the mission in another state."""
+        command = AutopilotCommand("take our references")
+        super().__init__(command, limits, take_control, lambda _: None, name=name, is_early=is_early)
+        self.modes, self._stop = modes, stop
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        if estimate.state in _ELSEWHERE and self._is_flown(snapshot):
+            handover = self._stop(estimate.state, snapshot, self)
+            if handover is not None:
+                return Step(handover=handover)
+        return super().step(snapshot, estimate)
+
+    def _is_flown(self, snapshot: Snapshot) -> bool:
+        """Whether the autopilot may still fly the mission, in the mode in which it did."""
+        mode = snapshot.control.mode_name
+        return mode == (self._began_in or self.mode_begun or mode) or bool(super().led_to(snapshot))
+
+    @override
+    def led_to(self, snapshot: Snapshot) -> bool | None:
+        """Its command may have been obeyed in a silence."""
+        mode = snapshot.control.mode
+        is_obeyed = self._is_sent and mode is not None and mode.value.control is Control.REFERENCES
+        return is_obeyed or super().led_to(snapshot)
