@@ -28,7 +28,15 @@ from ual_daemon.flight.policy.authority import Authority
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.policy.lease import NOBODY, Lease
-from ual_daemon.flight.refusals import not_pausable, not_replaceable, on_mission, only_watching, replaced, shutting_down
+from ual_daemon.flight.refusals import (
+    just_taken,
+    not_pausable,
+    not_replaceable,
+    on_mission,
+    only_watching,
+    replaced,
+    shutting_down,
+)
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
 from ual_daemon.flight.state import Estimate, estimate
@@ -272,15 +280,17 @@ class Flight:
         """Begins a manoeuvre, and ends the one before. `judged` is the snapshot in which it may; None: the newest one.
 
         Raises:
-            WrongStateError: UAL is shutting down, or the manoeuvre before may not be replaced.
+            WrongStateError: UAL is shutting down, the manoeuvre before may not be replaced, or others have just taken
+                the UAV from a mission.
             LeaseHeldError: Another program holds the lease.
             LeaseLostError: The lease of the order has ended.
             TaskAbortedError: Another command, such as an abort, began after `Order.since`.
 
         """
-        manoeuvre.begins_in((judged or self._backend.snapshot()).control.settled_mode)
+        snapshot = judged or self._backend.snapshot()
+        manoeuvre.begins_in(snapshot.control.settled_mode)
         try:
-            self._exchange(manoeuvre, partial(self._begins, manoeuvre, order, ""))
+            self._exchange(manoeuvre, partial(self._begins_over, manoeuvre, order, snapshot))
         except UalError as error:
             manoeuvre.end(error)
             raise
@@ -306,6 +316,12 @@ class Flight:
         first = reference.setpoint(snapshot)  # before the update thread has the reference and steps it
         new = FlyReference(by, reference, self._rules)
         self._exchange(new, partial(self._begins, new, order, only_task_id), first, snapshot)
+
+    def _begins_over(self, new: Manoeuvre, order: Order, snapshot: Snapshot, old: Manoeuvre | None) -> Ending | None:
+        """The same, where the UAV may have been taken in a mode in which UAL sends nothing: who did is told later."""
+        if old is not None and old.mission and old.is_overtaken(snapshot):
+            raise just_taken(new.name, snapshot)
+        return self._begins(new, order, "", old)
 
     def _begins(self, new: Manoeuvre, order: Order, only_task_id: str, old: Manoeuvre | None) -> Ending | None:
         """Decides whether what was commanded begins now: returns how the old one ends, or raises why it may not."""
@@ -355,7 +371,8 @@ class Flight:
 
     def _stop_mission_for_lease(self, why: str, snapshot: Snapshot) -> None:
         stop = self.mission_stop("lease", snapshot)
-        if stop is None:
+        mission = self._flown.manoeuvre
+        if stop is None or (mission is not None and mission.is_overtaken(snapshot)):
             self._exchange(None, partial(self._ends_with_lease, why, None))
             return
         stop.manoeuvre.begins_in(snapshot.control.settled_mode)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ual.errors import PermissionDeniedError, TaskAbortedError, WrongStateError
 from ual.types import State
+from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 
 
@@ -35,6 +36,16 @@ def on_mission(command: str) -> WrongStateError:
         f"{command}: the autopilot flies a mission; stop it first (abort), or replace it by a go-to, a path, a landing "
         "or a return",
         {"command": command, "needed": "abort"},
+    )
+
+
+def just_taken(command: str, snapshot: Snapshot) -> WrongStateError:
+    """The refusal of a command while the autopilot flew a mission until others chose another mode just now."""
+    mode = snapshot.control.mode_text
+    return WrongStateError(
+        f"{command}: others have just chosen mode {mode} over the mission (the safety pilot, a ground station, or a "
+        "failsafe); the state tells within half a second which, and what is possible then",
+        {"command": command, "mode": mode},
     )
 
 

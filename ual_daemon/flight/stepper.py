@@ -90,13 +90,14 @@ class Stepper:
 
     def _step_one(self, manoeuvre: Manoeuvre, snapshot: Snapshot, raw: Estimate) -> bool:
         """Steps a manoeuvre. Returns False if it has just ended."""
-        if manoeuvre.is_awaited:
-            if snapshot.control.held_by is Cause.OPEN and raw.is_link_up:
-                # Nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre.
-                _withdraw_older(manoeuvre, snapshot)
-                return True
+        if manoeuvre.is_awaited and snapshot.control.held_by is Cause.OPEN and raw.is_link_up:
+            # Nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre.
+            _withdraw_older(manoeuvre, snapshot)
+            return True
+        step = guarded(manoeuvre, manoeuvre.step, snapshot, raw)
+        if manoeuvre.is_awaited and not step.is_taken:  # a command in this moment must see what took it
             manoeuvre.mode_seen = snapshot.control.settled_mode or manoeuvre.mode_seen
-        return self._do(manoeuvre, guarded(manoeuvre, manoeuvre.step, snapshot, raw), snapshot)
+        return self._do(manoeuvre, step, snapshot)
 
     def _do(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot) -> bool:
         """Does what a step of a manoeuvre results in. Returns False if the manoeuvre has just ended."""

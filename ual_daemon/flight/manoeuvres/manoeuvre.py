@@ -137,6 +137,11 @@ class Manoeuvre(ABC):
         del snapshot
         return False
 
+    def is_overtaken(self, snapshot: Snapshot) -> bool:
+        """Returns whether others have chosen the present mode, and it was not stepped since, so that it goes on."""
+        mode = snapshot.control.settled_mode
+        return self.mode_seen not in ("", mode) and bool(mode) and self.led_to(snapshot) is False
+
     def begins_in(self, mode: str) -> None:
         """Takes the mode in which it begins; empty where that is not known yet."""
         self.mode_begun = self.mode_seen = mode

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from tests.conftest import LIMIT_S
-from tests.simulators import Faults
+from tests.simulators import Faults, Px4
+from tests.simulators.ardupilot import BRAKE
+from tests.simulators.px4 import LOITER
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.errors import (
     GeofenceError,
@@ -409,7 +411,7 @@ def test_one_that_ends_before_it_lifts_off_stays_on_the_ground(flight: Flight, h
 
 
 @pytest.mark.parametrize("flight", ["px4"], indirect=True)  # ArduPilot's hold on the ground stays there
-@pytest.mark.parametrize("how", ["abort", "cancel", "lease"])
+@pytest.mark.parametrize("how", ["cancel", "lease"])
 def test_one_that_is_stopped_as_it_lifts_off_is_held_by_ual(flight: Flight, how: str) -> None:
     """PX4 raises its thrust on in the hold: it hovered there, and UAL had let it go as a flight of others."""
     stand_armed(flight)
@@ -417,7 +419,6 @@ def test_one_that_is_stopped_as_it_lifts_off_is_held_by_ual(flight: Flight, how:
     entered_s: list[float] = []
     flight.when(is_entered_on_ground, lambda: entered_s.append(flight.now_s))
     stops: dict[str, Callable[[], object]] = {
-        "abort": flight.uav.abort,
         "cancel": lambda: flight.uav.task(flight.uav.mission.progress().task_id).cancel(),
         "lease": lambda: flight.uav.lease("another"),
     }
@@ -455,6 +456,40 @@ def test_one_whose_lease_ends_in_a_silence_on_the_ground_is_stopped_once_it_is_s
     flight.wait_for(lambda: flight.uav.telemetry().flight_mode in held_modes, "its stop")
     flight.let_pass(8.0)
     assert place_m(flight)[0] < 5.0
+
+
+@pytest.mark.parametrize(
+    ("flight", "command"), [("px4", "abort"), ("px4", "lease"), ("ardupilot", "go_to_waypoint")], indirect=["flight"]
+)
+def test_who_takes_it_just_before_a_command_keeps_it(flight: Flight, command: str) -> None:
+    """While it was not known who, the state was still that of the mission, and the command took control from them."""
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
+    flight.wait_for(lambda: "our mission" in flight.uav.telemetry().state_reason, "the mission")
+    flight.let_pass(2.0)
+    uav, goal = flight.uav, flight.goal(-6.0, 0.0)
+    calls: dict[str, Callable[[], Any]] = {
+        "abort": uav.abort,
+        "lease": lambda: uav.lease("another"),
+        "go_to_waypoint": lambda: uav.go_to_waypoint(goal, blocking=False),
+    }
+    hold = "AUTO.LOITER" if isinstance(flight.autopilot, Px4) else "BRAKE"
+    refused: list[str] = []
+
+    def act() -> None:
+        try:
+            calls[command]()
+        except WrongStateError as error:
+            refused.append(str(error))
+
+    flight.when(lambda told: told.flight_mode == hold, act)
+    flight.autopilot.request_custom_mode(LOITER.custom if isinstance(flight.autopilot, Px4) else BRAKE)
+    with pytest.raises(TaskAbortedError):
+        task.wait(LIMIT_S)
+    flight.let_pass(3.0)
+    told = flight.uav.telemetry()
+    assert (told.flight_mode, told.state) == (hold, State.FLYING_MANUAL)
+    assert command == "lease" or "others have just chosen mode" in refused[0]
 
 
 def test_a_lease_that_is_taken_stops_it(flight: Flight) -> None:
