@@ -389,7 +389,7 @@ class Flight:
 
     def _ends_with_lease(self, why: str, new: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
         self._note_command("lease")
-        if not self.authority.is_ours or (old is not None and not old.is_replaceable):
+        if not self.authority.is_ours or (old is not None and (old.stops_mission or not old.is_replaceable)):
             return None
         if old is not None and new is not None:
             new.replaces(old)
@@ -483,11 +483,11 @@ class Flight:
         return begun.future
 
     def _ends_with_shutdown(self, shutdown: Shutdown, old: Manoeuvre | None) -> Ending | None:
-        """A take-off or landing ends first, and a reference goes on until the autopilot holds."""
+        """A take-off, a landing or the stop of a mission ends first. A reference goes on until the autopilot holds."""
         if self._shutdown is not None:
             return None
         self._shutdown, self.is_closing = shutdown, True
-        if old is None or not old.is_awaited or not old.is_replaceable:
+        if old is None or not old.is_awaited or not old.is_replaceable or old.stops_mission:
             return None
         return Ending(TaskAbortedError(f"{old.name}: UAL is shutting down", {"by": "shutdown"}))
 

@@ -50,6 +50,8 @@ class Verdict(Enum):
     PASSED_ON = auto()
     """A bridge has sent it; the autopilot has not answered."""
     REFUSED = auto()
+    REPLACED = auto()
+    """An order was replaced by a newer one: this one, once it was in progress; until then, one from before."""
     LOST = auto()
     """No answer comes any more; it may have been executed, or still be."""
 

@@ -98,6 +98,8 @@ class _Pending(Generic[R]):
     """When a bridge had sent it."""
     take_back: Callable[[], object] | None = None
     """Takes it back while it has not left."""
+    is_in_progress: bool = False
+    """Whether the autopilot has said so."""
     refusal: str = ""
     refuser: str = ""
     texts: list[str] = field(default_factory=list)
@@ -202,7 +204,9 @@ class CommandRunner(Generic[R]):
         if pending.command.is_told_by_answer and self._is_doubtful(pending, now_s):
             return  # it is sent again until an answer is surely its own
         if verdict is Verdict.IN_PROGRESS:
-            pending.next_s = now_s + IN_PROGRESS_S
+            pending.next_s, pending.is_in_progress = now_s + IN_PROGRESS_S, True
+        elif verdict is Verdict.REPLACED and not pending.is_in_progress:
+            return
         elif verdict is Verdict.PASSED_ON:
             pending.passed_on_s = min(pending.passed_on_s, now_s)
         elif verdict is Verdict.LOST:

@@ -224,10 +224,14 @@ class CauseWatch:
         return self._other_than_failsafe()
 
     def _other_than_failsafe(self) -> Cause | None:
-        begin_s = self._since_s - BEFORE_S
-        if self._since_s - self._commanded_s.get(self._mode_name, -math.inf) < OWN_COMMAND_S:
+        is_switched = self._switched_s >= self._since_s - BEFORE_S
+        commanded_s = self._commanded_s.get(self._mode_name, -math.inf)
+        newest_s = max(self._commanded_s.values(), default=-math.inf)
+        # A switch that moves after a newer command of ours, for another mode, has not waited for the one before.
+        is_back = is_switched and commanded_s < newest_s < self._switched_s
+        if self._since_s - commanded_s < OWN_COMMAND_S and not is_back:
             return None
-        return Cause.SAFETY_PILOT if self._switched_s >= begin_s else Cause.GROUND_STATION
+        return Cause.SAFETY_PILOT if is_switched else Cause.GROUND_STATION
 
     def _failsafe_that_flies(self, mode: Mode, *, is_over: bool) -> Cause | None:
         """Returns the failsafe by which the present mode came; None if there is no sign of one (yet)."""

@@ -34,6 +34,7 @@ class StayOnGround(Manoeuvre):
     Where it lifts off all the same, UAL takes the control back: the flight is its own.
     """
 
+    stops_mission = True
     why_not_pausable = "it keeps the UAV on the ground"
 
     def __init__(

@@ -22,6 +22,8 @@ _ELSEWHERE = (State.LANDED_ARMED, State.TAKING_OFF, State.UNINITIALIZED)
 class StopInAir(Recover):
     """Takes the control back; see `Recover`. Hands over where the mission is not in the air any more, or not seen."""
 
+    stops_mission = True
+
     def __init__(
         self,
         name: str,

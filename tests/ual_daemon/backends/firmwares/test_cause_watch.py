@@ -75,6 +75,26 @@ def test_a_failsafe_for_a_pause_of_this_computer_is_for_missing_setpoints_howeve
     assert watch.pass_s(0.1, is_sending=False) is Cause.SETPOINTS
 
 
+@pytest.mark.parametrize(("switched_s", "cause"), [(0.5, Cause.SAFETY_PILOT), (None, None)])
+def test_a_switch_after_our_next_command_chose_the_mode_of_the_one_before(
+    switched_s: float | None, cause: Cause | None
+) -> None:
+    """A mission is stopped, and the pilot selects its mode again at once; or our first command comes late."""
+    watch = Px4Watch(autopilot=ArduCopter(), names_intended_mode=False)
+    auto, brake = 3, 17
+    watch.mode = auto
+    watch.causes.on_rc_channels([1500] * 8, watch.now_s)
+    watch.causes.on_own_command("AUTO", watch.now_s)
+    watch.pass_s(1.0, is_sending=False)
+    watch.causes.on_own_command("BRAKE", watch.now_s)
+    watch.mode = brake
+    watch.pass_s(0.5, is_sending=False)
+    if switched_s is not None:
+        watch.causes.on_rc_channels([1500] * 5 + [1100] * 3, watch.now_s)
+    watch.mode = auto
+    assert watch.pass_s(1.0, is_sending=False) is cause
+
+
 def test_a_pilot_who_takes_over_in_a_pause_is_named() -> None:
     watch = Px4Watch(names_intended_mode=False)
     watch.pass_s(5.0, is_sending=True)

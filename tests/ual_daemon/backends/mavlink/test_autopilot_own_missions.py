@@ -420,7 +420,7 @@ def test_one_that_is_stopped_as_it_lifts_off_is_held_by_ual(flight: Flight, how:
     flight.when(is_entered_on_ground, lambda: entered_s.append(flight.now_s))
     stops: dict[str, Callable[[], object]] = {
         "cancel": lambda: flight.uav.task(flight.uav.mission.progress().task_id).cancel(),
-        "lease": lambda: flight.uav.lease("another"),
+        "lease": lambda: flight.uav.lease("another").release(),  # whose end must not end the stop
     }
 
     def stop() -> None:

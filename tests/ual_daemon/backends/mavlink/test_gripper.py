@@ -307,6 +307,31 @@ def test_px4_that_tells_the_end_of_what_was_replaced_has_not_refused(px4: Bench)
     assert ordered.result(0) is None
 
 
+def test_px4_that_tells_the_end_of_what_has_timed_out_has_not_refused(px4: Bench) -> None:
+    """With PD_GRIPPER_TO above 4 s its gripper still moved, and the grip that was done was told as refused."""
+    released = px4.gripper.release(1)
+    px4.fly(ANSWER_S + 1.0)  # its first answer was lost
+    failed(released, UalTimeoutError)
+    ordered = px4.gripper.grip(1)
+    px4.fly(1.5)
+    px4.answer(GRIPPER, CANCELLED)
+    px4.answer(GRIPPER, IN_PROGRESS)
+    px4.fly(5.0)
+    assert not ordered.done()
+    px4.answer(GRIPPER, ACCEPTED)
+    assert ordered.result(0) is None
+
+
+def test_px4_whose_order_under_way_is_replaced_by_others_tells_it(px4: Bench) -> None:
+    ordered = px4.gripper.release(1)
+    px4.fly(0.05)
+    px4.answer(GRIPPER, IN_PROGRESS)
+    px4.fly(1.0)
+    px4.answer(GRIPPER, CANCELLED)
+    px4.fly(1.0)
+    assert "result 6" in failed(ordered, RejectedByAutopilotError).message
+
+
 def test_a_late_answer_is_not_taken_for_that_of_the_next_order(copter: Bench) -> None:
     withdrawn = copter.gripper.grip(1)
     copter.fly(0.05)

@@ -43,6 +43,8 @@ class Dialect(Autopilot):
     """Whether it may send GPS_RTK, with the distance from the base station."""
     busy_answers: frozenset[tuple[int, int]] = frozenset()
     """Commands and their refusals that mean: it is doing that already, and will say when it is done."""
+    replaced_answers: frozenset[tuple[int, int]] = frozenset()
+    """Commands and their answers that mean: an order was replaced by a newer one (see `Verdict.REPLACED`)."""
     parameter_codec: ParameterCodec | None = None
     """How values of parameters are sent; None where UAL neither reads nor writes them all."""
     rates_beside_files = 1.0

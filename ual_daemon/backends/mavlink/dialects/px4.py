@@ -30,6 +30,8 @@ from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Setpoint, Snapshot
 
+_CANCELLED = 6
+"""Of MAV_RESULT; pymavlink has no name for it."""
 _AUTO, _OFFBOARD, _SUB_LOITER, _SUB_MISSION = 4, 6, 3, 4
 _EVENT = struct.Struct("<IIHBBB40s")
 """EVENT on the wire: id, time since boot, sequence, destination component and system, log levels, arguments."""
@@ -53,6 +55,8 @@ class Px4(px4.Px4, Dialect):
     changing_messages = frozenset({mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN})
     # While its gripper moves; a repetition gets it where the first answer was lost.
     busy_answers = frozenset({(mavlink.MAV_CMD_DO_GRIPPER, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)})
+    # Of the order before, ahead of the answer to the one that replaces it.
+    replaced_answers = frozenset({(mavlink.MAV_CMD_DO_GRIPPER, _CANCELLED)})
     parameter_codec = ByteWise()
     has_descriptions = True
     keeps_items = True

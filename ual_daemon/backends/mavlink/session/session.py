@@ -437,8 +437,11 @@ class Session:
     def _on_ack(self, message: Message, now_s: float, _: float) -> None:
         if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
             verdict = _VERDICTS.get(message.result, Verdict.REFUSED)
-            if (message.command, message.result) in self.dialect.busy_answers:
+            answer = message.command, message.result
+            if answer in self.dialect.busy_answers:
                 verdict = Verdict.IN_PROGRESS
+            elif answer in self.dialect.replaced_answers:
+                verdict = Verdict.REPLACED
             self._commands.on_answer(message.command, verdict, now_s, _result_name(message.result))
             self._protocols.gimbals.on_ack(self.source.component_id, message, now_s)
 
