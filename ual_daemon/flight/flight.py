@@ -521,7 +521,9 @@ class Flight:
         raw, manoeuvre = self.raw_estimate(snapshot), self._flown.manoeuvre
         self.authority.follow(raw.state, snapshot)
         is_taking_off = manoeuvre is not None and manoeuvre.declares is State.TAKING_OFF
-        self.geofence.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=_is_on_way(manoeuvre))
+        is_led = _is_led(manoeuvre)
+        is_on_way = is_led and manoeuvre is not None and manoeuvre.task is not None
+        self.geofence.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=is_on_way, is_led=is_led)
         self._stepper.update(snapshot, raw)
         self._watched.step(snapshot, raw)
         self._explanation.update(snapshot)
@@ -546,14 +548,11 @@ def _ends_by_jump(jump: Jump, stop: Reference, old: Manoeuvre | None) -> Ending 
     return None if error is None else Ending(error)
 
 
-def _is_on_way(manoeuvre: Manoeuvre | None) -> bool:
-    """Whether it is a task that flies by references, and is not to land."""
-    return (
-        manoeuvre is not None
-        and manoeuvre.task is not None
-        and manoeuvre.declares is not State.LANDING
-        and manoeuvre.current_reference() is not None
-    )
+def _is_led(manoeuvre: Manoeuvre | None) -> bool:
+    """Whether it flies by references, and is not to land."""
+    if manoeuvre is None or manoeuvre.declares is State.LANDING:
+        return False
+    return manoeuvre.current_reference() is not None
 
 
 def _is_task(manoeuvre: Manoeuvre | None, task_id: str) -> bool:

@@ -300,6 +300,22 @@ def test_motors_that_are_stopped_in_the_air_are_not_told_as_the_floor(world: Wor
         task.future.result()
 
 
+def test_a_stand_that_is_told_for_a_moment_in_the_air_does_not_raise_the_floor(world: World) -> None:
+    """Under velocities, poses and holds, that height was taken for the ground: what lay below was refused."""
+    world.uav.run(1.0)
+    ground_z_m = world.uav.vehicle._flight.geofence.ground.z_m
+    world.say(landed=LandedState.ON_GROUND)
+    world.uav.run(0.8)
+    world.say(landed=LandedState.IN_AIR)
+    world.uav.run(0.5)
+    assert world.uav.pose.position.z > 2.0
+    assert world.uav.vehicle._flight.geofence.ground.z_m == ground_z_m
+    for _ in range(3):
+        world.say(landed=LandedState.ON_GROUND)
+        world.uav.run(0.5)
+    assert world.uav.vehicle._flight.geofence.ground.z_m == pytest.approx(world.uav.pose.position.z, abs=0.1)
+
+
 @pytest.mark.parametrize("what", ["go_to_waypoint", "follow_path", "moving goal"])
 def test_a_fence_that_is_new_is_not_flown_through(world: World, what: str) -> None:
     """PX4 was flown through a fence of 15 m, which was known for 1.2 s, to 25.7 m at 6 m/s."""

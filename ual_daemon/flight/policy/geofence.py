@@ -255,10 +255,16 @@ class Geofence:
     # --- The floor and the ceiling ------------------------------------------------------------------------------------
 
     def observe(
-        self, snapshot: Snapshot, raw: Estimate, *, is_taking_off: bool = False, is_on_way: bool = False
+        self,
+        snapshot: Snapshot,
+        raw: Estimate,
+        *,
+        is_taking_off: bool = False,
+        is_on_way: bool = False,
+        is_led: bool = False,
     ) -> None:
-        """Notes where the ground is. Called by the update thread at each update."""
-        self.ground.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=is_on_way)
+        """Notes where the ground is. Called by the update thread at each update. See `Ground.observe`."""
+        self.ground.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=is_on_way, is_led=is_led)
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped. Called by the update thread."""

@@ -15,6 +15,8 @@ SEEN_NOISE_M = 0.7
 ASSUMED_NOISE_M = 2.0
 """The same where the ground is assumed: PX4 corrects the altitude of its home by up to 1.7 m in flight."""
 _SAME_ORIGIN_M = 0.01
+_SURE_S = 1.0
+"""Where UAL flies by references, the autopilot must have said for so long that it stands: it may err for a moment."""
 
 
 class Datum(NamedTuple):
@@ -37,6 +39,8 @@ class Ground:
         self.place: Vector3 | None = None
         """Where the UAV last stood on it, in the local frame; None if that is not known."""
         self._origin_m: float | None = None
+        self._stands_s: float | None = None
+        """Since when it stands armed; None while it does not."""
 
     @property
     def z_m(self) -> float | None:
@@ -44,21 +48,36 @@ class Ground:
         return None if self.place is None else self.place.z
 
     def observe(
-        self, snapshot: Snapshot, raw: Estimate, *, is_taking_off: bool = False, is_on_way: bool = False
+        self,
+        snapshot: Snapshot,
+        raw: Estimate,
+        *,
+        is_taking_off: bool = False,
+        is_on_way: bool = False,
+        is_led: bool = False,
     ) -> None:
-        """Notes what an update says of the ground.
+        """Notes what an update says of the ground. `is_led` is whether UAL flies by references, on a way or not.
 
         In a take-off the autopilot says for a while that it stands, though it rises already: then the ground stays. So
         it does on a way of UAL: ArduPilot whose motors are stopped in the air says that it stands, and 0.1 s later that
-        it is not armed.
+        it is not armed. Under other references it has to stand for a second.
         """
+        if raw.state is not State.LANDED_ARMED:
+            self._stands_s = None
+        elif self._stands_s is None:
+            self._stands_s = snapshot.time_s
         if is_taking_off and self.place is not None and raw.is_link_up:
             return
-        if raw.state is State.LANDED_DISARMED or (raw.state is State.LANDED_ARMED and not is_on_way):
+        if raw.state is State.LANDED_DISARMED or (not is_on_way and self._stands(snapshot, is_led=is_led)):
             assert snapshot.motion.pose is not None
             self.place, self._origin_m = snapshot.motion.pose.value.position, _origin_m(snapshot)
         elif self.place is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
             self.place = None
+
+    def _stands(self, snapshot: Snapshot, *, is_led: bool) -> bool:
+        """Whether it stands armed, for long enough to believe that."""
+        needed_s = _SURE_S if is_led and self.place is not None else 0.0
+        return self._stands_s is not None and snapshot.time_s - self._stands_s >= needed_s
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped: the ground has not."""
