@@ -126,7 +126,7 @@ class Flight:
         """Estimates the state from the autopilot's data and the manoeuvre that is under way."""
         manoeuvre, explanation = self._flown.manoeuvre, self._explanation
         declared = None if manoeuvre is None else manoeuvre.declares
-        mission = "" if manoeuvre is None else manoeuvre.mission
+        mission = "" if manoeuvre is None else manoeuvre.mission or manoeuvre.stops_mission
         found = estimate(snapshot, self._backend.freshness, declared, explanation.note, mission)
         return found if found.state is not State.UNINITIALIZED else explanation.explained(found, snapshot)
 
@@ -159,9 +159,15 @@ class Flight:
 
     @property
     def is_on_mission(self) -> bool:
-        """Whether the autopilot flies a mission by itself, as a task of UAL."""
+        """Whether the autopilot flies a mission as a task of UAL, or may fly on one that is being stopped."""
         manoeuvre = self._flown.manoeuvre
-        return manoeuvre is not None and bool(manoeuvre.mission)
+        return manoeuvre is not None and bool(manoeuvre.mission or manoeuvre.stops_mission)
+
+    @property
+    def is_stopping_mission(self) -> bool:
+        """Whether one is being stopped."""
+        manoeuvre = self._flown.manoeuvre
+        return manoeuvre is not None and bool(manoeuvre.stops_mission)
 
     def is_following(self, snapshot: Snapshot) -> bool:
         """Returns whether the UAV follows references: in the air, or on the ground after what is flown has led there.
@@ -319,7 +325,7 @@ class Flight:
 
     def _begins_over(self, new: Manoeuvre, order: Order, snapshot: Snapshot, old: Manoeuvre | None) -> Ending | None:
         """The same, where the UAV may have been taken in a mode in which UAL sends nothing: who did is told later."""
-        if old is not None and old.mission and old.is_overtaken(snapshot):
+        if old is not None and (old.mission or old.stops_mission) and old.is_overtaken(snapshot):
             raise just_taken(new.name, snapshot)
         return self._begins(new, order, "", old)
 
@@ -336,7 +342,7 @@ class Flight:
             raise refusal
         if old is not None and not old.is_replaceable and self.has_safety_pilot:
             raise not_replaceable(old, by)
-        if old is not None and old.mission and not new.is_awaited:
+        if old is not None and (old.mission or old.stops_mission) and not new.is_awaited:
             raise on_mission(by)
         if since is not None and since is not self._last_command:
             other = self._last_command.name

@@ -144,7 +144,7 @@ class Commands:
             is_forced = flag(request.force, "force")
             height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
-            if self._flight.is_on_mission:  # which takes off by itself
+            if self._flight.is_on_mission and not self._flight.is_stopping_mission:  # which takes off by itself
                 raise on_mission("take_off")
             snapshot = self._require_armed_for_take_off(order.lease_id)
             self._preconditions.require_own_ground("take_off")

@@ -82,7 +82,7 @@ class Missions:
         snapshot = self._backend.snapshot()
         mode, armed = snapshot.control.mode_name, snapshot.control.armed
         is_flown = offer is not None and mode and mode == offer.mode and armed is not None and armed.value
-        if is_flown or self._flight.is_on_mission:
+        if is_flown or (self._flight.is_on_mission and not self._flight.is_stopping_mission):
             text = f"{command}: the autopilot flies a mission now; stop it first (abort), or wait for its end"
             raise WrongStateError(text, {"command": command, "needed": "abort"})
 

@@ -31,7 +31,7 @@ class AwaitStop(Manoeuvre):
     Only the safety pilot can abort a take-off. A new command may replace the wait, as it may the mission.
     """
 
-    stops_mission = True
+    stops_mission = TAKES_BACK
     mission = TAKES_BACK
     why_not_pausable = "it stops a mission"
 

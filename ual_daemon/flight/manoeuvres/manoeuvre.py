@@ -94,8 +94,9 @@ class Manoeuvre(ABC):
     is_awaited = True
     mission = ""
     """What the autopilot does by itself in a mission, human-readable, while that is the task; empty otherwise."""
-    stops_mission = False
-    """Whether it stops a mission, which the autopilot would fly on without it: only a command replaces it."""
+    stops_mission = ""
+    """What it does in the air, human-readable, where it stops a mission; empty otherwise. The autopilot would fly that
+    on without it: only a command replaces it."""
     why_not_pausable = "only the safety pilot can abort it"
     # Here and not in `__init__`: each setpoint of a stream makes a manoeuvre.
     task: VehicleTask | None = None

@@ -34,7 +34,7 @@ class StayOnGround(Manoeuvre):
     Where it lifts off all the same, UAL takes the control back: the flight is its own.
     """
 
-    stops_mission = True
+    stops_mission = TAKES_BACK
     why_not_pausable = "it keeps the UAV on the ground"
 
     def __init__(

@@ -12,7 +12,7 @@ from ual_daemon.backends.values import Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.await_stop import StopIn
 from ual_daemon.flight.manoeuvres.manoeuvre import Step
-from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.manoeuvres.recover import TAKES_BACK, Recover
 from ual_daemon.flight.state import Estimate
 
 _ELSEWHERE = (State.LANDED_ARMED, State.TAKING_OFF, State.UNINITIALIZED)
@@ -22,7 +22,7 @@ _ELSEWHERE = (State.LANDED_ARMED, State.TAKING_OFF, State.UNINITIALIZED)
 class StopInAir(Recover):
     """Takes the control back; see `Recover`. Hands over where the mission is not in the air any more, or not seen."""
 
-    stops_mission = True
+    stops_mission = TAKES_BACK
 
     def __init__(
         self,
