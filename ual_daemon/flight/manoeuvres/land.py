@@ -37,6 +37,8 @@ _STUCK = (
 )
 _STUCK_WITHOUT_PILOT = "abort ends the landing, and the UAV holds its position; then command land again"
 
+_GOES_ON = "the autopilot had begun to land, and goes on by itself: look at the state"
+
 OnHeight: TypeAlias = Callable[[float], None]
 """Gets the z of a landing UAV in the local frame, at each update that has a position."""
 
@@ -104,6 +106,10 @@ class Landing(Manoeuvre):
         return self._reference
 
 
+def _goes_on(lost: UalError) -> UalError:
+    return type(lost)(f"{lost.message}; {_GOES_ON}", lost.metadata)
+
+
 class Land(Landing):
     """A landing by the autopilot's own landing."""
 
@@ -143,7 +149,7 @@ class Land(Landing):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:
-            return failed(lost if self._is_landing else self._command.left_behind(lost))
+            return failed(_goes_on(lost) if self._is_landing else self._command.left_behind(lost))
         if estimate.state in (State.LANDED_ARMED, State.LANDED_DISARMED):
             return Step(has_ended=True)
         assert snapshot.control.mode is not None

@@ -33,6 +33,18 @@ def test_a_landing_sends_references_only_until_the_autopilot_lands_by_itself(
     assert flying.step(landing) == Step(has_ended=True)
 
 
+def test_a_landing_of_an_autopilot_that_is_not_heard_any_more_is_said_to_go_on(
+    flying: Autopilot, ack: Future[None]
+) -> None:
+    landing = land(flying, ack)
+    flying.control = Control.LAND
+    flying.step(landing)
+    flying.silent_s = 10.0
+    error = flying.step(landing).error
+    assert isinstance(error, LinkLostError)
+    assert error.message.endswith("; the autopilot had begun to land, and goes on by itself: look at the state")
+
+
 def test_a_landing_that_the_pilot_stops_is_aborted(flying: Autopilot, ack: Future[None]) -> None:
     landing = land(flying, ack)
     flying.control = Control.LAND
