@@ -52,7 +52,7 @@ def estimate(
     if manoeuvre is State.LANDING:
         return Estimate(State.LANDING, "our landing is under way")
     if landed is LandedState.LANDING or control is Control.LAND:
-        return Estimate(State.LANDING, f"the autopilot lands{_in_mode(snapshot)}")
+        return Estimate(State.LANDING, _how_it_lands(snapshot, mission))
     if mission:
         return Estimate(State.FLYING_AUTO, f"in the air, {mission} (mode {mode})")
     if control is Control.REFERENCES:
@@ -76,6 +76,14 @@ def _in_auto(mode: str, note: str) -> Estimate:
 
 def _in_manual(mode: str, held_by: Cause | None) -> Estimate:
     return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references{_because(held_by)}")
+
+
+def _how_it_lands(snapshot: Snapshot, mission: str) -> str:
+    """The return of a mission may be in a mode of its own, which else would be taken for a ground station's."""
+    if mission and snapshot.control.held_by in (None, Cause.GROUND_STATION):
+        assert snapshot.control.mode is not None
+        return f"{mission}, and lands (mode {snapshot.control.mode.value.text})"
+    return f"the autopilot lands{_in_mode(snapshot)}"
 
 
 def _in_mode(snapshot: Snapshot) -> str:

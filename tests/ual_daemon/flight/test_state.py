@@ -284,6 +284,22 @@ def test_each_state_says_why_it_is_that_state(given_snapshot: Snapshot, manoeuvr
     assert estimate(given_snapshot, FRESHNESS, manoeuvre).why == why
 
 
+@pytest.mark.parametrize(
+    ("held_by", "why"),
+    [
+        (None, "the autopilot flies our mission: item 5 of 5, and lands (mode RTL)"),
+        (Cause.GROUND_STATION, "the autopilot flies our mission: item 5 of 5, and lands (mode RTL)"),
+        (Cause.BATTERY, "the autopilot lands (mode RTL): battery failsafe"),
+    ],
+)
+def test_the_landing_of_our_mission_is_told_as_ours_but_not_that_of_a_failsafe(held_by: Cause | None, why: str) -> None:
+    """PX4 returns in a mode of its own, which without a mission is a ground station's."""
+    mode = Sample(Mode("RTL", PILOT, is_autonomous=True), NOW_S)
+    given_snapshot = changed(snapshot(landed=LandedState.LANDING), mode=mode, held_by=held_by)
+    mission = "the autopilot flies our mission: item 5 of 5"
+    assert estimate(given_snapshot, FRESHNESS, mission=mission) == Estimate(State.LANDING, why)
+
+
 TIMES = st.floats(-1e9, 1e9)
 
 
