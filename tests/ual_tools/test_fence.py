@@ -72,15 +72,15 @@ def test_the_command_shows_uploads_replaces_switches_and_clears(
     assert done(daemon, "fence", "show") == "the autopilot has no fence of zones\n"
     uploaded = done(daemon, "fence", "upload", plan_file(tmp_path, vehicle))
     assert "inclusion polygon of 4 corners" in uploaded
-    assert uploaded.endswith("the autopilot has 1 zones, and it applies them\n")
+    assert uploaded.endswith("the autopilot has 1 zone, and it applies its fence\n")
     assert vehicle.autopilot.parameters["GF_ACTION"] == 2
     other = run(daemon, "fence", "upload", plan_file(tmp_path, vehicle, 40.0))
     assert (other.exit_code, "replace it, if that is meant" in other.output) == (1, True)
-    assert "applies them" in done(daemon, "fence", "upload", tmp_path / "field.plan", "--replace")
+    assert "it applies its fence" in done(daemon, "fence", "upload", tmp_path / "field.plan", "--replace")
     shown = json.loads(done(daemon, "--json", "fence", "show"))
     assert shown["zones"][0]["points"] == [list(each) for each in zone(vehicle, 40.0).points]
-    assert done(daemon, "fence", "disable").endswith("it does not apply them\n")
-    assert done(daemon, "fence", "enable").endswith("it applies them\n")
+    assert done(daemon, "fence", "disable").endswith("it does not apply its fence\n")
+    assert done(daemon, "fence", "enable").endswith("it applies its fence\n")
     assert done(daemon, "fence", "clear") == "the autopilot has no fence of zones\n"
     assert vehicle.autopilot.missions.lists[FENCE] == []
     unset = run(daemon, "fence", "upload")

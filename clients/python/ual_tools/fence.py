@@ -119,13 +119,14 @@ def _place(latitude_deg: float, longitude_deg: float) -> str:
 
 def _summary(kept: KeptFence) -> str:
     applied = {
-        True: "it applies them",
-        False: "it does not apply them",
-        None: "it does not say whether it applies them",
+        True: "it applies its fence",
+        False: "it does not apply its fence",
+        None: "it does not say whether it applies its fence",
     }
     if not kept.zones:
         return "the autopilot has no fence of zones"
-    return f"the autopilot has {len(kept.zones)} zones, and {applied[kept.is_enabled]}"
+    zones = "1 zone" if len(kept.zones) == 1 else f"{len(kept.zones)} zones"
+    return f"the autopilot has {zones}, and {applied[kept.is_enabled]}"
 
 
 COMMANDS = (fence,)

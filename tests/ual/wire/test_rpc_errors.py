@@ -130,6 +130,13 @@ def test_a_method_that_the_daemon_lacks_is_not_supported(failing: tuple[Failing,
     assert type(rpc_errors.from_rpc_error(caught.value)) is errors.NotSupportedError
 
 
+def test_a_uav_that_is_not_simulated_says_so(failing: tuple[Failing, pb_grpc.UalServiceStub]) -> None:
+    servicer, stub = failing
+    words = "Method not found: /ual.v1.SimulationService/PilotArm"
+    servicer.fail = lambda context: context.abort(grpc.StatusCode.UNIMPLEMENTED, words)
+    assert "flies no simulation of UAL" in call(stub).message
+
+
 def test_details_that_are_no_status_are_ignored(failing: tuple[Failing, pb_grpc.UalServiceStub]) -> None:
     servicer, stub = failing
 
@@ -167,6 +174,14 @@ def test_nobody_there_says_where_and_what_to_do() -> None:
         (
             "failed to connect to all addresses; last error: UNKNOWN: Tls handshake failed: CERTIFICATE_VERIFY_FAILED",
             "its certificate is not one that --tls-ca trusts",
+        ),
+        (
+            "failed to connect to all addresses; last error: ipv4:1.2.3.4:1: Hostname Verification Check failed.",
+            "its certificate is for another host name",
+        ),
+        (
+            "failed to connect to all addresses; last error: UNKNOWN: Failed to create security handshaker.",
+            "--tls-ca, --tls-certificate or --tls-key has no certificate",
         ),
         (
             "errors resolving host:1: [field:hostname lookup error:lookup failed for host:1: Domain name not found]",

@@ -54,7 +54,7 @@ def other_parts(document: object) -> list[str]:
     parts = document if isinstance(document, Mapping) else {}
     fence, rally = parts.get("geoFence"), parts.get("rallyPoints")
     if any(_holds(part, key) for part, key in ((fence, "polygons"), (fence, "circles"), (rally, "points"))):
-        return ["the geofence and rally points (the daemon has a geofence of its own)"]
+        return ["the geofence and rally points (`ual fence upload` uploads them)"]
     return []
 
 

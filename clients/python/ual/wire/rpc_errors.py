@@ -48,6 +48,8 @@ _NOT_CONNECTED = (
     "DNS resolution failed",
 )
 
+_SIMULATION = "/ual.v1.SimulationService/"
+_NOT_SIMULATED = "flies no simulation of UAL, so UAL has neither its safety pilot nor its time and faults"
 _GATEWAY = "the gateway "
 """How each message of the gateway (deploy/gateway) begins."""
 _MOST_NAMES = 6
@@ -56,6 +58,8 @@ _RESET = "RST_STREAM"
 # What gRPC's messages mean if only one side uses TLS or the certificates do not match. The first one found counts.
 _TLS_CAUSES: Mapping[str, str] = {
     "WRONG_VERSION_NUMBER": "it does not use TLS (leave out --tls-ca)",
+    "Hostname Verification": "its certificate is for another host name (ual certificates daemon --host)",
+    "security handshaker": "a file of --tls-ca, --tls-certificate or --tls-key has no certificate or key of PEM",
     "CERTIFICATE_VERIFY_FAILED": "its certificate is not one that --tls-ca trusts, or is for another host name",
     "handshake failed": "the TLS handshake failed",
     "Socket closed": "it closed the connection; it may use TLS, which needs --tls-ca",
@@ -123,7 +127,8 @@ def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> 
         case grpc.StatusCode.DEADLINE_EXCEEDED:
             return UalTimeoutError("no answer within the time given (timeout_s)", metadata)
         case grpc.StatusCode.UNIMPLEMENTED:
-            return NotSupportedError(f"the daemon at {address} does not offer this ({details})", metadata)
+            what = _NOT_SIMULATED if _SIMULATION in details else "does not offer this"
+            return NotSupportedError(f"the daemon at {address} {what} ({details})", metadata)
         case grpc.StatusCode.CANCELLED:
             return UalError("the call was cancelled before it ended", metadata)
         case grpc.StatusCode.RESOURCE_EXHAUSTED:
