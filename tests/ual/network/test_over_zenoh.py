@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 
 import pytest
@@ -13,7 +14,7 @@ from tests.ual.network.samples import report, uav
 from tests.ual.network.zenoh_net import ZenohNet, saying
 from tests.waiting import LIMIT_S, until
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
-from ual.network import Network, NetworkSettings, Scouting, discover
+from ual.network import Network, NetworkSettings, Scouting, discover, listening
 
 pytest.importorskip("zenoh", reason="ZENOH IS MISSING, the network is NOT TESTED: pip install 'ual-client[network]'")
 
@@ -46,6 +47,20 @@ def test_who_listens_later_hears_who_was_there_before(net: ZenohNet) -> None:
     told.put(report())
     assert network.wait_until_complete(LIMIT_S)
     assert names(network) == ["uav_1"]
+
+
+def test_a_client_of_a_uav_can_be_made_at_once(net: ZenohNet, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else `ual.Uav("uav_1", network=Network())` would fail, unless the report came first."""
+    monkeypatch.setattr(listening, "_JOIN_S", LIMIT_S)
+    net.router()
+    told = net.publication()
+    network = net.network()
+    saying_later = threading.Thread(target=lambda: until(lambda: names(network), between=saying(told, report())))
+    saying_later.start()
+    try:
+        assert network.follow("uav_1").address() == uav().addresses[0]
+    finally:
+        saying_later.join()
 
 
 def test_two_routers_are_one_network(net: ZenohNet) -> None:

@@ -110,7 +110,7 @@ class Network:
             return self._roster.uavs()
 
     def find(self, ns: str) -> NetworkUav:
-        """Returns a UAV by its name.
+        """Returns a UAV by its name, of those that were heard until now: see `wait_until_complete`.
 
         Raises:
             DaemonUnreachableError: There is none.
@@ -125,7 +125,11 @@ class Network:
         return found[0]
 
     def follow(self, ns: str) -> Followed:
-        """Returns what says where a UAV is now, at any time; `ual.Uav` uses it."""
+        """Returns what says where a UAV is now, at any time; `ual.Uav` uses it.
+
+        Shortly after the construction it waits until all that are there have told of themselves.
+        """
+        self.wait_until_complete(max(0.0, self._since_s + _JOIN_S - time.monotonic()))
         return Followed(ns, self._called, self.described)
 
     @property
