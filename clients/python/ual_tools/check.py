@@ -27,7 +27,11 @@ if TYPE_CHECKING:
 @click.option("--list", "only_list", is_flag=True, help="List the checks, and end.")
 @pass_session
 def check(session: Session, yes: bool, no_motion: bool, only: tuple[str, ...], only_list: bool) -> None:
-    """Check that the UAV does what all UAVs must do. It flies within 6 m of where it stands, up to 5 m high."""
+    """Check that the UAV does what all UAVs must do.
+
+    It flies within 6 m of where it stands, up to 5 m high. Where its autopilot flies missions, it flies one up to 20 m
+    to the north.
+    """
     from ual import conformance
 
     checks = _chosen(conformance.CHECKS, only)
@@ -73,7 +77,10 @@ def _confirm(flight: Flight, checks: Sequence[Check]) -> None:
     from ual.conformance.runner import why_not
 
     moving = [check for check in checks if check.moves and not why_not(flight, check)]
-    note(f"{flight.uav.ns} ({flight.info.backend}) will move, within 6 m of where it stands and up to 5 m high:")
+    room = "within 6 m of where it stands and up to 5 m high"
+    if any("mission" in check.name for check in moving):
+        room += ", and in a mission of its autopilot up to 20 m to the north"
+    note(f"{flight.uav.ns} ({flight.info.backend}) will move, {room}:")
     for each in moving:
         note(f"  {each.name.replace('_', ' ')}: {each.moves}")
     if not flight.has_pilot and not flight.info.is_arming_allowed:
