@@ -26,7 +26,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _VELOCITY_PERIOD_S = 0.05
 _SAME_HEIGHT_M = 0.5
 """An estimate of the ground wanders by as much."""
-_GOES_ON = "goes on: only the safety pilot can abort it"
+_GOES_ON = "goes on if it has begun: only the safety pilot can abort it"
 
 
 @command("arm", "ual arm", multi=Multi.EACH)
