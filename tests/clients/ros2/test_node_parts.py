@@ -172,6 +172,18 @@ def test_a_frame_is_given_below_the_nearest_one_that_is_known() -> None:
     assert found.link.translation.x == pytest.approx(2.5)
 
 
+def test_a_frame_that_is_forgotten_is_known_once_it_is_told_again() -> None:
+    tf = TfBuffer()
+    tf.put(link("map", "tower", 5.0))
+    for frame_id in ("tower", "tower"):
+        tf.forget(frame_id)
+    assert tf.to_known("tower", {"map"}) is None
+    tf.put(link("map", "tower", 6.0))
+    found = tf.to_known("tower", {"map"})
+    assert found is not None
+    assert found.link.translation.x == 6.0
+
+
 def test_a_transform_that_is_told_again_is_seen_and_one_of_others_is_not() -> None:
     tf = TfBuffer()
 

@@ -184,6 +184,8 @@ def test_nothing_is_changed_while_it_may_be_armed_unless_forced(
     ):
         assert isinstance(refusal_of(begin), WrongStateError)
     assert store.sent == []
+    switching = str(refusal_of(lambda: fence.enable("mine", is_on=False)))
+    assert switching.endswith("disarm first"), "there is no force for it"
     assert upload(vehicle, force=True).result(0).zones == PLAN.zones
 
 

@@ -37,7 +37,8 @@ _LARGEST_RADIUS_M = 1e6
 _HIGHEST_M = 32767
 """ArduPilot keeps the height of a rally point in 16 bits."""
 _UPLOAD, _CLEAR, _SWITCH = "upload a fence", "clear the fence", "enable or disable the fence"
-_FORCE = "disarm first, or force it if you know what it does in flight"
+_DISARM = "disarm first"
+_FORCE = f"{_DISARM}, or force it if you know what it does in flight"
 
 _log = logging.getLogger(__name__)
 
@@ -125,7 +126,7 @@ class VehicleFence:
             try:
                 require_change(vehicle, command, lease_id)
                 if not force:
-                    require_disarmed(vehicle, command, _FORCE)
+                    require_disarmed(vehicle, command, _DISARM if command == _SWITCH else _FORCE)
                 self._require_inside(zones)
             except UalError as error:
                 return error

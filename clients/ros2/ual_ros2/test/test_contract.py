@@ -200,6 +200,8 @@ def test_a_frame_is_added_used_and_removed(client: Client, flying: ual.Uav) -> N
     assert flying.transform("map", "uav_1/base_link").translation.x == pytest.approx(1.0, abs=0.3)
     assert client.call(srv.RemoveFrame, f"{UAL}/remove_frame", frame_id="mast").success
     assert client.call(srv.RemoveFrame, f"{UAL}/remove_frame", frame_id="mast").reason == "UNKNOWN_FRAME"
+    in_mast = client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(-1.0, 0.0, 3.0, "mast"))
+    assert in_mast.reason == "UNKNOWN_FRAME", "the node gave the daemon what it had itself told to tf"
 
 
 # --- Control ----------------------------------------------------------------------------------------------------------

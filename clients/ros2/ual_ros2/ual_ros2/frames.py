@@ -57,9 +57,16 @@ class Tf:
         for subscription in self._subscriptions:
             self._listener.unsubscribe(subscription)
 
-    def publish_static(self, links: Iterable[ual.Transform]) -> None:
-        """Publishes what has changed. A late listener gets one message: so all of them are in each."""
+    def publish_static(self, links: Iterable[ual.Transform], gone: Iterable[str] = ()) -> None:
+        """Publishes what has changed. A late listener gets one message: so all of them are in each.
+
+        Those that are gone are forgotten: this node hears itself, and a goal in one of them is to be refused.
+        """
         before = dict(self._published)
+        for frame_id in gone:
+            self._published.pop(frame_id, None)
+            if self._listened is not None:
+                self._listened.forget(frame_id)
         self._published.update((link.child_frame_id, link) for link in links)
         if self._published != before:
             self._static.publish(TFMessage(transforms=[self._stamped(link) for link in self._published.values()]))
@@ -106,6 +113,8 @@ class Frames:
         self._body = f"{ns}/base_link"
         self._tf = tf
         self._known: frozenset[str] = frozenset()
+        self._told: frozenset[str] = frozenset()
+        """The frames of this daemon that tf has from here."""
         self._given: dict[str, Found] = {}
         """The frames that this daemon has from tf, as it was told last."""
         self._moving: set[str] = set()
@@ -124,7 +133,8 @@ class Frames:
         links = {frame.frame_id: _link(frame) for frame in told if frame.frame_id != self._body}
         static = [links[frame.frame_id] for frame in told if frame.is_static and frame.frame_id in links]
         moving = [links[frame.frame_id] for frame in told if not frame.is_static and frame.frame_id in links]
-        self._tf.publish_static(static)
+        gone, self._told = self._told - links.keys() - self._given.keys(), frozenset(links)
+        self._tf.publish_static(static, gone)
         self._tf.publish_moving(moving)
         self.has_moving = bool(moving)
 

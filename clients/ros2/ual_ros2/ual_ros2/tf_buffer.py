@@ -60,6 +60,10 @@ class TfBuffer:
         heard = Heard() if is_static else Heard(self._clock(), link.child_frame_id)
         self._newest[link.child_frame_id] = Found(link, 1 if before is None else before.told_count + 1, heard)
 
+    def forget(self, frame_id: str) -> None:
+        """Forgets where a frame was, until tf tells it again."""
+        self._newest.pop(frame_id, None)
+
     def require_fresh(self, frame_id: str, found: Found) -> None:
         """Requires that tf still tells where a frame is.
 
