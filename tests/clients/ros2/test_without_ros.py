@@ -83,7 +83,7 @@ def test_each_package_that_is_imported_is_installed_with_it() -> None:
 def test_what_the_daemon_takes_without_a_lease_needs_none_of_the_node() -> None:
     """As docs/access.md has it: reading, cameras, frames, poses from outside, the simulated world and its pilot."""
     table = part("beside.services").Table(MagicMock(), MagicMock(), None)
-    commands = [*part("commands").SERVICES, *table.services(), *table.simulation()]
+    commands = [*part("flights").SERVICES, *table.services(), *table.simulation()]
     free = {"start_photos", "stop_photos", "start_video", "stop_video", "take_photo", "add_frame", "set_external_pose"}
     reading = ("get_", "list_", "simulation/", "set_camera_", "plan_", "download_")
     wrong = [
@@ -129,7 +129,7 @@ async def run_ready() -> None:
 async def _cancelled(action_name: str, **goal: object) -> tuple[FakePilot, bool]:
     """Cancels a goal that flies. Returns its pilot, and whether it has ended by that."""
     loop, pilot = asyncio.get_running_loop(), FakePilot()
-    [action] = [each for each in part("commands").ACTIONS if each.name == action_name]
+    [action] = [each for each in part("flights").ACTIONS if each.name == action_name]
     goals = part("goals").Goals(MagicMock(), loop, f"/uav_1/ual/{action_name}", action, pilot, 1000.0)
     handle = MagicMock(goal_id=SimpleNamespace(uuid=bytes(16)), request=SimpleNamespace(**goal))
     flying = loop.create_task(goals._fly(handle))
@@ -163,7 +163,7 @@ def test_a_goal_of_which_the_node_cannot_tell_is_not_flown_on() -> None:
 
     async def flown() -> Any:
         pilot = FakePilot()
-        action = replace(part("commands").ACTIONS[-1], is_task=False, also=fail)
+        action = replace(part("flights").ACTIONS[-1], is_task=False, also=fail)
         goals = part("goals").Goals(MagicMock(), asyncio.get_running_loop(), "", action, pilot, 1000.0)
         with pytest.raises(ValueError, match="a mistake"):
             await goals._fly(MagicMock(goal_id=SimpleNamespace(uuid=bytes(16))))

@@ -20,8 +20,8 @@ from ual_ros2.about import About
 from ual_ros2.beside.everything import Beside
 from ual_ros2.cameras import Cameras
 from ual_ros2.command import Command
-from ual_ros2.commands import ACTIONS, SERVICES
 from ual_ros2.contact import Contact
+from ual_ros2.flights import ACTIONS, SERVICES
 from ual_ros2.frames import Frames, Tf
 from ual_ros2.goals import Goals
 from ual_ros2.health import Said

@@ -40,6 +40,12 @@ async def take_photo(uav: ual.aio.Uav, request: Message) -> Fields:
     return {"photo": photo_fields(request.camera, await uav.cameras[request.camera].take_photo())}
 
 
+def start_photos(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
+    """Serves StartPhotos. An interval or a distance of 0 is none."""
+    interval_s, distance_m = request.interval or None, request.distance or None
+    return uav.cameras[request.camera].start_photos(interval_s=interval_s, distance_m=distance_m, count=request.count)
+
+
 async def list_photos(uav: ual.aio.Uav, request: Message) -> Fields:
     """Serves ListPhotos."""
     found = await uav.cameras[request.camera].photos(request.first)

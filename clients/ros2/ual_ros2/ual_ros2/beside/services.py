@@ -10,7 +10,7 @@ from std_srvs.srv import Trigger
 from ual_msgs import action, srv
 
 import ual
-from ual_ros2.beside import cameras, corrections, equipment, fence, gimbals, logs, missions, simulation
+from ual_ros2.beside import cameras, corrections, equipment, fence, gimbals, logs, missions, parameters, simulation
 from ual_ros2.beside.corrections import Corrections
 from ual_ros2.beside.fields import Fields
 from ual_ros2.beside.filling import Filling
@@ -38,7 +38,14 @@ class Table:
 
     def services(self) -> tuple[Command, ...]:
         """Returns the services that each UAV has."""
-        return (*self._of_gimbals(), *self._of_cameras(), *self._of_missions(), *self._of_others())
+        return (
+            *self._of_parameters(),
+            *self._of_gimbals(),
+            *self._of_cameras(),
+            *self._of_equipment(),
+            *self._of_missions(),
+            *self._of_others(),
+        )
 
     def simulation(self) -> tuple[Command, ...]:
         """Returns the services that a simulated UAV has beside."""
@@ -85,6 +92,13 @@ class Table:
             ),
         )
 
+    def _of_parameters(self) -> Iterable[Command]:
+        return (
+            self._asks("get_parameter", srv.GetParameter, parameters.get),
+            self._asks("list_parameters", srv.ListParameters, parameters.list_all),
+            self._asks("set_parameter", srv.SetParameter, parameters.write, needs_lease=True),
+        )
+
     def _of_gimbals(self) -> Iterable[Command]:
         return (
             self._asks("list_gimbals", srv.ListGimbals, gimbals.list_all),
@@ -114,6 +128,25 @@ class Table:
             Command("set_camera_mode", srv.SetCameraMode, cameras.set_mode, needs_lease=False),
             Command("set_camera_zoom", srv.SetCameraZoom, cameras.set_zoom, needs_lease=False),
             Command("set_camera_focus", srv.SetCameraFocus, cameras.set_focus, needs_lease=False),
+            Command("start_photos", srv.StartPhotos, cameras.start_photos, needs_lease=False),
+            *(
+                Command(name, srv.OrderCamera, order, needs_lease=False)
+                for name, order in (
+                    ("stop_photos", lambda uav, it: uav.cameras[it.camera].stop_photos()),
+                    ("start_video", lambda uav, it: uav.cameras[it.camera].start_video()),
+                    ("stop_video", lambda uav, it: uav.cameras[it.camera].stop_video()),
+                )
+            ),
+        )
+
+    def _of_equipment(self) -> Iterable[Command]:
+        return (
+            self._asks("list_equipment", srv.ListEquipment, equipment.list_all),
+            Command("grip", srv.MoveGripper, lambda uav, it: uav.gripper.grip(it.gripper)),
+            Command("release", srv.MoveGripper, lambda uav, it: uav.gripper.release(it.gripper)),
+            Command("order_winch", srv.OrderWinch, equipment.order_winch),
+            Command("set_servo", srv.SetServo, equipment.set_servo),
+            Command("set_relay", srv.SetRelay, lambda uav, it: uav.gripper.set_relay(it.state, relay=it.relay)),
         )
 
     def _of_missions(self) -> Iterable[Command]:
@@ -136,7 +169,6 @@ class Table:
             self._asks("clear_fence", srv.ClearFence, fence.clear, needs_lease=True),
             self._asks("enable_fence", srv.EnableFence, fence.enable, needs_lease=True),
             self._asks("list_logs", srv.ListLogs, logs.list_all),
-            self._asks("list_equipment", srv.ListEquipment, equipment.list_all),
             self._asks("get_corrections_status", srv.GetCorrectionsStatus, self._get_corrections),
         )
 

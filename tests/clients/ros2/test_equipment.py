@@ -18,7 +18,7 @@ from ual.gripper import (
     WinchInfo,
     WinchStatus,
 )
-from ual_ros2 import payload
+from ual_ros2.beside import equipment
 
 
 @pytest.mark.parametrize(
@@ -32,12 +32,12 @@ from ual_ros2 import payload
     ],
 )
 def test_an_order_of_a_winch(action: str, length: float, rate: float, meant: object) -> None:
-    assert payload.winch_order(SimpleNamespace(action=action, length=length, rate=rate)) == meant
+    assert equipment.winch_order(SimpleNamespace(action=action, length=length, rate=rate)) == meant
 
 
 def test_an_action_that_is_none() -> None:
     with pytest.raises(ual.InvalidArgumentError, match="'drop' is none of RELAX, LENGTH"):
-        payload.winch_order(SimpleNamespace(action="drop", length=0.0, rate=0.0))
+        equipment.winch_order(SimpleNamespace(action="drop", length=0.0, rate=0.0))
 
 
 def test_devices_say_what_is_known() -> None:
@@ -47,7 +47,7 @@ def test_devices_say_what_is_known() -> None:
         (ServoInfo("door", 1000, 2000, (("open", 1100),), 1100, "open"),),
         (RelayInfo("lamp", "lit", "dark", False), RelayInfo("fan", "on", "off")),
     )
-    told = [tuple(each.values()) for each in payload.devices(found)]
+    told = [tuple(each.values()) for each in equipment.devices(found)]
     assert [each[:3] for each in told] == [
         ("gripper", "claw", "OPEN"),
         ("gripper", "hand", ""),
