@@ -63,6 +63,20 @@ def test_a_quiet_daemon_is_asked_and_only_one_that_answers_gets_what_moves() -> 
     asyncio.run(run())
 
 
+def test_a_stream_of_setpoints_goes_on_through_the_gaps_of_a_slow_link() -> None:
+    async def run() -> None:
+        daemon = Daemon()
+        contact = Contact(daemon.ask, 30.0, lambda: daemon.now_s)
+        daemon.is_stalled = True
+        daemon.now_s = 0.5
+        await contact.require(0.01, quiet_s=0.5)
+        daemon.now_s = 0.6
+        with pytest.raises(ual.DaemonUnreachableError):
+            await contact.require(0.01, quiet_s=0.5)
+
+    asyncio.run(run())
+
+
 def test_a_slow_rate_is_no_silence() -> None:
     async def run() -> None:
         daemon = Daemon()

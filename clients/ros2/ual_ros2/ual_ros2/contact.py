@@ -12,7 +12,7 @@ import ual
 from ual_ros2.outcome import Outcome
 
 QUIET_S = 0.2
-"""After so long without a sample (or three of them) a daemon is asked before anything moves."""
+"""After so long without a sample a daemon is asked before a command."""
 CONFIRM_S = 5.0
 """For so long a cancelled goal waits until the daemon says that it has ended."""
 AGAIN_S = 0.05
@@ -30,7 +30,7 @@ class Contact:
 
     def __init__(self, ask: Callable[[], Awaitable[object]], rate_hz: float, clock: Callable[[], float]) -> None:
         self._ask = ask
-        self._quiet_s = max(QUIET_S, 3.0 / rate_hz)
+        self._gap_s = 3.0 / rate_hz
         self._clock = clock
         self._heard_s = clock()
 
@@ -43,15 +43,19 @@ class Contact:
         """How long nothing was heard."""
         return self._clock() - self._heard_s
 
-    async def require(self, limit_s: float) -> None:
+    async def require(self, limit_s: float, quiet_s: float = QUIET_S) -> None:
         """Requires that the daemon is heard, or answers within a time.
+
+        Args:
+            limit_s: The time.
+            quiet_s: After so long without a sample (or three of them) it is asked.
 
         Raises:
             DaemonUnreachableError: It does not answer.
             UalError: It refuses to.
 
         """
-        if self.silent_s <= self._quiet_s:
+        if self.silent_s <= max(quiet_s, self._gap_s):
             return
         try:
             await asyncio.wait_for(self._ask(), limit_s)

@@ -294,7 +294,8 @@ class UavInterface:
     async def require_setpoint(self) -> None:
         """Raises the error of a lease that is lacking, or of a daemon that was not heard of lately."""
         self._require_lease()
-        await self._contact.require(SETPOINT_S)
+        # Not sooner: over a link of one second with jitter each gap would refuse some of a stream.
+        await self._contact.require(SETPOINT_S, quiet_s=SETPOINT_S)
 
     async def provide_frame(self, frame_id: str) -> None:
         """Gives the daemon a frame that only tf knows."""
