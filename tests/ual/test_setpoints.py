@@ -10,6 +10,7 @@ import pytest
 import ual
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon
+from tests.waiting import LIMIT_S
 from ual import _calls, _direct, _setpoints
 from ual._connection import Connection
 from ual._setpoints import STALE_S, Setpoints, _Stream
@@ -17,8 +18,6 @@ from ual._target import Target
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.v1 import ual_pb2 as pb
-
-LIMIT_S = 30.0
 
 
 class HandClock:

@@ -16,13 +16,11 @@ import ual
 import ual.aio
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon, sample
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, UalError
 from ual.shared.callbacks import SLOW_S
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
-
-LIMIT_S = 30.0
 
 
 @pytest.fixture

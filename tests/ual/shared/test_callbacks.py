@@ -8,12 +8,11 @@ from typing import Any
 
 import pytest
 
+from tests.waiting import LIMIT_S
 from ual.errors import InvalidArgumentError
 from ual.shared import callbacks
 from ual.shared.callbacks import SLOW_S, Callbacks, Listener
 from ual.types import State, Telemetry
-
-LIMIT_S = 30.0
 
 
 def sample(sequence: int, missed_count: int = 0) -> Telemetry:

@@ -8,11 +8,10 @@ from queue import SimpleQueue
 
 import pytest
 
+from tests.waiting import LIMIT_S
 from ual.geometry import Vector3
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import Setpoint, VelocitySetpoint
-
-LIMIT_S = 60.0
 
 
 class Clock:

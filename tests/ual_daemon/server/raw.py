@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 
-LIMIT_S = 30.0
+from tests.waiting import LIMIT_S
 
 
 def http2(kind: int, flags: int, stream: int, payload: bytes) -> bytes:

@@ -15,7 +15,7 @@ from typing_extensions import override
 
 from tests.ual_daemon.server.raw import answer_to
 from tests.ual_daemon.server.serving import serving, told
-from tests.waiting import until_async
+from tests.waiting import LIMIT_S, until_async
 from ual.access.roles import Role
 from ual.errors import (
     InvalidArgumentError,
@@ -42,8 +42,6 @@ from ual_daemon.server.transport.base import Call
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.vehicle.vehicle import Vehicle
-
-LIMIT_S = 30.0
 
 
 class StandingClock:

@@ -24,7 +24,6 @@ from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.vehicle.vehicle import Vehicle
 
-LIMIT_S = 30.0
 OPTIONS = dict(server._OPTIONS)
 _PROBE = "/ual.v1.UalService/Probe"
 

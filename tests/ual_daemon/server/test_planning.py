@@ -6,12 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.waiting import LIMIT_S
 from ual.errors import InvalidArgumentError, ResourceExhaustedError
 from ual_daemon import logs
 from ual_daemon.server.planning import MOST_AT_ONCE, Planning
 from ual_daemon.server.waiting import ended
-
-LIMIT_S = 30.0
 
 
 @pytest.fixture

@@ -6,14 +6,13 @@ from functools import partial
 from typing import Any, cast
 
 from tests.ual_daemon.server.serving import serving
+from tests.waiting import LIMIT_S
 from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb
 from ual.v1 import simulation_pb2_grpc
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.simulation_service import SimulationServicer
 from ual_daemon.server.transport.selection import Choice
-
-LIMIT_S = 30.0
 
 
 class BlockedSimulation:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from tests.ual_daemon.stepped import stepped
+from tests.waiting import LIMIT_S
 from ual.errors import TaskAbortedError
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.flight.tasks import VehicleTask
@@ -17,7 +18,6 @@ from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.vehicle.prepared import Prepared
 
-LIMIT_S = 30.0
 WITHOUT_LEASE = SimpleNamespace(lease_id="")
 
 

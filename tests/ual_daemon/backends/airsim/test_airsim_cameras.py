@@ -15,7 +15,7 @@ import pytest
 
 from tests.simulators.airsim import Vehicle
 from tests.simulators.airsim_server import AirsimServer
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual.cameras import ImageFormat, ImageKind
 from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, UalTimeoutError
 from ual.geometry import Pose, Quaternion, Vector3
@@ -30,7 +30,6 @@ from ual_daemon.backends.airsim.trail import LONGEST_GAP_S, Trail
 from ual_daemon.backends.offers.cameras import OfferedCameras
 
 BOTTOM, BACK = OF_EACH_MULTIROTOR.index("bottom_center"), OF_EACH_MULTIROTOR.index("back_center")
-LIMIT_S = 30.0
 
 
 @pytest.fixture

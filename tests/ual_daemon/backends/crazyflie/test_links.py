@@ -15,7 +15,7 @@ import pytest
 from cflib.crtp.crtpstack import CRTPPacket
 from cflib.drivers import crazyradio
 
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual.geometry import Vector3
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
@@ -30,7 +30,6 @@ from ual_daemon.settings import ConfigError
 
 RADIO = "radio://0/80/2M/E7E7E7E7E7"
 PACKET = Packet(5, 1, b"\x05")
-LIMIT_S = 20.0
 
 
 def received(link: links.Link) -> list[Packet]:

@@ -14,7 +14,7 @@ from tests.simulators.dji import AUTO_LANDING, P_GPS, STEP_S, Aircraft, OsdkSdkN
 from tests.simulators.dji_node import OneThreadBridge
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from tests.simulators.rosbridge import Message, RefusedError, Service
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Pose
 from ual.types import GpsFix, Limits, State
@@ -25,7 +25,6 @@ from ual_daemon.backends.rosbridge.websocket import Transport
 from ual_daemon.backends.values import Snapshot
 
 KINDS = (LockstepPsdk, LockstepOsdk, LockstepOsdkVehicle)
-LIMIT_S = 60.0
 
 
 @contextmanager

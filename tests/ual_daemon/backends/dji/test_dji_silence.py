@@ -13,14 +13,13 @@ from tests.simulators.dji import RC, Psdk
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from tests.simulators.rosbridge import Answer, Message, Service
 from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, record_states, wait
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
 from ual.geometry import Pose
 from ual.types import State
 
 T = TypeVar("T")
 
-LIMIT_S = 60.0
 KINDS = (LockstepPsdk, LockstepOsdk, LockstepOsdkVehicle)
 
 

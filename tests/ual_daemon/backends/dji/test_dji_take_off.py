@@ -9,7 +9,7 @@ import pytest
 from tests.simulators.dji import ENGINE_START, P_GPS, Psdk
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, take_over_in_take_off, wait
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual.types import State
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.settings import DjiSettings
@@ -18,7 +18,6 @@ from ual_daemon.backends.dji.wrappers import WRAPPERS
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.values import Control
 
-LIMIT_S = 60.0
 RATES = [(50.0, 10.0, 0.0), (50.0, 10.0, 0.06), (50.0, 5.0, 0.1), (1.0, 1.0, 0.2), (1.0, 1.0, 0.5), (1.0, 1.0, 0.8)]
 """Rates of the state and of the authority, and when the latter begins."""
 REMOTE: Message = {"device_mode": 0, "control_auth": 0}

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from tests.ual_daemon.backends.light.drone import Drone
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual.cameras import CameraIntrinsics, CameraMode, ImageFormat, ImageKind, StorageState
 from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalError
 from ual.geometry import Pose, Quaternion, Vector3
@@ -32,7 +32,6 @@ from ual_daemon.backends.offers.cameras import OfferedCamera, OfferedCameras
 from ual_daemon.backends.values import PositionSetpoint, VelocitySetpoint
 from ual_daemon.settings import ConfigError, convert
 
-LIMIT_S = 30.0
 VIEW = CameraIntrinsics.of_view(161, 121, 1.2)
 DOWN = Quaternion.from_euler(0.0, math.pi / 2.0, 0.0)
 

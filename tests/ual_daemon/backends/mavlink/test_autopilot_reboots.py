@@ -15,6 +15,7 @@ import pytest
 from tests.simulators import ArduPilot, Autopilot, BadLink, MemoryPort, Px4
 from tests.simulators.physics import Vector
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from tests.waiting import LIMIT_S
 from ual.errors import FrameLostError, GeofenceError, TaskAbortedError, WrongStateError
 from ual.geometry import IDENTITY, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, wrap_angle
 from ual.types import GeoPoint, State
@@ -23,7 +24,6 @@ from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
 EAST_10: Vector = (0.0, 10.0, 0.0)
 EAST_20: Vector = (0.0, 20.0, 0.0)
-LIMIT_S = 60.0
 RESET_RAD = math.radians(30.0)
 
 

@@ -18,7 +18,7 @@ from tests.conftest import open_terminal
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat, packer, position
 from tests.ual_daemon.backends.mavlink.traces import load, replay
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual.errors import LinkLostError, NotSupportedError
 from ual.geometry import Vector3
 from ual.types import Limits, State
@@ -31,7 +31,6 @@ from ual_daemon.backends.values import PositionSetpoint, Snapshot, VelocitySetpo
 from ual_daemon.flight.state import estimate
 
 Pair = tuple[MavlinkBackend, "Autopilot"]
-PATIENCE_S = 20.0
 SETPOINT = VelocitySetpoint(Vector3(1.0, 0.0, 0.0))
 
 
@@ -41,7 +40,7 @@ class Autopilot:
     def __init__(self, port: int | None = None) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
-        self.socket.settimeout(PATIENCE_S)
+        self.socket.settimeout(LIMIT_S)
         self.peer = None if port is None else ("127.0.0.1", port)
         self.pack = packer()
 
@@ -71,7 +70,7 @@ class Autopilot:
                 data, _ = self.socket.recvfrom(4096)
                 if any(Codec(1).decode(frame).get_type() == kind for frame in split(data)[0]):
                     return False
-        self.socket.settimeout(PATIENCE_S)
+        self.socket.settimeout(LIMIT_S)
         return True
 
     def close(self) -> None:
@@ -176,8 +175,8 @@ def test_no_setpoint_and_no_command_goes_out_before_an_autopilot_is_heard() -> N
             backend.take_control,
             backend.disarm,
         ):
-            assert isinstance(command().exception(PATIENCE_S), LinkLostError)
-        error = backend.take_off(3.0, Limits()).exception(PATIENCE_S)
+            assert isinstance(command().exception(LIMIT_S), LinkLostError)
+        error = backend.take_off(3.0, Limits()).exception(LIMIT_S)
         assert str(error) == f"cannot take off: no autopilot is heard at {backend.url}"
 
 
@@ -205,7 +204,7 @@ def test_no_setpoint_goes_out_while_the_link_is_down(pair: Pair) -> None:
     backend._discovery.watch.lost_s = -1.0
     backend.send(SETPOINT)
     assert autopilot.hears_nothing_of("SET_POSITION_TARGET_LOCAL_NED", 0.2)
-    assert isinstance(backend.arm().exception(PATIENCE_S), LinkLostError)
+    assert isinstance(backend.arm().exception(LIMIT_S), LinkLostError)
 
 
 def test_a_command_ends_with_the_autopilots_acknowledgement(pair: Pair) -> None:
@@ -214,7 +213,7 @@ def test_a_command_ends_with_the_autopilots_acknowledgement(pair: Pair) -> None:
         future = backend.arm()
         autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
     autopilot.say(ack(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_RESULT_ACCEPTED))
-    assert future.result(PATIENCE_S) is None
+    assert future.result(LIMIT_S) is None
     # and a heartbeat is asked for, so that the state follows at once
     autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_REQUEST_MESSAGE, param1=0.0)
 
@@ -236,7 +235,7 @@ def test_a_stream_of_setpoints_opens_the_way_to_take_control(pair: Pair) -> None
         assert (asked.param2, asked.param3) == (6.0, 0.0)
         for _ in range(2):
             autopilot.say(ack(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_ACCEPTED))
-        assert future.result(PATIENCE_S) is None
+        assert future.result(LIMIT_S) is None
     finally:
         stop.set()
         sender.join()
@@ -251,7 +250,7 @@ def test_flying_an_unknown_autopilot_is_not_supported() -> None:
             return backend.snapshot().control.armed is not None
 
         until(meets, "the autopilot")
-        assert isinstance(backend.arm().exception(PATIENCE_S), NotSupportedError)
+        assert isinstance(backend.arm().exception(LIMIT_S), NotSupportedError)
         with pytest.raises(NotSupportedError):
             backend.send(SETPOINT)
 
@@ -328,13 +327,13 @@ def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_pre
         seen.append(snapshot)
         if snapshot.control.armed is not None and not paused.is_set():
             paused.set()
-            assert resume.wait(PATIENCE_S)
+            assert resume.wait(LIMIT_S)
 
     port = free_port()
     with contextlib.closing(Autopilot(port)) as autopilot, opened(f"udpin://127.0.0.1:{port}", on_update):
         until(lambda: seen, "an update")
         autopilot.say(heartbeat())
-        assert paused.wait(PATIENCE_S)
+        assert paused.wait(LIMIT_S)
         old = len(seen)
         for _ in range(100):
             autopilot.say(heartbeat(armed=True))
@@ -399,7 +398,7 @@ def test_closing_from_an_update_does_not_wait_for_itself() -> None:
             closed.set_result(None)
 
     backend.open(close)
-    closed.result(PATIENCE_S)
+    closed.result(LIMIT_S)
     backend.close()
 
 
@@ -407,7 +406,7 @@ def test_a_backend_never_opened_can_be_asked_and_closed() -> None:
     backend = MavlinkBackend(BackendOptions("uav_1"))
     assert backend.snapshot().motion.pose is None
     assert backend.info().autopilot == ""
-    assert isinstance(backend.land(Limits()).exception(PATIENCE_S), LinkLostError)
+    assert isinstance(backend.land(Limits()).exception(LIMIT_S), LinkLostError)
     backend.send(SETPOINT)
     backend.close()
 

@@ -10,14 +10,13 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, packer, position
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.engine.link_watch import LinkState
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 
-PATIENCE_S = 20.0
 LOSS, CORRUPTION, DOUBLING, JITTER_S = 0.3, 0.1, 0.1, 0.2
 INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 
@@ -112,7 +111,7 @@ class Simulator:
         self._server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._server.bind((HOST, self.port))
         self._server.listen()
-        self._server.settimeout(PATIENCE_S)
+        self._server.settimeout(LIMIT_S)
         self.port = self._server.getsockname()[1]
 
     def accept(self, *, armed: bool = False) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 from prometheus_client.core import Metric
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 
+from tests.waiting import LIMIT_S
 from ual_daemon.program.metrics.catalogue import Sample
 
-LIMIT_S = 30.0
 OPENMETRICS = "application/openmetrics-text; version=1.0.0"
 
 

@@ -12,14 +12,13 @@ import grpc.aio
 import pytest
 
 from tests.ual_daemon.server.access.ways_in import Served, beyond_loopback, make_files, served, ways
+from tests.waiting import LIMIT_S
 from ual.access import tokens
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon.server import calls
 from ual_daemon.server.transport.selection import Choice
 from ual_tools.access import certificates, private_file
-
-LIMIT_S = 60.0
 
 
 def run(tmp_path: Path, transport: Choice, check: Callable[[Served], object]) -> None:

@@ -12,6 +12,7 @@ from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection_pb2
 
 from tests.ual_daemon.server.access.ways_in import Served, Way, beyond_loopback, make_files, served, ways
+from tests.waiting import LIMIT_S
 from ual.access.roles import Role
 from ual.v1 import corrections_pb2, fence_pb2, gripper_pb2, mission_pb2, parameters_pb2, simulation_pb2, ual_pb2
 from ual_daemon.server.access.needed import needed_role
@@ -36,7 +37,6 @@ METHODS = {
     for name, method in service.methods_by_name.items()
 }
 REFUSED = (grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED, grpc.StatusCode.UNAVAILABLE)
-LIMIT_S = 60.0
 
 
 def said_roles() -> dict[str, Role]:

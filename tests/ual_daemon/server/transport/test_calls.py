@@ -19,13 +19,12 @@ import pytest
 from tests.conftest import TIMES_TO_BEGIN_S
 from tests.ual_daemon.server.raw import RESET, answer_to
 from tests.ual_daemon.server.serving import taking
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual_daemon.server.transport import selection
 from ual_daemon.server.transport.base import Call, Transport, TransportServer
 from ual_daemon.server.transport.selection import Choice
 
 T = TypeVar("T")
-LIMIT_S = 30.0
 Served: TypeAlias = Callable[[Callable[[Call], None]], AbstractContextManager[grpc.Channel]]
 
 
