@@ -11,8 +11,8 @@ import pytest
 
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat, packer
-from tests.ual_daemon.backends.mavlink.test_backend import PATIENCE_S, Autopilot, Pair, opened
-from tests.waiting import until
+from tests.ual_daemon.backends.mavlink.test_backend import Autopilot, Pair, opened
+from tests.waiting import LIMIT_S, until
 from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual.geometry import Pose
 from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalReference
@@ -73,14 +73,14 @@ def test_it_is_found_ordered_and_seen(pair: Pair, component_id: int) -> None:
     heard: Any = autopilot.hear("COMMAND_LONG", command=TURN, target_component=component_id)
     assert (heard.param1, heard.param2) == (pytest.approx(math.degrees(-0.5)), pytest.approx(math.degrees(-0.25)))
     say_as(autopilot, component_id, ack(TURN, mavlink.MAV_RESULT_ACCEPTED))
-    ordered.result(PATIENCE_S)
+    ordered.result(LIMIT_S)
 
     ordered = gimbal.take_control()
     heard = autopilot.hear("COMMAND_LONG", command=CONFIGURE, target_component=component_id)
     assert (heard.param1, heard.param2) == (1.0, 191.0)
     say_as(autopilot, component_id, ack(CONFIGURE, mavlink.MAV_RESULT_DENIED))
     with pytest.raises(RejectedByAutopilotError, match="refused DO_GIMBAL_MANAGER_CONFIGURE: DENIED"):
-        ordered.result(PATIENCE_S)
+        ordered.result(LIMIT_S)
 
     gimbal.aim(DOWN, HORIZON)
     autopilot.hear("GIMBAL_MANAGER_SET_ATTITUDE", target_component=component_id, gimbal_device_id=device_id)
@@ -127,7 +127,7 @@ def test_an_autopilot_that_is_lost_ends_the_orders(pair: Pair) -> None:
     gimbal = found(backend)
     until(lambda: not is_up(gimbal), "the loss")
     with pytest.raises(LinkLostError):
-        gimbal.move_to_neutral().result(PATIENCE_S)
+        gimbal.move_to_neutral().result(LIMIT_S)
 
 
 def is_up(gimbal: OfferedGimbal) -> bool:

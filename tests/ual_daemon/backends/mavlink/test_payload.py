@@ -9,8 +9,8 @@ import pytest
 
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
-from tests.ual_daemon.backends.mavlink.test_backend import PATIENCE_S, Autopilot, Pair, opened
-from tests.waiting import until
+from tests.ual_daemon.backends.mavlink.test_backend import Autopilot, Pair, opened
+from tests.waiting import LIMIT_S, until
 from ual.errors import InvalidArgumentError, LinkLostError, PermissionDeniedError, RejectedByAutopilotError
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
@@ -69,7 +69,7 @@ def test_a_permitted_command_arrives_and_ends_with_its_acknowledgement(pair: Pai
     assert (heard.param1, heard.param2, heard.param5, heard.param7) == (-30.0, 45.0, 12.0, 1.0)
     assert not sent.done()
     autopilot.say(ack(PITCHYAW, ACCEPTED))
-    sent.result(PATIENCE_S)
+    sent.result(LIMIT_S)
 
 
 def test_a_refusal_of_the_autopilot_is_quoted(pair: Pair) -> None:
@@ -78,7 +78,7 @@ def test_a_refusal_of_the_autopilot_is_quoted(pair: Pair) -> None:
     autopilot.hear("COMMAND_LONG", command=PITCHYAW)
     autopilot.say(ack(PITCHYAW, mavlink.MAV_RESULT_DENIED))
     with pytest.raises(RejectedByAutopilotError, match="DO_GIMBAL_MANAGER_PITCHYAW: DENIED"):
-        sent.result(PATIENCE_S)
+        sent.result(LIMIT_S)
 
 
 def test_a_newer_command_of_the_same_id_replaces_the_older_one(pair: Pair) -> None:
@@ -88,7 +88,7 @@ def test_a_newer_command_of_the_same_id_replaces_the_older_one(pair: Pair) -> No
     assert older.cancelled()
     autopilot.hear("COMMAND_LONG", command=PITCHYAW, param1=-60.0)
     autopilot.say(ack(PITCHYAW, ACCEPTED))
-    newer.result(PATIENCE_S)
+    newer.result(LIMIT_S)
 
 
 def test_who_hears_that_a_command_was_replaced_may_send_the_next(pair: Pair) -> None:
@@ -102,7 +102,7 @@ def test_who_hears_that_a_command_was_replaced_may_send_the_next(pair: Pair) -> 
         done.set()
 
     threading.Thread(target=send, daemon=True).start()
-    assert done.wait(PATIENCE_S)
+    assert done.wait(LIMIT_S)
 
 
 @pytest.mark.parametrize("name", FLYING)
@@ -165,7 +165,7 @@ def test_a_message_of_a_payload_can_be_requested_once_and_as_a_stream(pair: Pair
     once = backend.payload().request_message("GIMBAL_MANAGER_STATUS")
     autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_REQUEST_MESSAGE, param1=status_id)
     autopilot.say(ack(mavlink.MAV_CMD_REQUEST_MESSAGE, ACCEPTED))
-    once.result(PATIENCE_S)
+    once.result(LIMIT_S)
     backend.payload().request_message("GIMBAL_MANAGER_STATUS", 10.0)
 
     def is_asked() -> bool:
