@@ -206,7 +206,8 @@ def streams(session: Session, number: int) -> None:
 def image(session: Session, file: Path, photo_number: int | None, kind: str, number: int) -> None:
     """Write what the camera sees to FILE.
 
-    Depths and ranges are metres, written as a portable float map (PFM).
+    The format is the camera's own, whatever FILE ends in; the result names it. Depths and ranges are metres, written
+    as a portable float map (PFM).
     """
     with session.connect() as uav:
         found = uav.cameras[number].image(photo_number, ImageKind[kind.upper()])
