@@ -40,7 +40,7 @@ class SetpointMailbox:
         self._longest_s = longest_s
         self._changed = threading.Condition()
         self._newest: tuple[Setpoint, float] | None = None
-        self._is_closing = False
+        self._is_closing = self._is_sending = False
         self._is_failing = False
         self._thread = threading.Thread(target=self._run, name=thread_name, daemon=True)
 
@@ -52,18 +52,24 @@ class SetpointMailbox:
         """Replaces the setpoint that is to be sent. Any thread may call."""
         with self._changed:
             self._newest = setpoint, self._clock.now_s()
-            self._changed.notify()
+            self._changed.notify_all()
 
     def drop(self) -> None:
         """Drops the setpoint that has not left. One whose sending has begun may still arrive."""
         with self._changed:
             self._newest = None
 
+    def settle(self) -> None:
+        """Drops the setpoint that has not left, and blocks until one whose sending has begun has left."""
+        with self._changed:
+            self._newest = None
+            self._changed.wait_for(lambda: not self._is_sending)
+
     def close(self) -> None:
         """Ends the thread once the sending that has begun has ended. May be called by the thread itself."""
         with self._changed:
             self._is_closing, self._newest = True, None
-            self._changed.notify()
+            self._changed.notify_all()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join()
 
@@ -76,8 +82,11 @@ class SetpointMailbox:
     def _take(self) -> tuple[Setpoint, float] | None:
         """Blocks until there is a setpoint, and returns it with its time; None at the end."""
         with self._changed:
+            self._is_sending = False
+            self._changed.notify_all()
             self._changed.wait_for(lambda: self._is_closing or self._newest is not None)
             waiting, self._newest = self._newest, None
+            self._is_sending = not self._is_closing
             return None if self._is_closing else waiting
 
     def _try(self, setpoint: Setpoint) -> None:

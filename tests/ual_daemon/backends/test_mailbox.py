@@ -8,7 +8,7 @@ from queue import SimpleQueue
 
 import pytest
 
-from tests.waiting import LIMIT_S
+from tests.waiting import LIMIT_S, until
 from ual.geometry import Vector3
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import Setpoint, VelocitySetpoint
@@ -69,6 +69,28 @@ def mailbox(autopilot: Autopilot, clock: Clock) -> Iterator[SetpointMailbox]:
 
 def velocity(x: float) -> VelocitySetpoint:
     return VelocitySetpoint(Vector3(x))
+
+
+def test_who_settles_waits_for_the_setpoint_that_is_on_its_way(mailbox: SetpointMailbox, autopilot: Autopilot) -> None:
+    mailbox.put(velocity(1.0))
+    assert autopilot.next() == 1.0
+    mailbox.put(velocity(2.0))
+    settled = threading.Event()
+
+    def settle() -> None:
+        mailbox.settle()
+        settled.set()
+
+    thread = threading.Thread(target=settle)
+    thread.start()
+    until(lambda: mailbox._newest is None)
+    assert not settled.is_set()
+    autopilot.may_answer.release()
+    thread.join(LIMIT_S)
+    assert settled.is_set()
+    mailbox.put(velocity(3.0))
+    assert autopilot.next() == 3.0, "the second was dropped"
+    autopilot.may_answer.release()
 
 
 def test_a_slow_autopilot_gets_the_newest_and_skips_those_between(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import threading
 from collections.abc import Callable, Hashable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
@@ -90,6 +91,8 @@ class Session:
         self._report: Report | None = None
         self._snapshot = Snapshot(0.0)
         self._boots_count = 0
+        self._sending = threading.Lock()
+        """Held from the decision that a setpoint may leave until it waits to be sent."""
         self._has_collided = self._is_holding = self._is_paused = self._is_disarming = False
         self._status_text = ""
 
@@ -133,9 +136,10 @@ class Session:
 
     def send(self, setpoint: Setpoint) -> None:
         """Sends a setpoint, unless the vehicle is to have none."""
-        is_free = not (self._has_collided or self._is_holding or self._is_paused or self._is_disarming)
-        if self._link.is_up and is_free:
-            self._mailbox.put(setpoint)
+        with self._sending:
+            is_free = not (self._has_collided or self._is_holding or self._is_paused or self._is_disarming)
+            if self._link.is_up and is_free:
+                self._mailbox.put(setpoint)
 
     def execute(self, action: Action) -> Future[None]:
         """Executes what the simulated pilot and the world around the vehicle do, by none of the rules of commands."""
@@ -143,13 +147,15 @@ class Session:
 
     def begin_hold(self) -> None:
         """Sends no setpoint until control is taken again."""
-        self._is_holding = True
-        self._mailbox.drop()
+        with self._sending:
+            self._is_holding = True
+            self._mailbox.drop()
 
     def begin_disarming(self) -> None:
         """Sends no setpoint until it is disarmed: a velocity would start the motors again."""
-        self._is_disarming = True
-        self._mailbox.drop()
+        with self._sending:
+            self._is_disarming = True
+            self._mailbox.drop()
 
     def begin_control(self) -> None:
         """Sends setpoints again: after a collision, or where it held by itself."""
@@ -157,9 +163,10 @@ class Session:
 
     @contextmanager
     def without_setpoints(self) -> Iterator[None]:
-        """No setpoint is sent until the block ends."""
-        self._is_paused = True
-        self._mailbox.drop()
+        """No setpoint is sent until the block ends. Blocks until one whose sending has begun has left."""
+        with self._sending:
+            self._is_paused = True
+        self._mailbox.settle()
         try:
             yield
         finally:
@@ -264,8 +271,9 @@ class Session:
         if what:
             self._status_text = f"collision with {what}"
             logs.event(_log, logging.WARNING, "collision", object=what)
-            self._mailbox.drop()
-            self._has_collided = not is_on_ground
+            with self._sending:
+                self._mailbox.drop()
+                self._has_collided = not is_on_ground
         elif is_on_ground:
             self._has_collided = self._is_holding = False
 

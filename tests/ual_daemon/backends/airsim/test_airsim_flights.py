@@ -15,6 +15,7 @@ from typing_extensions import override
 from tests.conftest import LIMIT_S
 from tests.simulators.airsim import Vehicle
 from tests.simulators.airsim_server import AirsimServer
+from tests.simulators.lockstep_airsim import LockstepAirsim
 from tests.waiting import until, until_state
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, TaskAbortedError, WrongStateError
 from ual.geometry import Pose, Vector3
@@ -35,6 +36,14 @@ def connected(url: str, ns: str = "uav_1", **settings: Any) -> Iterator[UAL]:
         yield uav
 
 
+@contextmanager
+def stepped(server: AirsimServer, vehicle: Vehicle) -> Iterator[UAL]:
+    """On the vehicle's own clock: a computer that stands still for a moment is no pause of UAL's."""
+    with UAL(LockstepAirsim(BackendOptions("uav_1"), server, vehicle)) as uav:
+        until(uav.is_ready, "its readiness")
+        yield uav
+
+
 @pytest.fixture
 def vehicle() -> Vehicle:
     return Vehicle("Drone1")
@@ -47,9 +56,8 @@ def server(vehicle: Vehicle) -> Iterator[AirsimServer]:
 
 
 @pytest.fixture
-def uav(server: AirsimServer) -> Iterator[UAL]:
-    with connected(server.url) as uav:
-        until(uav.is_ready, "its readiness")
+def uav(server: AirsimServer, vehicle: Vehicle) -> Iterator[UAL]:
+    with stepped(server, vehicle) as uav:
         yield uav
 
 
@@ -222,8 +230,8 @@ def test_a_step_needs_time_that_stands_still(uav: UAL) -> None:
 
 
 def test_a_collision_ends_the_task_and_says_with_what() -> None:
-    with AirsimServer([Vehicle("Drone1", wall_north_m=3.0)]) as server, connected(server.url) as uav:
-        until(uav.is_ready, "its readiness")
+    vehicle = Vehicle("Drone1", wall_north_m=3.0)
+    with AirsimServer([vehicle]) as server, stepped(server, vehicle) as uav:
         uav.take_off(3.0)
         with pytest.raises(TaskAbortedError, match="collision"):
             uav.go_to_waypoint(Pose.at(0.0, 10.0, 3.0))
@@ -260,8 +268,8 @@ def test_collisions_are_asked_for_rarely_as_each_answer_resets_them() -> None:
 
 
 def test_after_a_collision_it_can_be_landed() -> None:
-    with AirsimServer([Vehicle("Drone1", wall_north_m=3.0)]) as server, connected(server.url) as uav:
-        until(uav.is_ready, "its readiness")
+    vehicle = Vehicle("Drone1", wall_north_m=3.0)
+    with AirsimServer([vehicle]) as server, stepped(server, vehicle) as uav:
         uav.take_off(3.0)
         with pytest.raises(TaskAbortedError, match="collision"):
             uav.go_to_waypoint(Pose.at(0.0, 10.0, 3.0))
