@@ -62,6 +62,27 @@ def test_the_state_is_told_when_it_changes_and_again_slowly(topics: Any) -> None
     assert published.call_count == 4
 
 
+@pytest.mark.parametrize(("subscribers_count", "published_count"), [(0, 1), (1, 9)])
+def test_what_is_not_heard_is_not_published_but_for_the_state(
+    topics: Any, subscribers_count: int, published_count: int
+) -> None:
+    """The state is kept for those that subscribe later."""
+    publisher = MagicMock()
+    publisher.get_subscription_count.return_value = subscribers_count
+    node = MagicMock()
+    node.create_publisher.return_value = publisher
+    told = topics.Topics(node, "uav_1", RosTime(Clock()), publisher)
+    pose, twist = ual.Pose(), ual.Twist()
+    odometry = ual.Odometry(pose, twist, "uav_1/odom", "uav_1/base_link", 1.0)
+    battery = ual.Battery(50.0, 12.0)
+    sample = ual.Telemetry(
+        ual.State.LANDED_ARMED, pose=pose, velocity=twist, odometry=odometry, reference_pose=pose, battery=battery
+    )
+    told.publish(sample)
+    told.publish_slow(sample, health.Said())
+    assert publisher.publish.call_count == published_count
+
+
 # --- Parameters -------------------------------------------------------------------------------------------------------
 
 

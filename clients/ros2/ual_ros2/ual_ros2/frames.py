@@ -120,7 +120,7 @@ class Frames:
         self._moving: set[str] = set()
         """Those of them that have moved."""
         self.has_moving = False
-        """Whether the daemon has frames that move, beside the body."""
+        """Whether the daemon has frames that move, beside the body, and tf is heard: then they are asked for fast."""
 
     async def publish(self) -> None:
         """Publishes the daemon's frames, but for the body, which each sample tells, and those that tf has anyway."""
@@ -136,7 +136,7 @@ class Frames:
         gone, self._told = self._told - links.keys() - self._given.keys(), frozenset(links)
         self._tf.publish_static(static, gone)
         self._tf.publish_moving(moving)
-        self.has_moving = bool(moving)
+        self.has_moving = bool(moving) and topics.is_heard(self._tf.moving)
 
     async def provide(self, frame_ids: Iterable[str]) -> None:
         """Gives the daemon those of the frames that it does not know and tf does.

@@ -133,7 +133,8 @@ class Topics:
             self._stamp(self._fix_message.header, sample.stamp_s, f"{self._ns}/base_link")
             values.fill_fix(self._fix_message, sample.position_geo, sample.gps)
             self._fix.publish(self._fix_message)
-        self._publish_health(health.of(sample, said))
+        if is_heard(self._health):
+            self._publish_health(health.of(sample, said))
 
     def _publish_battery(self, publisher: Entity, battery: ual.Battery) -> None:
         if is_heard(publisher):
@@ -164,6 +165,16 @@ class Topics:
         self._tf_message = TFMessage(transforms=[self._transform_message])
 
     def _publish_odometry(self, odometry: ual.Odometry) -> None:
+        if is_heard(self._tf):
+            self._publish_body(odometry)
+        if is_heard(self._odom):
+            self._odom_message.child_frame_id = odometry.child_frame_id
+            self._stamp(self._odom_message.header, odometry.stamp_s, odometry.frame_id)
+            values.fill_pose(self._odom_message.pose.pose, odometry.pose)
+            values.fill_twist(self._odom_message.twist.twist, odometry.twist)
+            self._odom.publish(self._odom_message)
+
+    def _publish_body(self, odometry: ual.Odometry) -> None:
         transform = ual.Transform(
             odometry.pose.position, odometry.pose.orientation, odometry.frame_id, odometry.child_frame_id
         )
@@ -171,12 +182,6 @@ class Topics:
         values.fill_transform(message, transform)
         self._time.stamp(message.header.stamp, odometry.stamp_s)
         self._tf.publish(self._tf_message)
-        if is_heard(self._odom):
-            self._odom_message.child_frame_id = odometry.child_frame_id
-            self._stamp(self._odom_message.header, odometry.stamp_s, odometry.frame_id)
-            values.fill_pose(self._odom_message.pose.pose, odometry.pose)
-            values.fill_twist(self._odom_message.twist.twist, odometry.twist)
-            self._odom.publish(self._odom_message)
 
     def _publish_pose(self, publisher: Entity, message: Message, pose: ual.Pose, sample: ual.Telemetry) -> None:
         self._stamp(message.header, sample.stamp_s, sample.frame_id)
