@@ -43,6 +43,12 @@ def closed_drones() -> Iterator[None]:
         Drone.opened.pop().backend.close()
 
 
+@pytest.fixture(autouse=True)
+def patient_painters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine a process that paints may need more than the patience of flights until it has begun."""
+    monkeypatch.setattr(painter, "PATIENCE_S", LIMIT_S)
+
+
 def picture(pose: Pose, *markers: Marker, view: CameraIntrinsics = VIEW, **options: Any) -> np.ndarray[Any, Any]:
     """What a camera at a pose sees: rows of columns of colours."""
     return painting.paint(pose, view, Scene(0.0, markers), **options).astype(int)
