@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import itertools
 import json
 import os
 import pty
@@ -13,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,6 +59,19 @@ def pytest_collection_finish() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Runs the slow tests first: at the end, one of them would be waited for while other workers have nothing to do."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_standstill_of_these_processes() -> Iterator[None]:
+    """Takes no standstill of a test's own process for one of a daemon: on a busy machine its threads wait for seconds.
+
+    What a daemon does after one is tested by clocks that tests set (tests/ual_daemon/server/test_standstill.py).
+    """
+    served = sys.modules.get("ual_daemon.server.calls")
+    with pytest.MonkeyPatch.context() as patch:
+        if served is not None:  # its clock stands, and costs no call of Python: calls are counted in tests/work
+            patch.setattr(served, "Standstill", partial(served.Standstill, itertools.repeat(0.0).__next__))
+        yield
 
 
 class DaemonProcess:
