@@ -50,7 +50,7 @@ _VARIABLES = """\
 import json, sys
 from ual_tools.ros2 import found, interfaces
 say = lambda line: print(line, file=sys.stderr)
-print(json.dumps(interfaces.ready(found.ros(), interfaces.cache(), say)))
+print(json.dumps(interfaces.ready(found.ros(), interfaces.cache(), say, for_python_alone=True)))
 """
 
 

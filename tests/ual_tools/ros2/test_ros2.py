@@ -117,6 +117,7 @@ def test_the_interfaces_are_built_once_and_found_by_the_node(machine: Machine) -
     first = machine.node("ros2")
     assert len(machine.steps()) == 6  # configured, built and installed, for tf2_msgs and ual_msgs
     assert [step for step in machine.steps() if "-DCMAKE_INSTALL_RPATH=$ORIGIN" in step and "-S" in step]
+    assert len([step for step in machine.steps() if "-DUAL_FOR_PYTHON_ALONE=OFF" in step]) == 2
     assert machine.node("ros2") == first
     assert len(machine.steps()) == 6
     [prefix] = [path for path in machine.cache.iterdir() if path.is_dir()]
@@ -151,6 +152,19 @@ def test_another_version_of_ros_gets_its_own(machine: Machine) -> None:
     machine._write("opt/share/rclpy/package.xml", "<package><version>9.1.2</version></package>")
     machine.node("ros2")
     assert len([path for path in machine.cache.iterdir() if path.is_dir()]) == 2
+
+
+def test_what_is_for_python_alone_is_another_build(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(machine.root / "bin"))
+    ros, told = found.Ros((machine.ros,)), list[str]()
+    of_all, of_python = (
+        interfaces.ready(ros, machine.cache, told.append, for_python_alone=is_alone)["AMENT_PREFIX_PATH"]
+        for is_alone in (False, True)
+    )
+    assert of_all != of_python
+    assert [line.rpartition(": ")[2] for line in told] == ["some minutes", "about a minute"]
+    asked = [word for step in machine.steps() for word in step.split() if "PYTHON_ALONE" in word]
+    assert asked == ["-DUAL_FOR_PYTHON_ALONE=OFF"] * 2 + ["-DUAL_FOR_PYTHON_ALONE=ON"] * 2
 
 
 def test_a_build_that_fails_is_told_and_leaves_nothing_half_done(machine: Machine) -> None:

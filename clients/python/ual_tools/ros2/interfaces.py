@@ -40,13 +40,15 @@ def needed() -> dict[str, Path]:
     return {name: source for name, source in _PACKAGES.items() if find_spec(name) is None}
 
 
-def ready(ros: Ros, directory: Path, tell: Callable[[str], None]) -> dict[str, str]:
+def ready(ros: Ros, directory: Path, tell: Callable[[str], None], *, for_python_alone: bool = False) -> dict[str, str]:
     """Builds what is missing, and returns the variables of the environment in which it is found.
 
     Args:
         ros: With which ROS.
         directory: Into which directory; what is there already is not built.
         tell: Called with a line for people before something is built.
+        for_python_alone: Whether to leave out what C++ needs, and so what records each topic (`ros2 bag record -a`).
+            That takes half the time.
 
     Raises:
         NotSupportedError: There is no compiler.
@@ -56,13 +58,14 @@ def ready(ros: Ros, directory: Path, tell: Callable[[str], None]) -> dict[str, s
     packages = needed()
     if not packages:
         return {}
-    prefix = directory / _key(ros, packages.values())
+    prefix = directory / _key(ros, packages.values(), for_python_alone)
     if not prefix.is_dir():
         _require_tools()
         prefix.parent.mkdir(parents=True, exist_ok=True)
         with _alone(prefix.with_suffix(".lock"), tell):
             if not prefix.is_dir():
-                _make(packages, prefix, ros, tell)
+                tell(_announced(packages, prefix, for_python_alone))
+                _make(packages, prefix, ros, for_python_alone)
     return variables(prefix, ros, os.environ)
 
 
@@ -77,9 +80,9 @@ def variables(prefix: Path, ros: Ros, before: Mapping[str, str]) -> dict[str, st
     return {name: os.pathsep.join(filter(None, paths)) for name, paths in ours.items()}
 
 
-def _key(ros: Ros, sources: Iterable[Path]) -> str:
+def _key(ros: Ros, sources: Iterable[Path], for_python_alone: bool) -> str:
     """Returns a name that is another one wherever what is built would be another one."""
-    digest = hashlib.sha256(repr((ros, ros.version_of("rclpy"), sys.version_info[:2])).encode())
+    digest = hashlib.sha256(repr((ros, ros.version_of("rclpy"), sys.version_info[:2], for_python_alone)).encode())
     for source in sources:
         for path in sorted(path for path in source.rglob("*") if path.suffix in _BUILT):
             digest.update(str(path.relative_to(source.parent)).encode() + path.read_bytes())
@@ -105,19 +108,24 @@ def _alone(lock: Path, tell: Callable[[str], None]) -> Iterator[None]:
         yield
 
 
-def _make(packages: Mapping[str, Path], prefix: Path, ros: Ros, tell: Callable[[str], None]) -> None:
-    tell(f"building {' and '.join(packages)}, once, into {prefix}: about a minute")
+def _announced(packages: Iterable[str], prefix: Path, for_python_alone: bool) -> str:
+    how_long = "about a minute" if for_python_alone else "some minutes"
+    return f"building {' and '.join(packages)}, once, into {prefix}: {how_long}"
+
+
+def _make(packages: Mapping[str, Path], prefix: Path, ros: Ros, for_python_alone: bool) -> None:
     with tempfile.TemporaryDirectory(dir=prefix.parent) as scratch:
         for name, source in packages.items():
-            _build(name, source, Path(scratch), prefix.parent / f"{prefix.name}.log", ros)
+            _build(name, source, Path(scratch), prefix.parent / f"{prefix.name}.log", ros, for_python_alone)
         (Path(scratch) / "installed").rename(prefix)  # at once: another process finds all of it or nothing
 
 
-def _build(name: str, source: Path, scratch: Path, log: Path, ros: Ros) -> None:
+def _build(name: str, source: Path, scratch: Path, log: Path, ros: Ros, for_python_alone: bool) -> None:
     paths = os.pathsep.join(map(str, ros.prefixes))
     build = scratch / name
     settings = {
         f"CMAKE_PROJECT_{name}_INCLUDE": _HERE / "unite.cmake",
+        "UAL_FOR_PYTHON_ALONE": "ON" if for_python_alone else "OFF",
         "BUILD_TESTING": "OFF",
         "CMAKE_INSTALL_PREFIX": scratch / "installed",
         "CMAKE_INSTALL_RPATH": "$ORIGIN",  # its libraries find each other wherever they are moved

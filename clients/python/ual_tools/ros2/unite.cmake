@@ -1,8 +1,10 @@
-# Builds what Python needs, and not the libraries for C++, which take longer than all else: colcon makes those.
+# For Python alone it leaves out the libraries for C++, which take longer than all else. rosbag2 reads messages by them.
 # A package of ROS is read once: so what is taken from its list here is not there later.
-find_package(ament_cmake REQUIRED)
-find_package(rosidl_default_generators REQUIRED)
-list(FILTER AMENT_EXTENSIONS_rosidl_generate_idl_interfaces EXCLUDE REGEX "_cpp:")
+if(UAL_FOR_PYTHON_ALONE)
+  find_package(ament_cmake REQUIRED)
+  find_package(rosidl_default_generators REQUIRED)
+  list(FILTER AMENT_EXTENSIONS_rosidl_generate_idl_interfaces EXCLUDE REGEX "_cpp:")
+endif()
 
 # Compiles the sources of each library as one: the headers of ROS are read once, which saves a third of the time.
 # Those of rosidl_generator_c define the same static names, and stay apart.
