@@ -337,11 +337,20 @@ def test_which_frames_move() -> None:
 def test_a_frame_that_is_added_again_where_it_is_has_not_moved() -> None:
     """A program that starts again adds its frames again. A go-to there then has a way, and can be paused."""
     frames = tree()
-    for now_s in (0.0, 0.1, 30.0):
+    for now_s in (0.0, 1.1, 30.0):
         frames.add(at(1, 2, 3, MAP, "tower", 0.5), now_s)
         assert not frames.is_moving("tower")
     moved(frames, every(0.1, 0.2), lambda _: 7.0)
     frames.add(at(7, 0, 0, MAP, "car"), 0.3)
+    assert frames.is_moving("car")
+
+
+@pytest.mark.parametrize("period_s", [0.0, 0.1, 1.0])
+def test_a_frame_that_is_updated_and_stands_may_move_on(period_s: float) -> None:
+    """A goal over a car that waits at the lights is followed when it goes on."""
+    frames = tree()
+    for now_s in (0.0, period_s):
+        frames.add(at(1, 2, 3, MAP, "car"), now_s)
     assert frames.is_moving("car")
 
 

@@ -220,7 +220,10 @@ def test_only_so_many_wait_and_the_end_cancels_them(server: Server, pictures: Ht
         pictures.fetch(f"{server.url}/1").result(LIMIT_S)
     closing = threading.Thread(target=pictures.close)
     closing.start()
-    until(lambda: all(each.cancelled() for each in waiting[1:]), "those that wait to be cancelled")
+    until(lambda: all(each.done() for each in waiting[1:]), "the end of those that wait")
+    for each in waiting[1:]:
+        if not each.cancelled():  # its turn came before it was cancelled
+            assert "closed" in str(each.exception())
     server.released.set()
     closing.join(LIMIT_S)
     with pytest.raises(UalError, match="closed"):
