@@ -57,6 +57,8 @@ class LockstepDji(DjiBackend):
         self.lock = threading.RLock()
         self.is_socket_full = False
         """Whether the bridge reads nothing, so that what is perishable does not leave."""
+        self.on_step: Callable[[], object] = lambda: None
+        """Is called before each step: what it does is done at an exact time of the aircraft."""
         self._pace = Pace(STEP_S, speed)
         super().__init__(BackendOptions(options.ns, "rosbridge://127.0.0.1:1", options.settings))
 
@@ -72,6 +74,7 @@ class LockstepDji(DjiBackend):
         """Advances all by a step, at most so many times as fast as real time."""
         self._pace.wait()
         with self.lock:
+            self.on_step()
             self.bridge.step(self.bridge.now_s + STEP_S)
 
     @override

@@ -432,30 +432,6 @@ def test_authority_is_released_where_velocities_are_refused() -> None:
         until(lambda: backend.aircraft.device == 0)
 
 
-def take_over_in_take_off(uav: UAL, backend: LockstepDji, after_s: float, told_within_s: float) -> None:
-    """Takes an armed aircraft off, has the pilot take it over, and checks that it is told and nothing is sent after."""
-    told = record_states(uav, backend)
-    task = uav.take_off(5.0, blocking=False)
-    wait(backend, after_s)
-    with backend.lock:
-        told.clear()
-        backend.aircraft.pilot_takes_over()
-        taken_s = backend.aircraft.now_s
-    with pytest.raises(TaskAbortedError, match="safety pilot"):
-        task.wait(LIMIT_S)
-    wait(backend, 2.0)
-    assert min(time_s for time_s, state in told if state is State.FLYING_MANUAL) <= taken_s + told_within_s
-    assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + told_within_s]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("after_s", [1.2, 1.6, 4.0])
-def test_the_pilot_takes_over_in_a_take_off(kind: type[LockstepDji], after_s: float) -> None:
-    with ready(kind, 10.0) as (uav, backend):
-        uav.arm()
-        take_over_in_take_off(uav, backend, after_s, told_within_s=0.2)
-
-
 def test_a_flight_that_was_not_commanded_gets_nothing() -> None:
     with ready() as (uav, backend):
         with backend.lock:
