@@ -47,6 +47,10 @@ class Trigger:
             self._take()
         return ACCEPTED
 
+    def boot(self) -> None:
+        """Forgets all: its numbers begin again, as the autopilot's memory does."""
+        self.places, self.unreported, self._distance_m = [], set(), 0.0
+
     def step(self) -> None:
         """Takes the picture that is due by distance."""
         if self._distance_m and self._last is not None:

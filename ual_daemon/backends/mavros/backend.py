@@ -97,6 +97,10 @@ class MavrosBackend(Backend):
             session = self._last_session()
             return session is not None and session.autopilot.sends_image_captured
 
+        def boots_count() -> int:
+            session = self._last_session()
+            return 0 if session is None else session.telemetry.boots_count
+
         return Means(
             lambda order: self._give(order.what, commands.move(order)),
             lambda act: self._post(lambda _: act()),
@@ -105,6 +109,7 @@ class MavrosBackend(Backend):
             lambda: viewpoint_of(self.snapshot(), self.freshness),
             self.utc_s,
             tells_photos,
+            boots_count,
         )
 
     def _make_corrections(self, topic: str) -> MavrosCorrections:

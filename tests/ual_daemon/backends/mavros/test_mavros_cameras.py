@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
 
@@ -13,7 +13,7 @@ from tests.simulators.mavros import BEGIN_UTC_S
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
 from tests.simulators.trigger import SHOOT, START_CAPTURE, Trigger
-from tests.waiting import until
+from tests.waiting import LIMIT_S, until
 from ual import conformance
 from ual.cameras import CameraAbility, Photo
 from ual.conformance import Flight, own_cameras
@@ -130,6 +130,29 @@ def test_reports_that_are_lost_are_missed_and_waited_for_in_vain(uav: UAL, trigg
     assert camera.status().missed_count == 1
 
 
+@pytest.mark.parametrize("backend", ["px4-2"], indirect=True)
+def test_after_a_boot_the_numbers_begin_again_and_what_was_ordered_is_forgotten(
+    uav: UAL, backend: LockstepMavros, trigger: Trigger
+) -> None:
+    camera = uav.cameras[0]
+    camera.take_photo()
+    trigger.unreported = {1, 2}
+    camera.start_photos(distance_m=DISTANCE_M)
+    boots_count = backend.snapshot().link.boots_count
+    waiting = ThreadPoolExecutor(1).submit(camera.take_photo)
+    until(lambda: len(trigger.places) == 3, "the picture that is not told")
+    with backend.autopilot.lock:
+        backend.autopilot.reboot()
+        trigger.boot()
+    until(lambda: backend.snapshot().link.boots_count > boots_count, "the boot")
+    with pytest.raises(LinkLostError, match="booted"):
+        waiting.result(LIMIT_S)
+    until(lambda: not camera.status().is_taking_photos, "the end of the pictures by distance")
+    until(lambda: uav.state() is State.LANDED_DISARMED, "a state", seen=uav.telemetry)
+    assert camera.take_photo().number == len(camera.photos()) - 1
+    assert camera.status().missed_count == 0
+
+
 @pytest.mark.parametrize("backend", ["ardupilot-1", "ardupilot-2"], indirect=True)
 def test_ardupilot_says_by_its_answer_whether_it_has_triggered(
     uav: UAL, backend: LockstepMavros, trigger: Trigger
@@ -159,7 +182,9 @@ def test_what_is_due_while_an_order_waits_is_missed_and_a_boot_ends_it() -> None
     def look() -> Viewpoint:
         return Viewpoint(boots_count=1)
 
-    means = Means(lambda _: Future(), lambda act: act(), lambda _: None, lambda: at(0.0), look, lambda: 1.9e9, bool)
+    means = Means(
+        lambda _: Future(), lambda act: act(), lambda _: None, lambda: at(0.0), look, lambda: 1.9e9, bool, int
+    )
     camera = AcknowledgedCamera(order, means)
     camera.start_distance(DISTANCE_M).result(0)
     for x in (0.0, 1.0, 3.5, 6.5):  # the first order is not answered yet

@@ -46,6 +46,7 @@ class Means(NamedTuple):
         look: Returns from where a picture is taken now.
         utc_s: The time, as UTC.
         tells_photos: Returns whether MAVROS passes on what the autopilot says of its pictures.
+        boots_count: Returns how often the autopilot has booted, as far as it is known.
 
     """
 
@@ -56,6 +57,7 @@ class Means(NamedTuple):
     look: Callable[[], Viewpoint]
     utc_s: Callable[[], float]
     tells_photos: Callable[[], bool]
+    boots_count: Callable[[], int]
 
 
 class _ByDistance(NamedTuple):
@@ -157,6 +159,7 @@ class MavrosCameras(OfferedCameras):
         is_up = self._is_up
         self._reported = TriggerCamera(_NUMBER, lambda: self.trigger, self._order, means.post, is_up)
         self._acknowledged = AcknowledgedCamera(self._order, means)
+        self._boots_count = 0
 
     @override
     def all(self) -> Sequence[OfferedCamera]:
@@ -166,6 +169,10 @@ class MavrosCameras(OfferedCameras):
 
     def tick(self, now_s: float) -> None:
         """Ends what has waited too long, and takes what is due; to be called often."""
+        boots_count = self._means.boots_count()
+        if boots_count != self._boots_count:  # its numbers begin again, and it triggers by distance no more
+            self._boots_count = boots_count
+            self.trigger.drop(LinkLostError("the autopilot's camera was given up: the autopilot has booted"))
         self.trigger.tick(now_s)
         if self._acknowledged.is_busy:
             self._acknowledged.step(self._means.snapshot())
