@@ -90,7 +90,8 @@ class Event:
     perhaps nothing of these.
 
     `boot_s` is when it happened, as time since the autopilot's boot. `begins_report` is whether a report of all its
-    checks begins, in which each further event names a check that fails (`is_check`).
+    checks begins, in which each further event names a check that fails (`is_check`). `lasts` is whether later reports
+    name the `cause` again, whatever triggers a failsafe then.
     """
 
     boot_s: float
@@ -99,6 +100,7 @@ class Event:
     cause: Cause | None = None
     begins_report: bool = False
     is_check: bool = False
+    lasts: bool = False
 
 
 def event_id(name: str) -> int:
@@ -146,6 +148,8 @@ _TRIGGERS = {
     event_id("check_gnss_receiver_no_fix"): Cause.POSITION,
     event_id("check_gps_position_divergence"): Cause.POSITION,
 }
+_LASTING = {event_id("check_battery_critical"), event_id("check_battery_emergency")}
+"""PX4 does not take back the warning of a battery in a flight."""
 _OFFBOARD_SIGNAL = {event_id("check_modes_offboard_signal"), event_id("check_modes_offboard_signal_lost")}
 """No setpoints come: until 1.17, and from 1.18 on. PX4 reports it 10 ms before the failsafe, whose own event has no
 cause; in other modes, too."""
@@ -159,11 +163,11 @@ def read(number: int, boot_s: float, levels: int, arguments: bytes, mode: str) -
         return Event(boot_s, armed=_ARMED[number])
     if number == _REPORT_BEGINS:
         return Event(boot_s, begins_report=True)
-    cause = _cause(number, arguments, mode)
+    cause, lasts = _cause(number, arguments, mode), number in _LASTING
     text = _TEXTS.get(number, "")
     if not text or levels & 0xF > _WARNING or not _concerns(number, arguments, mode):
-        return Event(boot_s, cause=cause)
-    return Event(boot_s, text=text, cause=cause, is_check=number in _CHECK_IDS)
+        return Event(boot_s, cause=cause, lasts=lasts)
+    return Event(boot_s, text=text, cause=cause, is_check=number in _CHECK_IDS, lasts=lasts)
 
 
 def _cause(number: int, arguments: bytes, mode: str) -> Cause | None:

@@ -55,7 +55,7 @@ class Px4Watch:
     def event(self, name: str, arguments: bytes) -> None:
         mode = self.autopilot.mode(self.mode).name
         found = read(event_id(name), self.now_s, WARNING, arguments.ljust(40, b"\0"), mode)
-        self.causes.on_sign(found.cause, self.now_s)
+        self.causes.on_sign(found.cause, self.now_s, lasts=found.lasts)
 
 
 @pytest.mark.parametrize("names_intended_mode", [True, False])
@@ -156,6 +156,53 @@ def test_another_cause_beside_missing_setpoints_counts_more(trigger: str, cause:
         watch.event(name, IN_OFFBOARD if "offboard" in name else IN_ANY)
     watch.mode = RTL
     assert watch.pass_s(1.0, is_sending=False) is cause
+
+
+HOLD_FOR = "commander_failsafe_enter_hold"
+
+
+def for_cause(number: int) -> bytes:
+    """What the event of a failsafe says that holds at first: mode, action, delay and cause."""
+    return struct.pack("<IBHB", OFFBOARD, 6, 5, number)
+
+
+@pytest.mark.parametrize(
+    ("told", "cause"),
+    [
+        ([("check_modes_local_pos", IN_ANY), ("check_battery_critical", IN_ANY)], Cause.POSITION),
+        ([("check_battery_critical", IN_ANY)], Cause.FAILSAFE),  # as for wind: nothing that is known says so
+        ([("commander_rc_lost", b""), ("check_battery_critical", IN_ANY), (HOLD_FOR, for_cause(1))], Cause.RC),
+        # PX4 flies the action of the battery again: it ends what overrides one with any new one, and tells the worst.
+        ([("commander_rc_lost", b""), ("check_battery_critical", IN_ANY), (HOLD_FOR, for_cause(4))], Cause.BATTERY),
+    ],
+)
+def test_a_battery_that_stays_critical_is_no_cause_of_a_later_failsafe_unless_px4_says_so(
+    told: list[tuple[str, bytes]], cause: Cause
+) -> None:
+    """Each report of PX4's checks names it again. A failsafe before, for the battery, was overridden by force."""
+    watch = Px4Watch()
+    watch.pass_s(5.0, is_sending=True)
+    watch.event("check_battery_critical", IN_ANY)
+    watch.event(HOLD_FOR, for_cause(4))
+    watch.mode = RTL
+    assert watch.pass_s(1.0, is_sending=False) is Cause.BATTERY
+    watch.mode = watch.intended = OFFBOARD
+    watch.pass_s(10.0, is_sending=True)
+    for name, arguments in told:
+        watch.event(name, arguments)
+    watch.mode = RTL
+    assert watch.pass_s(1.0, is_sending=True) is cause
+
+
+def test_a_battery_counts_as_new_in_each_flight() -> None:
+    watch = Px4Watch()
+    for _ in range(2):
+        watch.mode = watch.intended = OFFBOARD
+        watch.pass_s(5.0, is_sending=True)
+        watch.event("check_battery_critical", IN_ANY)
+        watch.mode = RTL
+        assert watch.pass_s(1.0, is_sending=True) is Cause.BATTERY
+        watch.tell(is_armed=False)
 
 
 def test_a_sensor_that_fails_beside_a_pause_keeps_it_a_failsafe_without_a_name() -> None:
