@@ -6,6 +6,7 @@ Until then it knows none, and logs an error for each that is asked for.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from ual_daemon.backends.engine.plausibility import Plausibility
@@ -37,7 +38,9 @@ class ParameterReader:
         on_read: Callable[[], None],
         beside: Callable[[], tuple[str, ...]] = tuple,
     ) -> None:
-        """`beside` returns the names of others that are wanted, by what was read. Each is asked for once."""
+        """`beside` returns the names of others that are wanted, by what was read. Each is asked for until an answer
+        comes.
+        """
         self._autopilot = autopilot
         self._failed: set[str] = set()
         """The names under which MAVROS had none in this round."""
@@ -49,7 +52,8 @@ class ParameterReader:
         self._round_s = FIRST_ROUND_S
         self._optional_asked = False
         self._beside = beside
-        self._beside_asked: set[str] = set()
+        self._beside_asked_s: dict[str, float] = {}
+        """When each of these was asked for; infinite once it was answered."""
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -59,7 +63,7 @@ class ParameterReader:
     def tick(self, now_s: float, ros: Ros, call: Call) -> bool:
         """Asks for what is due. Returns whether it has called a service."""
         if not self._queue:
-            self._queue = self._new_beside()
+            self._queue = self._new_beside(now_s)
         if not self._queue:
             if now_s < self._next_s:
                 return False
@@ -87,26 +91,33 @@ class ParameterReader:
         asked, self._optional_asked = self._optional_asked, True
         return [] if asked else absent
 
-    def _new_beside(self) -> list[str]:
-        """Returns those beside flying that were not asked for yet, once all that a flight needs have come."""
+    def _new_beside(self, now_s: float) -> list[str]:
+        """Returns those beside flying that were not asked for lately, once all that a flight needs have come."""
+        asked_s = self._beside_asked_s
         if self.missing:
-            self._beside_asked.clear()  # it has booted
+            asked_s.clear()  # it has booted
             return []
-        found = [name for name in self._beside() if name not in self._beside_asked]
-        self._beside_asked.update(found)
+        found = [name for name in self._beside() if now_s - asked_s.get(name, -math.inf) >= AGAIN_S]
+        asked_s.update(dict.fromkeys(found, now_s))
         return found
+
+    def _note_answered(self, name: str) -> None:
+        if name in self._beside_asked_s:
+            self._beside_asked_s[name] = math.inf
 
     def _on_values(self, names: list[str], answer: Message) -> None:
         for name, value in zip(names, answer["values"], strict=False):
+            self._note_answered(name)
             field = FIELDS.get(int(value["type"]))
             if field is not None:
                 self._on_value(name, number(value[field]))
         self._on_read()
 
     def _on_answer(self, name: str, answer: Message) -> None:
+        self._note_answered(name)
         if not answer["success"]:
             self._failed.add(name)
-            is_optional = name in self._autopilot.optional_parameters or name in self._beside_asked
+            is_optional = name in self._autopilot.optional_parameters or name in self._beside_asked_s
             if not is_optional and self._failed.issuperset(self._autopilot.names_of(name)):
                 self._queue = []  # MAVROS has not fetched them yet: it would log an error for each
             return

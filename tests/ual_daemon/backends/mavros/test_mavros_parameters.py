@@ -11,7 +11,7 @@ from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.gimbal_codec import ArduPilotGimbal
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter as Copter
-from ual_daemon.backends.mavros.parameters import LONGEST_ROUND_S, ParameterReader
+from ual_daemon.backends.mavros.parameters import AGAIN_S, LONGEST_ROUND_S, ParameterReader
 from ual_daemon.backends.rosbridge import Message, Ros
 
 OLD = {"WPNAV_SPEED": 1000.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0, "WPNAV_ACCEL": 250.0,
@@ -26,11 +26,14 @@ class Bench:
         self.known = known
         self.read: dict[str, float] = {}
         self.asked: list[str] = []
+        self.unanswered: set[str] = set()
         self.reader = ParameterReader(Copter(), self.read, Plausibility(), lambda: None)
 
     def _call(self, _: str, arguments: Message, take: Callable[[Message], None], __: float) -> None:
         name = str(arguments["param_id"])
         self.asked.append(name)
+        if name in self.unanswered:
+            return
         value = {"integer": 0, "real": self.known.get(name, 0.0)}
         take({"success": name in self.known, "value": value})
 
@@ -80,3 +83,15 @@ def test_what_is_beside_flying_is_asked_for_once_and_again_after_a_boot() -> Non
     bench.asked.clear()
     bench.tick(2.0 * LONGEST_ROUND_S)
     assert [name for name in bench.asked if name.startswith("MNT")] == list(wanted)
+
+
+def test_what_is_beside_flying_is_asked_for_again_where_the_answer_was_lost() -> None:
+    bench = Bench({**OLD, **OTHERS, "MNT1_TYPE": 1.0})
+    bench.reader = ParameterReader(Copter(), bench.read, Plausibility(), lambda: None, lambda: ("MNT1_TYPE",))
+    bench.unanswered = {"MNT1_TYPE"}
+    bench.tick(0.0)
+    bench.tick(AGAIN_S / 2.0)
+    assert bench.asked.count("MNT1_TYPE") == 1
+    bench.unanswered.clear()
+    bench.tick(AGAIN_S + 1.0)
+    assert bench.read["MNT1_TYPE"] == 1.0

@@ -169,6 +169,8 @@ class MavrosCameras(OfferedCameras):
 
     def tick(self, now_s: float) -> None:
         """Ends what has waited too long, and takes what is due; to be called often."""
+        if not self._is_there:
+            return
         boots_count = self._means.boots_count()
         if boots_count != self._boots_count:  # its numbers begin again, and it triggers by distance no more
             self._boots_count = boots_count
