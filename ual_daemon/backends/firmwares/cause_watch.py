@@ -58,8 +58,8 @@ class CauseWatch:
         self._names_intended_mode = names_intended_mode
         self._sent = sent
         self._signs: deque[tuple[float, Cause]] = deque(maxlen=_MOST_SIGNS)
-        self._lasting: set[Cause] = set()
-        """The causes of this flight that are said again in each report."""
+        self._lasting: set[int] = set()
+        """The signs of this flight that are said again in each report."""
         self._mode_name = ""
         self._was_ours = self._is_ours = self._is_ours_intended = False
         """Whether the mode before, the present one, and the one that it was asked for last take our setpoints."""
@@ -91,14 +91,14 @@ class CauseWatch:
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 
-    def on_sign(self, cause: Cause | None, now_s: float, *, lasts: bool = False) -> None:
-        """Takes a sign: a text or an event that names the reason of what follows. One that `lasts` is said again with
-        what does not follow from it, so it counts once in a flight.
+    def on_sign(self, cause: Cause | None, now_s: float, *, lasting: int = 0) -> None:
+        """Takes a sign: a text or an event that names the reason of what follows. One that lasts (`lasting` is its
+        number) is said again with what does not follow from it, so it counts once in a flight.
         """
-        if cause is None or (lasts and cause in self._lasting):
+        if cause is None or lasting in self._lasting:
             return
-        if lasts:
-            self._lasting.add(cause)
+        if lasting:
+            self._lasting.add(lasting)
         self._signs.append((now_s, cause))
 
     def on_own_command(self, mode: str, now_s: float) -> None:

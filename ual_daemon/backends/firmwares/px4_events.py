@@ -90,8 +90,8 @@ class Event:
     perhaps nothing of these.
 
     `boot_s` is when it happened, as time since the autopilot's boot. `begins_report` is whether a report of all its
-    checks begins, in which each further event names a check that fails (`is_check`). `lasts` is whether later reports
-    name the `cause` again, whatever triggers a failsafe then.
+    checks begins, in which each further event names a check that fails (`is_check`). `lasting` is its number where
+    later reports name it again, whatever triggers a failsafe then; else 0.
     """
 
     boot_s: float
@@ -100,7 +100,7 @@ class Event:
     cause: Cause | None = None
     begins_report: bool = False
     is_check: bool = False
-    lasts: bool = False
+    lasting: int = 0
 
 
 def event_id(name: str) -> int:
@@ -163,11 +163,11 @@ def read(number: int, boot_s: float, levels: int, arguments: bytes, mode: str) -
         return Event(boot_s, armed=_ARMED[number])
     if number == _REPORT_BEGINS:
         return Event(boot_s, begins_report=True)
-    cause, lasts = _cause(number, arguments, mode), number in _LASTING
+    cause, lasting = _cause(number, arguments, mode), number if number in _LASTING else 0
     text = _TEXTS.get(number, "")
     if not text or levels & 0xF > _WARNING or not _concerns(number, arguments, mode):
-        return Event(boot_s, cause=cause, lasts=lasts)
-    return Event(boot_s, text=text, cause=cause, is_check=number in _CHECK_IDS, lasts=lasts)
+        return Event(boot_s, cause=cause, lasting=lasting)
+    return Event(boot_s, text=text, cause=cause, is_check=number in _CHECK_IDS, lasting=lasting)
 
 
 def _cause(number: int, arguments: bytes, mode: str) -> Cause | None:

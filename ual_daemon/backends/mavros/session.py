@@ -261,7 +261,7 @@ class Session:
         severity = int(number(message["severity"]))
         event = px4_events.read(identity, 0.0, severity, arguments, self.telemetry.mode_name)
         self._requested_s[_HEARTBEAT_ID] = -math.inf
-        self._causes.on_sign(event.cause, now_s, lasts=event.lasts)
+        self._causes.on_sign(event.cause, now_s, lasting=event.lasting)
         self._health.on_event(event)
         if event.armed is not None:
             self.telemetry.set_armed(event.armed, now_s, now_s)

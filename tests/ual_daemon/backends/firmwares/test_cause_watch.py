@@ -55,7 +55,7 @@ class Px4Watch:
     def event(self, name: str, arguments: bytes) -> None:
         mode = self.autopilot.mode(self.mode).name
         found = read(event_id(name), self.now_s, WARNING, arguments.ljust(40, b"\0"), mode)
-        self.causes.on_sign(found.cause, self.now_s, lasts=found.lasts)
+        self.causes.on_sign(found.cause, self.now_s, lasting=found.lasting)
 
 
 @pytest.mark.parametrize("names_intended_mode", [True, False])
@@ -170,6 +170,7 @@ def for_cause(number: int) -> bytes:
     ("told", "cause"),
     [
         ([("check_modes_local_pos", IN_ANY), ("check_battery_critical", IN_ANY)], Cause.POSITION),
+        ([("check_battery_critical", IN_ANY), ("check_battery_emergency", IN_ANY)], Cause.BATTERY),
         ([("check_battery_critical", IN_ANY)], Cause.FAILSAFE),  # as for wind: nothing that is known says so
         ([("commander_rc_lost", b""), ("check_battery_critical", IN_ANY), (HOLD_FOR, for_cause(1))], Cause.RC),
         # PX4 flies the action of the battery again: it ends what overrides one with any new one, and tells the worst.

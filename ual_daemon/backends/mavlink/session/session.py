@@ -413,7 +413,7 @@ class Session:
         if event is not None and event.boot_s >= self._supervision.watch.boot_s - OLD_EVENT_S:
             # PX4 reports arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
             self._heartbeats.want()
-            self._causes.on_sign(event.cause, now_s, lasts=event.lasts)
+            self._causes.on_sign(event.cause, now_s, lasting=event.lasting)
             self._health.on_event(event)
             if event.armed is not None:
                 self.telemetry.set_armed(event.armed, now_s)
