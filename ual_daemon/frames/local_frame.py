@@ -33,10 +33,15 @@ FARTHEST_HOME_M = 1000.0
 _NOTICED_M = 0.05
 
 
+def _nothing() -> None:
+    """Nothing else moves with the local frame."""
+
+
 class LocalFrame:
     """Home and the place of the start, in the present local frame. Any thread may read; see each method for the rest.
 
     Attributes:
+        lock: Held while it moves, also by a reader of values that belong together. What it waits for then is no update.
         home: The origin of ``<ns>/odom``.
         start: Where the origin of the local frame was at first.
         map_loss: Why it is not known where a ``map`` with an origin on Earth is; None while it is known, and before it
@@ -44,15 +49,23 @@ class LocalFrame:
 
     """
 
-    def __init__(self, home_file: HomeFile | None = None, identity: Callable[[], str] = str) -> None:
-        """`identity` returns which vehicle it is; empty while that is not known."""
+    def __init__(
+        self,
+        home_file: HomeFile | None = None,
+        identity: Callable[[], str] = str,
+        on_moved: Callable[[], None] = _nothing,
+    ) -> None:
+        """`identity` returns which vehicle it is; empty while that is not known.
+
+        `on_moved` is called with each change, with the lock held: it moves what a reader must see moved as well.
+        """
         self.home = Anchor()
         self.start = Anchor()
         self.map_loss: Loss | None = None
         self.projection: Projection | None = None
         """By which the anchors are placed; None while it is not known where the local frame is on Earth."""
-        self._lock = threading.Lock()
-        self._file, self._identity = home_file, identity
+        self.lock = threading.RLock()
+        self._file, self._identity, self._on_moved = home_file, identity, on_moved
         self._saved: SavedHome | None = None
         self._boots_count = 0
         self._is_new_boot = False
@@ -74,8 +87,10 @@ class LocalFrame:
         projection, boots_count = snapshot.earth.projection, snapshot.link.boots_count
         if self._is_settled and projection is self.projection and boots_count == self._boots_count:
             return False
-        with self._lock:
+        with self.lock:
             has_changed = self._follow(snapshot)
+            if has_changed:
+                self._on_moved()
             to_save = self._take_to_save()
         if to_save is not None:  # not on this thread, which flies the UAV
             threading.Thread(target=to_save, name="home file").start()
@@ -83,7 +98,7 @@ class LocalFrame:
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped: what nothing ties to Earth is lost."""
-        with self._lock:
+        with self.lock:
             if not self._has_begun:  # it finds its position for the first time
                 return
             why = f"the autopilot's position jumped by {jump.norm():.1f} m, and nothing ties the frame to Earth"
@@ -101,7 +116,7 @@ class LocalFrame:
             WrongStateError: The position is of an earlier boot.
 
         """
-        with self._lock:
+        with self.lock:
             if snapshot.link.boots_count != self._boots_count:  # taken just before the reboot, or just after
                 raise WrongStateError("set_home: the autopilot has just rebooted; try again")
             self._follow(snapshot)
@@ -115,6 +130,7 @@ class LocalFrame:
             self._is_kept = self._must_save = True
             self._tie(snapshot)
             self._is_settled = False
+            self._on_moved()
             to_save = self._take_to_save()
         if to_save is not None:  # before the caller hears that home is set: the daemon may be killed then
             to_save()

@@ -61,7 +61,9 @@ class FrameResolver:
         """`home_file` and `identity` are as for `LocalFrame`."""
         self.tree = FrameTree(ns, settings)
         self._map_origin, self._reach_m = settings.map_origin_geo, settings.reach_m
-        self._frame = LocalFrame(home_file, identity)
+        self._frame = LocalFrame(home_file, identity, self._update_odom_in_map)
+        self.still = self._frame.lock
+        """Held while home moves, and ``map`` with it. For readers of several values; conversions hold it themselves."""
         self._external_home: Vector3 | None = None
 
     def open(self) -> None:
@@ -132,8 +134,9 @@ class FrameResolver:
         Raises as `FrameTree.lookup`, and `FrameLostError`.
         """
         target, source = target or MAP, source or self.tree.body
-        self._require_related(target, source)
-        return self.tree.lookup(target, source, self._body(snapshot))
+        with self.still:
+            self._require_related(target, source)
+            return self.tree.lookup(target, source, self._body(snapshot))
 
     def describe(self, local: Vector3) -> str:
         """Returns a position in the local frame as text, in ``<ns>/odom`` while that is known."""
@@ -209,7 +212,9 @@ class FrameResolver:
         return Motion(here.position, here.yaw_rad, velocity, yaw_rate_rad_s=yaw_rate_rad_s)
 
     def _waypoint_at(self, goal: Goal, now_s: float) -> Waypoint:
-        return self._waypoint(goal, self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s))
+        with self.still:
+            to_odom, home = self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s), self._frame.home.local
+        return self._waypoint(goal, to_odom, home)
 
     def all_to_local(self, goals: Sequence[Goal | GeoWaypoint], snapshot: Snapshot) -> list[Waypoint]:
         """Converts goals to the backend's local frame, all at the same time: each frame is looked up once.
@@ -222,23 +227,25 @@ class FrameResolver:
 
         """
         frame_ids = {goal.frame_id for goal in goals if isinstance(goal, Goal)}
-        for frame_id in frame_ids:
-            self._require_known(frame_id)
-        frame_ids -= {self.tree.odom}
-        to_odom = {frame_id: self._to_odom(frame_id, snapshot) for frame_id in frame_ids}
+        with self.still:
+            for frame_id in frame_ids:
+                self._require_known(frame_id)
+            frame_ids -= {self.tree.odom}
+            to_odom = {frame_id: self._to_odom(frame_id, snapshot) for frame_id in frame_ids}
+            home = self._frame.home.local
         return [
-            self._waypoint(goal, to_odom.get(goal.frame_id))
+            self._waypoint(goal, to_odom.get(goal.frame_id), home)
             if isinstance(goal, Goal)
             else self.geo_to_local(goal, snapshot)
             for goal in goals
         ]
 
-    def _waypoint(self, goal: Goal, to_odom: Transform | None) -> Waypoint:
+    def _waypoint(self, goal: Goal, to_odom: Transform | None, home: Vector3) -> Waypoint:
         position, rotation = goal.position, goal.rotation
         if to_odom is not None:
             position = validation.position(to_odom.apply(position), f"{goal.field} (in {self.tree.odom})")
             rotation = rotation and to_odom.rotation * rotation
-        return Waypoint(position + self._frame.home.local, rotation.yaw_rad if rotation else None)
+        return Waypoint(position + home, rotation.yaw_rad if rotation else None)
 
     def frame_to_local(self, frame_id: str) -> Transform:
         """Returns the transform from a fixed frame to the backend's local frame.
@@ -248,9 +255,10 @@ class FrameResolver:
             FrameLostError: It is not known any more.
 
         """
-        self._require_known(frame_id)
-        to_odom = self.tree.lookup(self.tree.odom, frame_id, None)
-        return Transform(to_odom.translation + self._frame.home.local, to_odom.rotation, "", frame_id)
+        with self.still:
+            self._require_known(frame_id)
+            to_odom = self.tree.lookup(self.tree.odom, frame_id, None)
+            return Transform(to_odom.translation + self._frame.home.local, to_odom.rotation, "", frame_id)
 
     def from_start(self, at_start: Transform) -> Transform:
         """Returns a transform to the local frame of the start as one to the present local frame.
@@ -288,8 +296,9 @@ class FrameResolver:
             raise validation.refuse("pose.header.frame_id", f"{frame_id} moves with the UAV, so it says nothing of it")
         position = validation.position(pose.pose.position, "pose.pose.position")
         rotation = validation.rotation(pose.pose.orientation, "pose.pose.orientation")
-        origin = self._external_origin(frame_id)
-        to_odom = self.tree.lookup(self.tree.odom, frame_id, None, now_s)
+        with self.still:
+            origin = self._external_origin(frame_id)
+            to_odom = self.tree.lookup(self.tree.odom, frame_id, None, now_s)
         there = validation.position(to_odom.apply(position), f"pose.pose.position (in {self.tree.odom})")
         return Pose(there + origin, to_odom.rotation * rotation)
 
@@ -369,19 +378,17 @@ class FrameResolver:
         Its height is set only with `set_z`, or if it was lost.
         """
         self._frame.set_home(position, snapshot, set_z=set_z)
-        self._update_odom_in_map()
 
     def update(self, snapshot: Snapshot) -> None:
         """Follows the local frame. Called by the update thread at each update."""
-        if self._frame.update(snapshot):
-            self._update_odom_in_map()
+        self._frame.update(snapshot)
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped. Called by the update thread."""
         self._frame.estimate_jumped(jump)
 
     def _update_odom_in_map(self) -> None:
-        """Computes where ``<ns>/odom`` is in ``map``, if that follows from `map_origin_geo`."""
+        """Computes where ``<ns>/odom`` is in ``map``, if that follows from `map_origin_geo`. With the lock held."""
         projection = self._frame.projection
         if self._map_origin is None:
             return

@@ -54,11 +54,15 @@ def make_telemetry(
     They are in ``<ns>/odom`` if that is None, or as long as it is not known where that frame is. With `is_late`, what
     few read is computed when it is first read, by the thread that reads it, from what is known now.
     """
-    odom_loss, tree = resolver.odom_loss, resolver.tree
+    tree = resolver.tree
     control, motion, condition = snapshot.control, snapshot.motion, snapshot.condition
-    body = None if motion.pose is None else resolver.to_odom(motion.pose.value)
     twist = None if motion.velocity is None else motion.velocity.value
-    reported = _reported(resolver, doing.reference_pose(), body, twist, pose_frame_id)
+    reference = doing.reference_pose()
+    with resolver.still:  # a pose of the moment while home moves would be off by as much
+        odom_loss = resolver.odom_loss
+        body = None if motion.pose is None else resolver.to_odom(motion.pose.value)
+        reported = _reported(resolver, reference, body, twist, pose_frame_id)
+        in_map = tree.odom_in_map() if resolver.map_loss is None else None
     limitation, stamp_s = doing.limitation, motion.stamp_s
     known: dict[str, Any] = {
         "state": found.state,
@@ -80,7 +84,6 @@ def make_telemetry(
         "missed_count": 0,
     }
     # Of immutable values only: what is read late must be as it was now.
-    in_map = tree.odom_in_map() if resolver.map_loss is None else None
     late: dict[str, Callable[[], Any]] = {
         "odometry": partial(_odometry, body if odom_loss is None else None, twist, tree.odom, tree.body, stamp_s),
         "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
