@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.snapshots import changed
@@ -192,9 +193,8 @@ def path_of(count: int) -> list[Any]:
 
 def flown_through(uav: Stepped, waypoints: list[Any]) -> float:
     """How far from the farthest of the waypoints it has come by."""
-    places = [sample.pose.position for sample in uav.samples if sample.pose is not None]
-    nearest = (min((place - each.pose.position).norm() for place in places) for each in waypoints)
-    return float(max(nearest))
+    places = np.array([tuple(sample.pose.position) for sample in uav.samples if sample.pose is not None])
+    return max(float(np.linalg.norm(places - tuple(each.pose.position), axis=1).min()) for each in waypoints)
 
 
 @pytest.mark.parametrize("radius_m", [0.0, 0.8])

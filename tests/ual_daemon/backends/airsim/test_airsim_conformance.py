@@ -16,14 +16,15 @@ from tests.patient_checks import (
 )
 from tests.simulators.airsim import Vehicle
 from tests.simulators.airsim_server import AirsimServer
+from tests.simulators.lockstep_airsim import LockstepAirsim
 from tests.waiting import until
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual_daemon import UAL
+from ual_daemon.backends.base import BackendOptions
 from ual_daemon.settings import LimitSettings, VehicleSettings
 
-RATE_HZ = 25.0
 LIMIT_M_S = 2.5
 """Slow enough that the checks fly it to its limit."""
 TOLERANCES = Tolerances(
@@ -46,9 +47,10 @@ SETTINGS = VehicleSettings(limits=LimitSettings(horizontal_speed_m_s=LIMIT_M_S))
 
 @pytest.fixture(scope="module")
 def flight() -> Iterator[Flight]:
+    vehicle = Vehicle("Drone1")
     with (
-        AirsimServer([Vehicle("Drone1")], clock_speed=6.0) as server,
-        UAL("airsim", url=server.url, settings=SETTINGS, backend_settings={"rate_hz": RATE_HZ}) as uav,
+        AirsimServer([vehicle], clock_speed=6.0) as server,
+        UAL(LockstepAirsim(BackendOptions("uav_1"), server, vehicle), settings=SETTINGS) as uav,
     ):
         until(uav.is_ready, "its readiness")
         yield Flight(uav, TOLERANCES)
