@@ -19,8 +19,10 @@ from tests.waiting import until
 _MAIN = "from ual_tools.main import main; main()"
 UAL = (sys.executable, "-c", _MAIN)
 # The program itself does what `preexec_fn` would: that forks, and gRPC, which has threads here, may break a fork.
-_OF_SESSION = (sys.executable, "-c", f"import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); {_MAIN}")
-_OF_GROUP = (sys.executable, "-c", f"import os; os.setpgid(0, 0); {_MAIN}")
+_OF_SESSION = "import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0)"
+_OF_GROUP = "import os; os.setpgid(0, 0)"
+_PATIENT = "from ual_tools.teleop import loop, vehicle; loop.LATE_S = loop.SLOW_S = vehicle.STALE_S = 1e9"
+"""The teleop then takes a busy computer neither for a suspended one, nor for a slow terminal or daemon."""
 
 
 class Terminal:
@@ -32,16 +34,23 @@ class Terminal:
         is_controlling: Whether it is the terminal of the program's session: closed, it sends SIGHUP. Otherwise the
             program is in a process group of its own, as a shell starts it, and can be suspended.
         is_answering: Whether it answers the question for its status, as all true terminals do.
+        is_patient: Whether no key and no step is dropped for being late: for tests of what they do.
 
     """
 
     def __init__(
-        self, *words: str, size: tuple[int, int] = (100, 40), is_controlling: bool = False, is_answering: bool = False
+        self,
+        *words: str,
+        size: tuple[int, int] = (100, 40),
+        is_controlling: bool = False,
+        is_answering: bool = False,
+        is_patient: bool = False,
     ) -> None:
         self._ours, its = open_terminal()
         environment = os.environ | {"TERM": "xterm", "COLUMNS": str(size[0]), "LINES": str(size[1])}
+        program = "; ".join([_OF_SESSION if is_controlling else _OF_GROUP, *([_PATIENT] if is_patient else []), _MAIN])
         self.process = subprocess.Popen(
-            [*(_OF_SESSION if is_controlling else _OF_GROUP), *words],
+            [sys.executable, "-c", program, *words],
             stdin=its,
             stdout=its,
             stderr=its,

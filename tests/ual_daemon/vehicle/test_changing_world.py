@@ -261,7 +261,7 @@ def test_a_long_path_first_comes_to_rest_on_its_way_and_is_planned_beside_the_up
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(courses, "LONG_COUNT", 20)
-    waypoints, uav = path_of(60), world.uav
+    waypoints, uav = path_of(30), world.uav
     task = uav.prepare.follow_path(waypoints, corner_radius_m=0.5).begin()
     uav.run(6.0)
     index = task.info().waypoint_index

@@ -5,12 +5,16 @@ import json
 import socket
 import struct
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.waiting import until
 from ual_daemon.backends.mavlink.wire.frames import split
 
 DATA = Path(__file__).parents[3] / "data"
+_SHORTEST_S = 0.002
+"""Shorter pauses are not worth a system call: they are made together."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +53,34 @@ def load(name: str) -> Trace:
     )
 
 
-def replay(trace: Trace, port: int, *, speed_factor: float, until_s: float = float("inf")) -> None:
-    """Sends a flight to a UDP port of this computer, as the autopilot did."""
+def replay(trace: Trace, port: int, *, speed_factor: float) -> None:
+    """Sends a flight to a UDP port of this computer, as the autopilot did, only faster."""
+
+    def let_pass(passed_s: float) -> bool:
+        time.sleep(passed_s / speed_factor)
+        return True
+
+    replay_stepped(trace, port, let_pass, speed_factor * _SHORTEST_S)
+
+
+def replay_stepped(trace: Trace, port: int, let_pass: Callable[[float], bool], step_s: float = 0.02) -> None:
+    """Sends a flight to a UDP port of this computer until `let_pass`, which has the time between pass, returns False.
+
+    It goes on once all was read: neither a receiver nor this thread that is not scheduled makes it come in a burst.
+    """
+    passed_s, last_s = 0.0, trace.frames[0][0]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        begin_s = time.monotonic()
         for time_s, frame in trace.frames:
-            if time_s > until_s:
-                return
-            wait_s = begin_s + time_s / speed_factor - time.monotonic()
-            if wait_s > 0.001:  # shorter ones are not worth a system call; those to come make up for them
-                time.sleep(wait_s)
+            passed_s, last_s = passed_s + time_s - last_s, time_s
+            if passed_s > step_s:
+                until(lambda: not _unread_bytes(port), "the receiver", between=lambda: time.sleep(_SHORTEST_S))
+                if not let_pass(passed_s):
+                    return
+                passed_s = 0.0
             sender.sendto(frame, ("127.0.0.1", port))
+
+
+def _unread_bytes(port: int) -> int:
+    """What waits in the UDP socket of a port, with all that it costs."""
+    sockets = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
+    return sum(int(fields[4].split(":")[1], 16) for fields in sockets if int(fields[1].split(":")[1], 16) == port)
