@@ -47,14 +47,33 @@ for backend, settings in (("hoover", {}), ("hover", {"sped": 2}), ("hover", {"sp
 CONFORM = """
 import sys
 
-from ual import conformance
-from ual_daemon import UAL
+import ual_hover
 
-first, end = map(int, sys.argv[1:])
-with UAL(backend="hover", allow_arming=True, backend_settings={"speed": 5}) as uav:
-    for result in conformance.run(conformance.Flight(uav), conformance.CHECKS[first:end]):
-        print(result.outcome.name, result.check.name, result.why)
+assert ual_hover.__file__.startswith(sys.argv[1])
+
+from tests.patient_checks import run_check
+from tests.simulators.lockstep_hover import LockstepHover
+from tests.waiting import until
+from ual import conformance
+from ual.conformance.flight import CannotRunError
+from ual_daemon import UAL
+from ual_daemon.backends.base import BackendOptions
+
+first, end = map(int, sys.argv[2:])
+with UAL(LockstepHover(BackendOptions("uav_1"), 5.0), allow_arming=True) as uav:
+    until(uav.is_ready, seen=uav.telemetry)
+    flight = conformance.Flight(uav)
+    for check in conformance.CHECKS[first:end]:
+        try:
+            run_check(flight, check)
+        except CannotRunError as error:
+            print("SKIPPED", check.name, error)
+        except Exception as error:
+            print("FAILED", check.name, repr(error))
+        else:
+            print("PASSED", check.name)
 """
+"""Its device is stepped: a computer that stands still for a moment is no pause of UAL's."""
 
 
 @pytest.fixture(scope="module")
@@ -100,9 +119,9 @@ MUST_PASS = {"takes_off", "goes_straight_to_a_waypoint", "flies_a_velocity_and_s
 @pytest.mark.parametrize("part", range(PARTS))
 def test_it_passes_the_conformance_checks(part: int, installed: Path) -> None:
     first, end = (len(conformance.CHECKS) * number // PARTS for number in (part, part + 1))
-    results = [line.split(" ", 2) for line in run(CONFORM, installed, first, end, limit_s=240.0)]
+    results = [line.split(" ", 2) for line in run(CONFORM, installed, installed, first, end)]
     assert [result for result in results if result[0] == "FAILED"] == []
     names = [check.name for check in conformance.CHECKS[first:end]]
-    assert [name for _, name, _ in results] == names
+    assert [name for _, name, *_ in results] == names
     assert {check.name for check in conformance.CHECKS} >= MUST_PASS
-    assert MUST_PASS.intersection(names) <= {name for outcome, name, _ in results if outcome == "PASSED"}
+    assert MUST_PASS.intersection(names) <= {name for outcome, name, *_ in results if outcome == "PASSED"}
