@@ -419,6 +419,7 @@ def test_one_that_ends_before_it_lifts_off_stays_on_the_ground(flight: Flight, h
 def test_one_that_is_stopped_as_it_lifts_off_is_held_by_ual(flight: Flight, how: str) -> None:
     """PX4 raises its thrust on in the hold: it hovered there, and UAL had let it go as a flight of others."""
     stand_armed(flight)
+    flight.let_pass(1.0)  # the thrust rises at the earliest a second after arming: an upload may be quicker
     begun_s = flight.now_s
     autopilot = flight.autopilot
     assert isinstance(autopilot, Px4)
