@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from typing_extensions import override
 
 from tests.ual_daemon.frames.test_local_frame import NO_FIX, at, moved
 from tests.ual_daemon.stepped import Stepped, stepped
@@ -82,9 +83,11 @@ def test_after_a_reboot_map_is_known_with_home(monkeypatch: pytest.MonkeyPatch) 
 
 def test_map_has_followed_before_home_is_written(tmp_path: Path) -> None:
     """All samples were wrong in map for as long as the disk took."""
-    here, seen = at(0.1), []
+    here = at(0.1)
+    seen: list[tuple[float, ...]] = []
 
     class Disk(HomeFile):
+        @override
         def write(self, vehicle: str, home: GeoPoint | None, start: GeoPoint | None, number: int) -> None:
             seen.append(tuple(frames.transform("map", "uav_1/base_link", here).translation))
             super().write(vehicle, home, start, number)
