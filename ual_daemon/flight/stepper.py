@@ -95,7 +95,8 @@ class Stepper:
             _withdraw_older(manoeuvre, snapshot)
             return True
         step = guarded(manoeuvre, manoeuvre.step, snapshot, raw)
-        if manoeuvre.is_awaited and not step.is_taken:  # a command in this moment must see what took it
+        if manoeuvre.is_awaited and not step.is_taken and raw.state is not State.UNINITIALIZED:
+            # Not where a command in this moment must see what took it, and not where no step has judged the mode.
             manoeuvre.mode_seen = snapshot.control.settled_mode or manoeuvre.mode_seen
         return self._do(manoeuvre, step, snapshot)
 

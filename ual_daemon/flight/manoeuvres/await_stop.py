@@ -68,7 +68,8 @@ class AwaitStop(Manoeuvre):
     def _is_own(self, snapshot: Snapshot) -> bool | None:
         """Whether UAL has led to the present mode, and not others; None while that may still be told."""
         mode = snapshot.control.mode_name
-        self._began_in = self._began_in or self.mode_begun or mode
+        # Where that was not known as it began, it is the one that was seen before: others may have chosen this one.
+        self._began_in = self._began_in or self.mode_begun or self._flown.mode_seen or mode
         return True if mode == self._began_in else self.led_to(snapshot)
 
     @override

@@ -106,7 +106,7 @@ class Manoeuvre(ABC):
     mode_begun = ""
     """The mode in which it began; empty where that was not known."""
     mode_seen = ""
-    """The mode in which it was stepped last, or in which it began; empty while that is not known."""
+    """The mode in which it was stepped last in a state that was known, or in which it began; empty while none is."""
 
     def __init__(self, name: str, task: VehicleTask | None) -> None:
         self.name = name

@@ -9,7 +9,7 @@ from typing_extensions import override
 
 from ual.errors import TaskAbortedError, UalError
 from ual.types import Limits, State
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, LedTo, Manoeuvre, Step, failed, taken, why_blind
 from ual_daemon.flight.policy.geofence import Geofence
@@ -70,7 +70,7 @@ class Recover(Manoeuvre):
 
     @override
     def replaces(self, old: Manoeuvre) -> None:
-        if not old.mission:
+        if not (old.mission or old.stops_mission):
             return
         # The state is FLYING_AUTO meanwhile: nobody took the UAV. A next command may replace it, as it may the mission.
         self.mission, self.is_replaceable = TAKES_BACK, True
@@ -78,7 +78,10 @@ class Recover(Manoeuvre):
 
     @override
     def led_to(self, snapshot: Snapshot) -> bool | None:
-        return self._led_to(snapshot)
+        """Its command may have been obeyed just now, or in a silence."""
+        mode = snapshot.control.mode
+        is_obeyed = self._is_sent and mode is not None and mode.value.control is Control.REFERENCES
+        return is_obeyed or self._led_to(snapshot)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

@@ -65,7 +65,7 @@ class StayOnGround(Manoeuvre):
         mode = snapshot.control.mode_name
         self.mode_begun = self.mode_begun or mode
         self._note_mode(mode, snapshot)
-        if self._is_theirs(mode, snapshot):
+        if mode and self._is_theirs(mode, snapshot):
             return taken(snapshot, self.name)
         if estimate.state in (State.FLYING_MANUAL, State.UNINITIALIZED):
             return self._stop_otherwise(snapshot, estimate)

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from typing_extensions import override
 
 from ual.types import Limits, State
-from ual_daemon.backends.values import Control, Snapshot
+from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.await_stop import StopIn
 from ual_daemon.flight.manoeuvres.manoeuvre import Step
@@ -50,11 +50,4 @@ class StopInAir(Recover):
     def _is_flown(self, snapshot: Snapshot) -> bool:
         """Whether the autopilot may still fly the mission, in the mode in which it did."""
         mode = snapshot.control.mode_name
-        return mode == (self._began_in or self.mode_begun or mode) or bool(super().led_to(snapshot))
-
-    @override
-    def led_to(self, snapshot: Snapshot) -> bool | None:
-        """Its command may have been obeyed in a silence."""
-        mode = snapshot.control.mode
-        is_obeyed = self._is_sent and mode is not None and mode.value.control is Control.REFERENCES
-        return is_obeyed or super().led_to(snapshot)
+        return mode == (self._began_in or self.mode_begun or mode) or bool(self._led_to(snapshot))

@@ -1,0 +1,198 @@
+"""Who takes the UAV from a mission while not all is known of it: they keep it, whatever is stopped meanwhile."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from typing import Any, cast
+
+import pytest
+
+from tests.snapshots import changed
+from tests.ual_daemon.flight.hand_made import STEP_S, Autopilot
+from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import KEPT, Missions
+from ual.errors import WrongStateError
+from ual.types import State, TaskKind
+from ual_daemon.backends.base import Backend, BackendOptions
+from ual_daemon.backends.light import LightBackend
+from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.flight import Flight, Order
+from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
+from ual_daemon.flight.manoeuvres.recover import RecoverFirst
+from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.settings import LimitSettings, VehicleSettings
+from ual_daemon.tracker.limits import CurrentLimits
+
+
+class Wire:
+    """A backend over an autopilot that is set by hand. `hidden` are the values that are not known now."""
+
+    def __init__(self, landed: LandedState) -> None:
+        self._light = LightBackend(BackendOptions("uav_1", settings={"speed_factor": 0}))
+        self.autopilot = Autopilot(control=Control.OTHER, landed=landed, mode="MISSION")
+        self.hidden: tuple[str, ...] = ()
+        self.asked: list[str] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._light, name)
+
+    def snapshot(self) -> Snapshot:
+        now_s = self.autopilot.time_s - self.autopilot.silent_s
+        known = changed(self.autopilot.snapshot(), updated_s=now_s)
+        return changed(known, **dict.fromkeys(self.hidden))
+
+    def send(self, setpoint: Setpoint) -> None:
+        """Takes any."""
+
+    def hold(self) -> Future[None]:
+        return self._ask("hold")
+
+    def take_control(self) -> Future[None]:
+        return self._ask("take")
+
+    def _ask(self, what: str) -> Future[None]:
+        self.asked.append(what)
+        self._newest = Future[None]()
+        return self._newest
+
+    def answer(self) -> None:
+        """The autopilot accepts the newest command."""
+        self._newest.set_result(None)
+
+
+class World:
+    """A flight in which the autopilot flies a mission of UAL."""
+
+    def __init__(self, landed: LandedState = LandedState.IN_AIR) -> None:
+        self.wire = Wire(landed)
+        backend = cast("Backend", self.wire)
+        self.limits = CurrentLimits(backend, LimitSettings())
+        geofence = Geofence(None, FrameResolver("uav_1", VehicleSettings()))
+        self.flight = Flight(backend, self.limits, geofence)
+        self.autopilot = self.wire.autopilot
+        task, ends = self.autopilot.task(TaskKind.MISSION), lambda _: pytest.fail("it has not ended")
+        mission = AutopilotMission(task, backend, Missions(), KEPT, 1, None, ends, lambda: None)
+        self.flight.begin(mission, Order())
+        self.run(0.5)
+        assert self.flight.is_on_mission
+
+    def run(self, duration_s: float) -> None:
+        """Lets time pass."""
+        for _ in range(round(duration_s / STEP_S)):
+            self.autopilot.time_s += STEP_S
+            self.flight.step(self.wire.snapshot())
+
+    @property
+    def state(self) -> State:
+        return self.flight.estimate(self.wire.snapshot()).state
+
+    def recover_first(self) -> RecoverFirst:
+        """Begins a task that takes the control back from the mission first."""
+        snapshot = self.wire.snapshot()
+        task = self.autopilot.task(TaskKind.GO_TO_WAYPOINT)
+        command = AutopilotCommand("take our references")
+        recover = RecoverFirst(
+            task,
+            "go_to_waypoint",
+            command,
+            self.limits.get(),
+            self.wire.take_control,
+            lambda _: None,
+            lambda now: pytest.fail(f"it has not recovered at {now.time_s}"),
+        )
+        self.flight.begin(recover, Order(), snapshot)
+        recover.send(snapshot)
+        return recover
+
+
+@pytest.fixture
+def world() -> World:
+    made = World()
+    assert made.state is State.FLYING_AUTO
+    return made
+
+
+def take_over(world: World) -> None:
+    """The pilot does."""
+    world.autopilot.mode = "POSCTL"
+
+
+@pytest.mark.parametrize("hidden", [("pose", "velocity"), ("mode",)])
+def test_a_pilot_who_takes_it_while_its_position_or_mode_is_lost_keeps_it_though_a_lease_ends(
+    world: World, hidden: tuple[str, ...]
+) -> None:
+    """A lost position is when a pilot takes over. The stop for the lease took that mode for the one it began in."""
+    world.wire.hidden = hidden
+    take_over(world)
+    world.run(1.0)
+    world.flight.stop_for_lease("its program has released the lease")
+    world.run(1.0)
+    world.wire.hidden = ()
+    world.run(2.0)
+    assert world.wire.asked == []
+    assert world.state is State.FLYING_MANUAL
+
+
+@pytest.mark.parametrize("hidden", [("pose", "velocity"), ("mode",)])
+def test_a_mission_that_goes_on_unseen_is_stopped_for_a_lease_once_it_is_seen(
+    world: World, hidden: tuple[str, ...]
+) -> None:
+    world.wire.hidden = hidden
+    world.run(1.0)
+    world.flight.stop_for_lease("its program has released the lease")
+    world.run(1.0)
+    assert world.wire.asked == []
+    world.wire.hidden = ()
+    world.run(0.5)
+    assert world.wire.asked == ["take"]
+
+
+@pytest.mark.parametrize("has_held", [False, True])
+def test_a_pause_of_this_computer_does_not_let_a_mission_go_that_is_kept_on_the_ground(has_held: bool) -> None:
+    """After one, all that was known is discarded: a mode that is not known is none that others have chosen."""
+    world = World(LandedState.ON_GROUND)
+    world.flight.stop_for_lease("its program has released the lease")
+    world.run(0.5)
+    if has_held:
+        world.wire.answer()
+        world.autopilot.mode = "PAUSE"
+        world.run(1.0)
+    world.wire.hidden = ("armed", "landed", "mode", "pose", "velocity")
+    world.run(1.0)
+    world.wire.hidden = ()
+    world.run(1.0)
+    assert world.wire.asked == ["hold", "hold"]
+    assert world.flight.is_stopping_mission
+
+
+@pytest.mark.parametrize("is_stopped", [True, False])
+def test_a_command_as_the_control_comes_back_is_not_refused(world: World, is_stopped: bool) -> None:
+    """UAL's own mode was told as one that others had just chosen over the mission."""
+    if is_stopped:
+        world.flight.stop_for_lease("its program has released the lease")
+    else:
+        world.recover_first()
+    world.run(0.2)
+    assert world.wire.asked == ["take"]
+    world.autopilot.mode, world.autopilot.control = "OFFBOARD", Control.REFERENCES
+    world.recover_first()
+
+
+def test_a_command_as_the_pilot_takes_it_back_is_refused(world: World) -> None:
+    world.recover_first()
+    world.run(0.2)
+    take_over(world)
+    with pytest.raises(WrongStateError, match="others have just chosen mode POSCTL"):
+        world.recover_first()
+
+
+def test_what_replaces_a_stop_that_has_lifted_off_is_still_of_its_mission() -> None:
+    """It was a recovery out of a flight of others, which no command could replace."""
+    world = World(LandedState.ON_GROUND)
+    world.flight.stop_for_lease("its program has released the lease")
+    world.run(0.5)
+    world.autopilot.landed = LandedState.IN_AIR
+    recover = world.recover_first()
+    assert recover.mission
+    assert world.state is State.FLYING_AUTO
