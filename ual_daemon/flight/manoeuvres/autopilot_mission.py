@@ -334,7 +334,7 @@ class AutopilotMission(Manoeuvre):
         """Whether the autopilot has ended the mission in the air."""
         if report is None or report.time_s <= self._entered_s or self._ends_by(Land, ReturnToLaunch):
             return False
-        if _is_by_failsafe(snapshot):  # it may hold in the same mode, and is not to be overridden
+        if _is_by_failsafe(snapshot) and _mode(snapshot) != self._offer.mode:  # it may hold in the mode that follows
             return False
         is_over = report.stage is MissionStage.COMPLETE or (
             report.reached == self._last_moving and _mode(snapshot) != self._offer.mode

@@ -184,3 +184,13 @@ def test_a_mission_that_replaces_another_is_never_told_as_flown_by_others(lab: L
     for _ in range(3):
         lab.autopilot.step(successor)
     assert successor.mission == "the autopilot flies our mission: item 1 of 1, waypoint"
+
+
+def test_a_failsafe_that_left_the_mission_flying_does_not_keep_its_end_from_being_seen(lab: Lab) -> None:
+    """ArduPilot stays in the mode of its mission at the end, and may tell a failsafe just before that mode."""
+    lab.offer.done_mode = lab.offer.mode
+    lab.autopilot.held_by = Cause.RC
+    lab.fly()
+    lab.offer.told = MissionReport(MissionStage.COMPLETE, 1, 1, lab.autopilot.time_s + 0.1)
+    with pytest.raises(NotImplementedError):  # it takes the control back
+        lab.run()
