@@ -84,6 +84,7 @@ class StayOnGround(Manoeuvre):
     def _stop_otherwise(self, snapshot: Snapshot, estimate: Estimate, failure: UalError | None = None) -> Step:
         """Hands over to what stops the mission in the air, or while the autopilot is not seen."""
         self.mission = TAKES_BACK
+        self._command.withdraw()  # it must not be sent again after what follows it
         handover = self._stop(estimate.state, snapshot, self)
         return Step(has_ended=True, error=failure) if handover is None else Step(handover=handover)
 

@@ -125,6 +125,14 @@ def test_one_that_lifts_off_while_it_holds_is_taken_back(ground: Stopped, late_s
     ground.give_references()
 
 
+def test_a_hold_that_was_not_answered_is_not_sent_again_once_the_control_is_taken_back(ground: Stopped) -> None:
+    ground.run()
+    ground.autopilot.landed = LandedState.IN_AIR
+    ground.run()
+    assert ground.asked.names == ["hold", "take"]
+    assert [each.cancelled() for each in ground.asked.answers] == [True, False]
+
+
 def test_one_that_lifts_off_before_it_obeys_is_taken_back(ground: Stopped) -> None:
     ground.autopilot.landed = LandedState.TAKING_OFF
     ground.run()
