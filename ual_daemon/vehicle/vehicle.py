@@ -101,6 +101,7 @@ class Vehicle(ReportedVehicle):
         has_polygon = own is not None and bool(own.polygon or own.polygon_geo)
         self._fence_notice = FenceNotice(backend.info, is_needed=has_polygon and not watch_only)
         self._contained = Contained("an update of a UAV")
+        self._flying = Contained("what flies a UAV", "no setpoint is sent while it does")
 
     # --- Lifetime -----------------------------------------------------------------------------------------------------
 
@@ -340,7 +341,7 @@ class Vehicle(ReportedVehicle):
         self._sequence = snapshot.sequence or self._sequence + 1
         # A defect of one of these takes nothing from the others: neither setpoints, nor samples.
         self._contained.call(self._resolver.update, snapshot)
-        self._contained.call(self._fly, snapshot)
+        self._flying.call(self._fly, snapshot)
         self._publish(snapshot, self._flight.estimate(snapshot))
         self._contained.call(self.missions.update, snapshot)
         if snapshot.time_s >= self.gimbals.due_s:

@@ -68,7 +68,9 @@ def test_a_defect_beside_the_flight_takes_it_no_setpoint_and_is_told_once(
     assert sum(record.levelno == logging.ERROR for record in caplog.records) == 1
 
 
-def test_a_defect_of_the_flight_takes_nobody_the_telemetry(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_defect_of_the_flight_takes_nobody_the_telemetry_and_is_not_told_as_one_beside_it(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     def fail(_: object) -> None:
         raise RuntimeError("a defect of the flight")
 
@@ -78,3 +80,5 @@ def test_a_defect_of_the_flight_takes_nobody_the_telemetry(monkeypatch: pytest.M
         uav.samples.clear()
         uav.run(10 * STEP_S)
         assert len(uav.samples) == 10
+    (told,) = [record.getMessage() for record in caplog.records if record.levelno == logging.ERROR]
+    assert "what flies a UAV failed, and no setpoint is sent while it does" in told

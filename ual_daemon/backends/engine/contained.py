@@ -23,11 +23,11 @@ def defect(what: str, error: Exception) -> UalError:
 class Contained:
     """Calls it, on the thread that flies the UAV. A defect of it is logged, once, and does not reach that thread.
 
-    `what` names it in the log.
+    `what` names it in the log, and `outcome` says what follows from its failure, human-readable.
     """
 
-    def __init__(self, what: str) -> None:
-        self._what = what
+    def __init__(self, what: str, outcome: str = "the flight goes on") -> None:
+        self._what, self._outcome = what, outcome
         self._told: set[str] = set()
 
     def call(self, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> bool:
@@ -45,6 +45,5 @@ class Contained:
         if text in self._told or len(self._told) >= _MOST_TOLD:
             return
         self._told.add(text)
-        _log.error(
-            "%s failed, and the flight goes on; this is a defect of UAL, please report it", self._what, exc_info=error
-        )
+        line = "%s failed, and %s; this is a defect of UAL, please report it"
+        _log.error(line, self._what, self._outcome, exc_info=error)
