@@ -10,11 +10,13 @@ import pytest
 from tests.snapshots import changed
 from tests.ual_daemon.flight.hand_made import STEP_S, Autopilot
 from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import KEPT, Missions
-from ual.errors import WrongStateError
+from ual.errors import TaskAbortedError, WrongStateError
+from ual.missions.plan import MissionStage
 from ual.types import State, TaskKind
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.light import LightBackend
-from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
+from ual_daemon.backends.offers.missions import MissionReport
+from ual_daemon.backends.values import Cause, Control, LandedState, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight, Order
 from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
@@ -74,6 +76,7 @@ class World:
         task, ends = self.autopilot.task(TaskKind.MISSION), lambda _: pytest.fail("it has not ended")
         mission = AutopilotMission(task, backend, Missions(), KEPT, 1, None, ends, lambda: None)
         self.flight.begin(mission, Order())
+        self.mission, self.offer = mission, cast("Missions", mission._offer)
         self.run(0.5)
         assert self.flight.is_on_mission
 
@@ -132,6 +135,38 @@ def test_a_pilot_who_takes_it_while_its_position_or_mode_is_lost_keeps_it_though
     world.run(2.0)
     assert world.wire.asked == []
     assert world.state is State.FLYING_MANUAL
+
+
+@pytest.mark.parametrize("by", [None, Cause.SAFETY_PILOT, Cause.GROUND_STATION])
+def test_who_takes_it_while_its_position_is_lost_ends_the_task_at_once(world: World, by: Cause | None) -> None:
+    """It was told as flown by the autopilot for as long as the position was lost, though the mode was heard."""
+    world.wire.hidden = ("pose", "velocity")
+    world.run(1.0)
+    assert world.flight.is_on_mission
+    take_over(world)
+    world.autopilot.held_by = Cause.OPEN
+    world.run(0.5)
+    assert world.flight.is_on_mission
+    world.autopilot.held_by = by
+    world.run(0.1)
+    error = world.mission.future.exception(0.0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == (by or Cause.SAFETY_PILOT).value
+
+
+@pytest.mark.parametrize("hidden", [("pose", "velocity"), ("mode",)])
+@pytest.mark.parametrize("is_silent", [False, True])
+def test_a_mission_that_nobody_is_known_to_have_taken_goes_on_unseen(
+    world: World, hidden: tuple[str, ...], is_silent: bool
+) -> None:
+    world.wire.hidden = hidden
+    world.autopilot.silent_s = 100.0 if is_silent else 0.0
+    world.autopilot.mode, world.autopilot.held_by = "DESCEND", Cause.POSITION
+    world.run(5.0)
+    world.offer.told = MissionReport(MissionStage.COMPLETE, 1, 1, world.autopilot.time_s + 0.1)
+    world.autopilot.mode, world.autopilot.held_by = world.offer.done_mode, None
+    world.run(20.0)
+    assert world.flight.manoeuvre is world.mission
 
 
 @pytest.mark.parametrize("hidden", [("pose", "velocity"), ("mode",)])

@@ -204,6 +204,8 @@ class AutopilotMission(Manoeuvre):
         """The autopilot flies on. Before it does, nothing is known of what was commanded; its mode tells that later."""
         if self._seen_s is None:
             self._seen_s = snapshot.time_s
+        if estimate.is_link_up and (step := self._unless_flown_unseen(snapshot)) is not None:
+            return step
         is_entering = self._phase is _Phase.ENTERING
         if self._phase is _Phase.CHOOSING or (is_entering and snapshot.time_s - self._seen_s > LONGEST_GAP_S):
             text = f"{NAME}: {estimate.why}; it is not known whether the autopilot flies it now"
@@ -212,6 +214,15 @@ class AutopilotMission(Manoeuvre):
         does = "it is not known whether the autopilot flies it" if is_entering else "the autopilot flies on by itself"
         self._task.note = f"{estimate.why}; {does}"
         return Step()
+
+    def _unless_flown_unseen(self, snapshot: Snapshot) -> Step | None:
+        """Returns its end where the mode, which is heard without a position, too, shows that others fly it. A failsafe
+        may give it back to the mission once the position is known.
+        """
+        if self._phase is not _Phase.FLYING or not _mode(snapshot) or _is_by_failsafe(snapshot):
+            return None
+        is_over = self._is_complete(snapshot, self._offer.report()) or self._may_be_complete(snapshot)
+        return None if is_over else self._unless_flown(snapshot)
 
     def _look_after_silence(self, snapshot: Snapshot) -> None:
         """After a long silence the flight may be another's: whether the mission is still this one is read anew."""
