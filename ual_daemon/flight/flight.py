@@ -36,6 +36,7 @@ from ual_daemon.flight.refusals import (
     only_watching,
     replaced,
     shutting_down,
+    stopping_mission,
 )
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
@@ -345,7 +346,7 @@ class Flight:
         if old is not None and not old.is_replaceable and self.has_safety_pilot:
             raise not_replaceable(old, by)
         if old is not None and (old.mission or old.stops_mission) and not new.is_awaited:
-            raise on_mission(by)
+            raise stopping_mission(by) if old.stops_mission else on_mission(by)
         if since is not None and since is not self._last_command:
             other = self._last_command.name
             raise TaskAbortedError(f"{by}: replaced by {other}, while it was planned", {"by": other})

@@ -39,6 +39,14 @@ def on_mission(command: str) -> WrongStateError:
     )
 
 
+def stopping_mission(command: str) -> WrongStateError:
+    """The refusal of a reference while a mission is being stopped."""
+    return WrongStateError(
+        f"{command}: the mission is being stopped, and UAL does not have the control yet; command it again in a moment",
+        {"command": command},
+    )
+
+
 def just_taken(command: str, snapshot: Snapshot) -> WrongStateError:
     """The refusal of a command while the autopilot flew a mission until others chose another mode just now."""
     mode = snapshot.control.mode_text

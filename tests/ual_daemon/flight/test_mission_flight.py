@@ -1,4 +1,4 @@
-"""Who takes the UAV from a mission while not all is known of it: they keep it, whatever is stopped meanwhile."""
+"""A flight whose autopilot flies a mission, and is set by a test: who takes it, also unseen, and what stops it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from tests.snapshots import changed
 from tests.ual_daemon.flight.hand_made import STEP_S, Autopilot
 from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import KEPT, Missions
 from ual.errors import TaskAbortedError, WrongStateError
+from ual.geometry import Vector3
 from ual.missions.plan import MissionStage
 from ual.types import State, TaskKind
 from ual_daemon.backends.base import Backend, BackendOptions
@@ -25,6 +26,7 @@ from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import LimitSettings, VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
+from ual_daemon.tracker.references import Hold
 
 
 class Wire:
@@ -231,3 +233,15 @@ def test_what_replaces_a_stop_that_has_lifted_off_is_still_of_its_mission() -> N
     recover = world.recover_first()
     assert recover.mission
     assert world.state is State.FLYING_AUTO
+
+
+@pytest.mark.parametrize(("is_stopped", "text"), [(False, r"stop it first \(abort\)"), (True, "is being stopped")])
+def test_a_reference_is_told_whether_the_mission_is_flown_or_being_stopped(
+    world: World, is_stopped: bool, text: str
+) -> None:
+    """Just after an abort the reason was that the mission had to be aborted."""
+    if is_stopped:
+        world.flight.stop_for_lease("its program has released the lease")
+    snapshot = world.wire.snapshot()
+    with pytest.raises(WrongStateError, match=text):
+        world.flight.begin_reference(Hold(Vector3(0.0, 0.0, 5.0), 0.0), "set_pose", snapshot, Order())
