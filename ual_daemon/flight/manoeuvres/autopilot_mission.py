@@ -61,6 +61,9 @@ class _Phase(Enum):
     """The same as VERIFYING, before a paused one goes on."""
 
 
+_HOLDING = (_Phase.PAUSED, _Phase.REREADING)
+
+
 class TakeBack(Recover):
     """Takes the control back at the end of a mission in the air: the task ends once UAL holds it there."""
 
@@ -211,8 +214,9 @@ class AutopilotMission(Manoeuvre):
             text = f"{NAME}: {estimate.why}; it is not known whether the autopilot flies it now"
             metadata = {"state": State.UNINITIALIZED.name, "by": "autopilot"}
             return failed(TaskAbortedError(text, metadata) if estimate.is_link_up else LinkLostError(text, metadata))
-        does = "it is not known whether the autopilot flies it" if is_entering else "the autopilot flies on by itself"
-        self._task.note = f"{estimate.why}; {does}"
+        does = "holds by itself" if self._phase in _HOLDING else "flies on by itself"
+        what = "it is not known whether the autopilot flies it" if is_entering else f"the autopilot {does}"
+        self._task.note = f"{estimate.why}; {what}"
         return Step()
 
     def _unless_flown_unseen(self, snapshot: Snapshot) -> Step | None:

@@ -152,6 +152,17 @@ def test_a_pause_while_a_mission_is_read_again_keeps_it_where_it_holds(lab: Lab)
     lab.enter("MISSION")
 
 
+def test_one_that_is_paused_is_not_told_to_fly_on_in_a_silence(lab: Lab) -> None:
+    lab.fly()
+    lab.pause()
+    lab.autopilot.silent_s = 5.0
+    lab.run()
+    assert lab.task.note.endswith("; the autopilot holds by itself")
+    lab.task.is_paused = False  # it is read again once it is seen
+    lab.run()
+    assert lab.task.note.endswith("; the autopilot holds by itself")
+
+
 def test_others_who_take_it_while_it_is_paused_end_it(lab: Lab) -> None:
     lab.fly()
     lab.pause()
