@@ -140,8 +140,16 @@ def test_a_pilot_who_takes_it_while_its_position_or_mode_is_lost_keeps_it_though
 
 
 @pytest.mark.parametrize("by", [None, Cause.SAFETY_PILOT, Cause.GROUND_STATION])
-def test_who_takes_it_while_its_position_is_lost_ends_the_task_at_once(world: World, by: Cause | None) -> None:
+@pytest.mark.parametrize("is_paused", [False, True])
+def test_who_takes_it_while_its_position_is_lost_ends_the_task_at_once(
+    world: World, is_paused: bool, by: Cause | None
+) -> None:
     """It was told as flown by the autopilot for as long as the position was lost, though the mode was heard."""
+    if is_paused:
+        world.flight.pause()
+        world.run(0.2)
+        world.autopilot.mode = world.offer.pause_mode
+        world.run(0.2)
     world.wire.hidden = ("pose", "velocity")
     world.run(1.0)
     assert world.flight.is_on_mission

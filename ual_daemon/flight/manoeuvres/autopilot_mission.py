@@ -223,7 +223,11 @@ class AutopilotMission(Manoeuvre):
         """Returns its end where the mode, which is heard without a position, too, shows that others fly it. A failsafe
         may give it back to the mission once the position is known.
         """
-        if self._phase is not _Phase.FLYING or not _mode(snapshot) or _is_by_failsafe(snapshot):
+        if not _mode(snapshot) or _is_by_failsafe(snapshot):
+            return None
+        if self._phase in _HOLDING:
+            return self._unless_ours(snapshot)
+        if self._phase is not _Phase.FLYING:
             return None
         is_over = self._is_complete(snapshot, self._offer.report()) or self._may_be_complete(snapshot)
         return None if is_over else self._unless_flown(snapshot)
