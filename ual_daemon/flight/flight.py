@@ -325,8 +325,9 @@ class Flight:
         self._exchange(new, partial(self._begins, new, order, only_task_id), first, snapshot)
 
     def _begins_over(self, new: Manoeuvre, order: Order, snapshot: Snapshot, old: Manoeuvre | None) -> Ending | None:
-        """Decides as `_begins` does, but refuses a command where others have just taken the UAV from a mission: in its
-        mode UAL sends nothing, and who took it is told later.
+        """Decides as `_begins` does, but refuses a command where others have just taken the UAV from a mission.
+
+        UAL sends nothing in their mode, and who took it is told later.
         """
         if old is not None and (old.mission or old.stops_mission) and old.is_overtaken(snapshot):
             raise just_taken(new.name, snapshot)
