@@ -166,7 +166,7 @@ def test_who_takes_it_while_its_position_is_lost_ends_the_task_at_once(
 
 @pytest.mark.parametrize("hidden", [("pose", "velocity"), ("mode",)])
 @pytest.mark.parametrize("is_silent", [False, True])
-def test_a_mission_that_nobody_is_known_to_have_taken_goes_on_unseen(
+def test_a_mission_that_is_not_known_to_be_taken_goes_on_unseen(
     world: World, hidden: tuple[str, ...], is_silent: bool
 ) -> None:
     world.wire.hidden = hidden
