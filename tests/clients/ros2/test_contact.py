@@ -88,6 +88,25 @@ def test_a_slow_rate_is_no_silence() -> None:
     asyncio.run(run())
 
 
+def test_a_cancel_that_comes_with_the_answer_is_not_lost() -> None:
+    """Else a cancelled goal would be sent, and fly."""
+
+    async def run() -> bool:
+        answered: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        now_s = 0.0
+        contact = Contact(lambda: answered, 30.0, lambda: now_s)
+        now_s = 10.0
+        requiring = asyncio.ensure_future(contact.require(3.0))
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        answered.set_result(None)
+        requiring.cancel()
+        await asyncio.wait((requiring,))
+        return requiring.cancelled()
+
+    assert asyncio.run(run())
+
+
 @pytest.mark.parametrize(
     ("running", "own_id", "asked_count"),
     [

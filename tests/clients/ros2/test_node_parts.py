@@ -510,8 +510,18 @@ def test_a_setpoint_that_waits_while_the_node_is_deactivated_is_not_sent(ends_in
         ual.PoseStamped(ual.Pose.at(1.0, 2.0, 3.0), "deck"),
         ual.TwistStamped(ual.Twist(ual.Vector3(1.0)), "deck"),
     ):
-        asyncio.run(send_given(uav, Flying(ends_in), Given("set_pose", value)))
+        asyncio.run(send_given(uav, Flying(ends_in), Given("set_pose", value, 0.0), lambda: 0.5))
     assert (uav.set_pose.await_count, uav.set_velocity.await_count) == (is_sent, is_sent)
+
+
+def test_a_velocity_that_waited_too_long_for_its_frame_is_not_flown_and_a_pose_is() -> None:
+    uav: Any = SimpleNamespace(set_pose=AsyncMock(), set_velocity=AsyncMock())
+    pose = ual.PoseStamped(ual.Pose.at(1.0, 2.0, 3.0), "deck")
+    velocity = ual.TwistStamped(ual.Twist(ual.Vector3(1.0)), "deck")
+    asyncio.run(send_given(uav, Flying(), Given("set_pose", pose, 7.0), lambda: 8.0))
+    with pytest.raises(ual.UalTimeoutError, match=r"waited for more than 0\.5 s .* it is not flown"):
+        asyncio.run(send_given(uav, Flying(), Given("set_velocity", velocity, 7.0), lambda: 7.6))
+    assert (uav.set_pose.await_count, uav.set_velocity.await_count) == (1, 0)
 
 
 # --- Outcomes ---------------------------------------------------------------------------------------------------------

@@ -57,14 +57,28 @@ class Contact:
         """
         if self.silent_s <= max(quiet_s, self._gap_s):
             return
-        try:
-            await asyncio.wait_for(self._ask(), limit_s)
-        except asyncio.TimeoutError:
+        if not await _ends_within(self._ask(), limit_s):
             raise ual.DaemonUnreachableError(
                 f"the daemon does not answer within {limit_s:g} s: this is not sent, as it might be flown much later. "
                 "Send it again when `state` tells of the UAV",
                 {"limit_s": f"{limit_s:g}"},
-            ) from None
+            )
+
+
+async def _ends_within(asked: Awaitable[object], limit_s: float) -> bool:
+    """Returns whether an awaitable ends within a time. Raises what it raises.
+
+    A cancel is never lost here. In `asyncio.wait_for` of Python before 3.12 one is lost that comes with the answer:
+    then a cancelled goal would fly.
+    """
+    asking = asyncio.ensure_future(asked)
+    try:
+        done, _ = await asyncio.wait((asking,), timeout=limit_s)
+        if done:
+            asking.result()
+        return bool(done)
+    finally:
+        asking.cancel()
 
 
 async def confirmed(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -31,7 +32,7 @@ from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Outcome, Run
 from ual_ros2.ros_time import RosTime
 from ual_ros2.services import LateService
-from ual_ros2.setpoints import Given, Newest, send_given
+from ual_ros2.setpoints import Given, Newest, Setpoint, send_given
 from ual_ros2.settings import Settings
 
 _log = logging.getLogger(__name__)
@@ -156,23 +157,27 @@ class UavInterface:
             callback(message)
 
     def _on_pose(self, message: Message) -> None:
-        self._setpoints.put(Given("set_pose", values.pose_stamped(message)))
+        self._put(self._setpoints, "set_pose", values.pose_stamped(message))
 
     def _on_velocity(self, message: Message) -> None:
-        self._setpoints.put(Given("set_velocity", values.twist_stamped(message)))
+        self._put(self._setpoints, "set_velocity", values.twist_stamped(message))
 
     def _on_body_velocity(self, message: Message) -> None:
         """Takes a Twist, which names no frame: as ``cmd_vel`` of other robots, along the axes of the body."""
-        self._setpoints.put(Given("cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link")))
+        self._put(self._setpoints, "cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link"))
 
     def _on_external_pose(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
-        self._external_poses.put(Given("external_pose", values.external_pose(message, stamp_s)))
+        self._put(self._external_poses, "external_pose", values.external_pose(message, stamp_s))
 
     def _on_external_pose_with_covariance(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
         measured = values.external_pose_with_covariance(message, stamp_s)
-        self._external_poses.put(Given("external_pose_cov", measured))
+        self._put(self._external_poses, "external_pose_cov", measured)
+
+    @staticmethod
+    def _put(stream: Newest[Given], topic: str, value: Setpoint) -> None:
+        stream.put(Given(topic, value, time.monotonic()))
 
     def _serve(self, command: Command, request: Message, sent_s: float) -> Future[Message]:
         return self._run(self._answered(command, request, sent_s))

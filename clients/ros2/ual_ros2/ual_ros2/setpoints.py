@@ -6,13 +6,16 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import ual
+from ual_ros2.lateness import SETPOINT_S
 
 _log = logging.getLogger(__name__)
 
 T = TypeVar("T")
+
+Setpoint: TypeAlias = ual.PoseStamped | ual.TwistStamped | ual.types.ExternalPose
 
 STALE_S = 0.2
 """A value that waits for longer than this is dropped, because it is out of date. `ual.aio` does the same."""
@@ -72,10 +75,11 @@ class Newest(Generic[T]):
 
 
 class Given(NamedTuple):
-    """What came on a topic."""
+    """What came on a topic, and when (a steady clock)."""
 
     topic: str
-    value: ual.PoseStamped | ual.TwistStamped | ual.types.ExternalPose
+    value: Setpoint
+    heard_s: float
 
 
 class Flying(Protocol):
@@ -95,10 +99,13 @@ class Flying(Protocol):
         ...
 
 
-async def send_given(uav: ual.aio.Uav, flying: Flying, given: Given) -> None:
+async def send_given(
+    uav: ual.aio.Uav, flying: Flying, given: Given, clock: Callable[[], float] = time.monotonic
+) -> None:
     """Sends what came on a topic, unless the node is not active any more.
 
     Raises:
+        UalTimeoutError: It is a velocity, and has waited until it was not of the present any more.
         UalError: The daemon, or the node, refuses it.
 
     """
@@ -120,4 +127,14 @@ async def send_given(uav: ual.aio.Uav, flying: Flying, given: Given) -> None:
     if isinstance(value, ual.PoseStamped):
         await uav.set_pose(value)
     else:
+        _require_present(clock() - given.heard_s)
         await uav.set_velocity(value)
+
+
+def _require_present(age_s: float) -> None:
+    """Requires that a velocity did not wait for too long. A pose may: it says where to be, not for how long to move."""
+    if age_s > SETPOINT_S:
+        raise ual.UalTimeoutError(
+            f"it waited for more than {SETPOINT_S:g} s for its frame or for the daemon: it is not flown. Send it again",
+            {"age_s": f"{age_s:.3f}", "limit_s": f"{SETPOINT_S:g}"},
+        )
