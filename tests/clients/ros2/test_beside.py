@@ -322,7 +322,9 @@ class FakeMission:
         return self
 
     async def watch(self) -> AsyncIterator[MissionProgress]:
-        yield MissionProgress(MissionStage.ACTIVE, 2, 1)
+        yield MissionProgress(MissionStage.COMPLETE, 7, 7)  # of the mission before
+        await self.may_begin.wait()
+        yield MissionProgress(MissionStage.ACTIVE, 2, 1, self.id)
         await asyncio.Event().wait()
 
     async def task(self, task_id: str) -> FakeMission:
@@ -353,12 +355,14 @@ def test_a_cancel_ends_a_mission_also_one_that_is_about_to_begin(has_begun: bool
         uav: Any = SimpleNamespace(mission=mission, task=mission.task, abort=mission.abort)
         flights = missions.MissionFlights()
         flying = asyncio.create_task(_awaited(flights.fly(uav, SimpleNamespace(first_item=0, on_link_loss=""))))
+        await run_ready()
+        assert flights.newest() is None
         if has_begun:
             mission.may_begin.set()
-        await run_ready()
-        told = flights.newest()
-        assert told is not None
-        assert (told["mission"]["item"], told["mission"]["reached"], told["mission"]["stage"]) == (2, 1, "ACTIVE")
+            await run_ready()
+            told = flights.newest()
+            assert told is not None
+            assert (told["mission"]["item"], told["mission"]["reached"], told["mission"]["stage"]) == (2, 1, "ACTIVE")
         flying.cancel()
         await run_ready()
         mission.may_begin.set()
@@ -465,6 +469,24 @@ async def _corrected(receiver: FakeReceiver, act: Callable[[corrections.Correcti
     await run_ready()
     running.cancel()
     return streaming
+
+
+def test_a_cancel_that_comes_with_a_message_ends_the_stream() -> None:
+    async def check() -> bool:
+        uav: Any = SimpleNamespace(corrections=FakeReceiver(), ns="uav_1")
+        streaming = corrections.Corrections(asyncio.get_running_loop(), uav, idle_s=60.0)
+        running = asyncio.create_task(streaming.run())
+        await run_ready()
+        streaming.put(b"a")
+        await run_ready()
+        streaming.put(b"b")
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        running.cancel()
+        await run_ready()
+        return running.cancelled()
+
+    assert asyncio.run(check())
 
 
 def put_all(streaming: corrections.Corrections, sent: Sequence[bytes]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from typing import Any
 
 from diagnostic_msgs.msg import KeyValue
@@ -17,6 +16,7 @@ from ual_ros2 import descriptions, routes, topics
 from ual_ros2.messages import Entity, Message
 from ual_ros2.refusals import Refusals
 from ual_ros2.ros_time import RosTime
+from ual_ros2.waiting import ends_within
 
 LOOK_S = 1.0
 """How often the daemon is asked for what is heard. The way is asked for at each new task, too."""
@@ -84,8 +84,7 @@ class About:
         while True:
             self._has_changed.clear()
             await self._look_at_route()
-            with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._has_changed.wait(), LOOK_S)
+            await ends_within(self._has_changed.wait(), LOOK_S)
 
     def end(self) -> None:
         """Tells no more; no way that was flown stays on the topic."""

@@ -10,6 +10,7 @@ from collections.abc import Awaitable, Callable
 
 import ual
 from ual_ros2.outcome import Outcome
+from ual_ros2.waiting import ends_within
 
 QUIET_S = 0.2
 """After so long without a sample a daemon is asked before a command."""
@@ -57,28 +58,12 @@ class Contact:
         """
         if self.silent_s <= max(quiet_s, self._gap_s):
             return
-        if not await _ends_within(self._ask(), limit_s):
+        if not await ends_within(self._ask(), limit_s):
             raise ual.DaemonUnreachableError(
                 f"the daemon does not answer within {limit_s:g} s: this is not sent, as it might be flown much later. "
                 "Send it again when `state` tells of the UAV",
                 {"limit_s": f"{limit_s:g}"},
             )
-
-
-async def _ends_within(asked: Awaitable[object], limit_s: float) -> bool:
-    """Returns whether an awaitable ends within a time. Raises what it raises.
-
-    A cancel is never lost here. In `asyncio.wait_for` of Python before 3.12 one is lost that comes with the answer:
-    then a cancelled goal would fly.
-    """
-    asking = asyncio.ensure_future(asked)
-    try:
-        done, _ = await asyncio.wait((asking,), timeout=limit_s)
-        if done:
-            asking.result()
-        return bool(done)
-    finally:
-        asking.cancel()
 
 
 async def confirmed(

@@ -11,6 +11,7 @@ import ual
 from ual.corrections import CorrectionsStatus
 from ual_ros2 import values
 from ual_ros2.beside.fields import Fields
+from ual_ros2.waiting import ends_within
 
 _log = logging.getLogger(__name__)
 
@@ -82,9 +83,7 @@ class Corrections:
     async def _elements(self) -> AsyncIterator[bytes]:
         """Yields what comes. One that leaves counts as not taken until the next one is asked for."""
         while True:
-            try:
-                await asyncio.wait_for(self._came.wait(), self._idle_s)
-            except asyncio.TimeoutError:
+            if not await ends_within(self._came.wait(), self._idle_s):
                 return
             yield self._waiting[0]
             if self._waiting:

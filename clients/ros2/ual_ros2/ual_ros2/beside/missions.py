@@ -52,13 +52,16 @@ class MissionFlights:
 
     def __init__(self) -> None:
         self._progress: MissionProgress | None = None
+        self._task_id = ""
 
     async def fly(self, uav: ual.aio.Uav, request: Message) -> Fields:
         """Serves FlyMission: flies what the autopilot has to its end. A cancel ends the mission, and the UAV holds."""
+        self._progress, self._task_id = None, ""
         begun = asyncio.ensure_future(_start(uav, request))
         watching = asyncio.ensure_future(self._watch(uav))
         try:
             task = await uav.task((await asyncio.shield(begun)).id)
+            self._task_id = task.id
             await task.wait()
         except asyncio.CancelledError:
             await _end(uav, begun)
@@ -76,8 +79,13 @@ class MissionFlights:
         return {"task_id": (await _start(uav, request)).id}
 
     def newest(self) -> Fields | None:
-        """Returns what the feedback of its flight has beside the task; None while that is not known."""
-        return None if self._progress is None else {"mission": progress_fields(self._progress)}
+        """Returns what the feedback of its flight has beside the task; None while that is not known.
+
+        How far a mission before it came is none of it.
+        """
+        if self._progress is None or not self._task_id or self._progress.task_id != self._task_id:
+            return None
+        return {"mission": progress_fields(self._progress)}
 
     async def _watch(self, uav: ual.aio.Uav) -> None:
         with suppress(ual.UalError):  # the flight itself tells what is wrong

@@ -79,7 +79,7 @@ class Table:
                 action.FlyMission,
                 self._flights.fly,
                 told=self._told(action.FlyMission.Result),
-                also=self._tell_mission,
+                also=lambda feedback, _: _put(fill, feedback, self._flights.newest()),
             ),
             Action(
                 "download_log",
@@ -174,10 +174,6 @@ class Table:
 
     async def _get_corrections(self, uav: ual.aio.Uav, _: Message) -> Fields:
         return {"status": await corrections.get_status(uav, self._corrections)}
-
-    def _tell_mission(self, feedback: Message, _: Message) -> bool:
-        _put(self._filling.filled, feedback, self._flights.newest())
-        return True
 
     def _asks(self, name: str, kind: Entity, serve: Serves, *, needs_lease: bool = False) -> Command:
         """Returns a service that answers with fields."""
