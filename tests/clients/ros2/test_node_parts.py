@@ -607,6 +607,39 @@ def test_one_that_the_daemon_aborts_says_by_what_and_one_that_it_does_not_goes_o
     assert asyncio.run(check()) == (Outcome() if is_refused else cancelled)
 
 
+PLACE = SimpleNamespace(latitude=0.0, altitude=0.0)
+ASKED = SimpleNamespace(height=0.0, waypoint=PLACE, geo_waypoints=[PLACE], holds=[1.0], pwm_us=0, path=[])
+
+
+@pytest.mark.parametrize(
+    ("field", "named"),
+    [
+        ("height_m", "height"),
+        ("latitude_deg", "waypoint.latitude"),
+        ("geo_waypoints[1].altitude_m", "geo_waypoints[1].altitude"),
+        ("holds_s[0]", "holds[0]"),
+        ("pwm_us", "pwm_us"),
+        ("path[0].altitude_m", "path[0].altitude_m"),
+        ("rate_hz", "rate_hz"),
+    ],
+)
+def test_a_refusal_names_the_field_of_the_request(field: str, named: str) -> None:
+    async def refused() -> Mapping[str, object]:
+        raise ual.InvalidArgumentError(f"{field}: -1 is negative (my_{field})", {"field": field})
+
+    async def check() -> Outcome:
+        return await Run(refused, ASKED).task
+
+    refusal = Outcome("INVALID_ARGUMENT", f"{named}: -1 is negative (my_{field})", {"field": named})
+    assert asyncio.run(check()) == refusal
+
+
+def test_the_log_names_a_command_once() -> None:
+    told = Outcome("TASK_ABORTED", "go_to_waypoint: cancelled")
+    assert told.text_of("go_to_waypoint") == "go_to_waypoint: TASK_ABORTED: cancelled"
+    assert Outcome("WRONG_STATE", "land needs it").text_of("land") == "land: WRONG_STATE: land needs it"
+
+
 def test_answers_have_reason_words_and_metadata() -> None:
     refused = Outcome("GEOFENCE", "too far", {"setting": "radius"})
     filled = outcome.fill(SimpleNamespace(), refused, lambda **fields: fields)

@@ -12,15 +12,25 @@ from ual_msgs import srv
 
 import ual
 from ual.interface import Task
+from ual_ros2 import naming
 
 Call = Callable[..., Any]
 """Calls a service of the node by its type, its name and its fields; raises what it refuses."""
 AGAIN_S = 0.02
 
 
+_OF_UAL = {"height": "height_m", "pitch": "pitch_rad"}
+"""Fields that the checks ask for, by their names in ROS."""
+
+
 def error_of(answer: Any) -> ual.UalError:
-    """The error of an answer, result or message that tells a refusal."""
-    return ual.errors.from_reason(answer.reason, answer.message, {each.key: each.value for each in answer.metadata})
+    """The error of an answer, result or message that tells a refusal, as UAL's client names its field."""
+    metadata = {each.key: each.value for each in answer.metadata}
+    field = metadata.get("field", "")
+    if field not in _OF_UAL:
+        return ual.errors.from_reason(answer.reason, answer.message, metadata)
+    words = naming.in_text(answer.message, field, _OF_UAL[field])
+    return ual.errors.from_reason(answer.reason, words, {**metadata, "field": _OF_UAL[field]})
 
 
 def known(number: float) -> float | None:

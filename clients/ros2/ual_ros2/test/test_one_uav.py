@@ -84,6 +84,9 @@ def test_a_refusal_says_reason_words_and_metadata(client: Client, armed: ual.Uav
     assert not refused.success
     assert (refused.reason, refused.message) == ("WRONG_STATE", same.value.message)
     assert {each.key: each.value for each in refused.metadata} == same.value.metadata
+    below = client.call(srv.TakeOff, f"{UAL}/take_off", height=-1.0)
+    assert [(each.key, each.value) for each in below.metadata] == [("field", "height")]
+    assert below.message.startswith("height: ")
     words, metadata = client.call(Trigger, f"{UAL}/pause").message.split("\n")
     with pytest.raises(ual.WrongStateError) as same:
         armed.pause()

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 import subprocess
 import sys
+import threading
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from conftest import Processes, own_client, own_processes
@@ -13,6 +18,8 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+
+from ual_ros2 import node
 
 client, processes = own_client, own_processes
 
@@ -25,6 +32,12 @@ def is_in(client: Client, state: str) -> None:
 def change(client: Client, transition: int) -> bool:
     """Lets the node change its state of the lifecycle; returns whether it has."""
     return bool(client.call(ChangeState, "/ual/change_state", transition=Transition(id=transition)).success)
+
+
+def names_below(client: Client, prefix: str) -> list[str]:
+    """The topics and services of all nodes below a name."""
+    found = (*client.node.get_topic_names_and_types(), *client.node.get_service_names_and_types())
+    return [name for name, _ in found if name.startswith(prefix)]
 
 
 def set_rate(client: Client, rate_hz: float) -> tuple[bool, str]:
@@ -51,10 +64,40 @@ def test_a_parameter_is_set_before_the_node_is_configured_and_only_a_right_one(
 
 
 def test_what_rclpy_refuses_is_said_and_leaves_the_node_unconfigured(client: Client, processes: Processes) -> None:
-    processes.node("ns:=uav_1", "rate:=3.0", "qos_overrides./uav_1/ual/pose.publisher.reliability:=best")
+    of_topic = "qos_overrides./uav_1/ual/corrections.subscription"  # one of the last that are made
+    processes.node("ns:=uav_1", "rate:=3.0", f"{of_topic}.reliability:=best")
     waited(lambda: "on_configure failed: RuntimeError: Unexpected QoS override" in processes.said())
     assert "there is no parameter rate: do you mean rate_hz?" in processes.said()
     is_in(client, "unconfigured")
+    waited(lambda: not names_below(client, "/uav_1/ual/"))
+
+
+def test_a_node_whose_daemon_does_not_answer_its_goodbye_is_cleaned_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(node, "ENDING_S", 0.01)
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    closing = [threading.Event(), threading.Event()]
+
+    async def close(is_closing: threading.Event) -> None:
+        is_closing.set()
+        await asyncio.Event().wait()
+
+    hung = [SimpleNamespace(destroy=lambda: None, close=partial(close, each)) for each in closing]
+    told: list[str] = []
+    itself: Any = SimpleNamespace(
+        _loop=loop,
+        _uavs=dict(enumerate(hung)),
+        _shared=None,
+        get_logger=lambda: SimpleNamespace(warning=told.append),
+    )
+    itself.close, itself._wait = partial(node.UalNode.close, itself), partial(node.UalNode._wait, itself)
+    node.UalNode._destroy_all(itself)
+    assert told == ["a daemon has not answered within 0.01 s"]
+    assert not itself._uavs
+    waited(lambda: all(each.is_set() for each in closing))
+    loop.call_soon_threadsafe(loop.stop)
+    thread.join()
 
 
 def test_a_file_that_is_not_there_is_told_by_the_node(client: Client, processes: Processes) -> None:

@@ -130,7 +130,7 @@ class UavInterface:
         )
 
     def destroy(self) -> None:
-        """Ends its topics, services and actions, and the connection."""
+        """Ends its topics, services and actions. The connection ends by `close`."""
         node = self._shared.node
         for goals in self._goals:
             goals.destroy()
@@ -142,7 +142,6 @@ class UavInterface:
         self._cameras.destroy()
         self._about.destroy()
         self._beside.destroy()
-        self._run(self.close()).result()
 
     def _on_input(self, name: str, callback: Entity, message: Message, info: Mapping[str, int]) -> None:
         if not self._is_active:
@@ -256,7 +255,7 @@ class UavInterface:
 
     def begin_command(self, command: Command, request: Message, sent_s: float = 0.0) -> Run:
         """Begins a command, which `end` ends. It was sent at a time of UTC (0: not known)."""
-        run = Run(lambda: self._perform(command, request, sent_s))
+        run = Run(lambda: self._perform(command, request, sent_s), request)
         self._commands.add(run)
         run.task.add_done_callback(lambda task: self._on_ended(command, run, task.result()))
         return run
@@ -264,7 +263,7 @@ class UavInterface:
     def _on_ended(self, command: Command, run: Run, ended: Outcome) -> None:
         self._commands.discard(run)
         if not ended.is_success:
-            _log.warning("%s: %s: %s", self._ns, command.name, ended.text)
+            _log.warning("%s: %s", self._ns, ended.text_of(command.name))
 
     async def _answered(self, command: Command, request: Message, sent_s: float) -> Message:
         ended = await self.begin_command(command, request, sent_s).task

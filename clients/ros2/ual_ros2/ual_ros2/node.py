@@ -23,6 +23,7 @@ from rclpy.time_source import CLOCK_TOPIC
 
 import ual
 from ual import discovery
+from ual_ros2 import entities
 from ual_ros2 import settings as parameters
 from ual_ros2.frames import Tf
 from ual_ros2.interface import Shared, UavInterface
@@ -156,9 +157,8 @@ class UalNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     async def close(self) -> None:
-        """Ends the connections."""
-        for uav in self._uavs.values():
-            await uav.close()
+        """Ends the connections, all at once."""
+        await asyncio.gather(*(uav.close() for uav in self._uavs.values()))
 
     def _named(self, settings: Settings) -> dict[str, str]:
         """Returns the addresses of the UAVs by their names, which the daemons are asked for where none are given."""
@@ -187,7 +187,11 @@ class UalNode(LifecycleNode):
 
     def _add(self, ns: str, address: str) -> None:
         assert self._shared is not None
-        self._uavs[ns] = UavInterface(self._shared, ns, address)
+        try:
+            self._uavs[ns] = UavInterface(self._shared, ns, address)
+        except BaseException:  # as of a wrong QoS override: what is left would be in the graph, and do nothing
+            entities.destroy_below(self, f"/{ns}/ual/")
+            raise
         self.get_logger().info(f"{ns}: /{ns}/ual/ is there")
 
     def _look(self) -> None:
@@ -233,6 +237,7 @@ class UalNode(LifecycleNode):
     def _destroy_all(self) -> None:
         for uav in self._uavs.values():
             uav.destroy()
+        self._wait(self.close())
         self._uavs.clear()
         if self._shared is not None:
             self._shared.tf.destroy()

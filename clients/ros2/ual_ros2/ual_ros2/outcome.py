@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 
 import ual
+from ual_ros2 import naming
 from ual_ros2.messages import Message
 
 _log = logging.getLogger(__name__)
@@ -39,16 +40,25 @@ class Outcome:
         """All of it, for messages that have no other field: the metadata is JSON in a second line."""
         return f"{self.text}\n{json.dumps(dict(self.metadata))}" if self.metadata else self.text
 
+    def text_of(self, command: str) -> str:
+        """Returns the name of a command, and why it was refused or has failed, in one line."""
+        return f"{command}: {self.reason}: {self.message.removeprefix(f'{command}: ')}"
+
     @classmethod
-    def of(cls, error: ual.UalError) -> Outcome:
-        """Makes the one of an error."""
-        return cls(error.reason, error.message, error.metadata)
+    def of(cls, error: ual.UalError, request: Message | None = None) -> Outcome:
+        """Makes the one of an error. The field at fault has the name that it has in the request."""
+        field = error.metadata.get("field", "")
+        named = naming.field_of(request, field) if field and request is not None else field
+        if named == field:
+            return cls(error.reason, error.message, error.metadata)
+        return cls(error.reason, naming.in_text(error.message, field, named), {**error.metadata, "field": named})
 
 
 class Run:
     """A command under way. However it ends, its `task` returns an outcome: the caller in ROS always gets an answer."""
 
-    def __init__(self, begin: Callable[[], Awaitable[Mapping[str, Message]]]) -> None:
+    def __init__(self, begin: Callable[[], Awaitable[Mapping[str, Message]]], request: Message | None = None) -> None:
+        self._request = request
         self._by = ""
         self._has_begun = False
         self.task: asyncio.Task[Outcome] = asyncio.ensure_future(self._run(begin))
@@ -79,7 +89,7 @@ class Run:
         except ual.TaskAbortedError as error:
             return self._cancelled() if self._by else Outcome.of(error)
         except ual.UalError as error:
-            return Outcome.of(error)
+            return Outcome.of(error, self._request)
         except asyncio.CancelledError:
             return self._cancelled()
         except Exception as error:  # noqa: BLE001 (a mistake in the node: the caller must not wait for ever)
