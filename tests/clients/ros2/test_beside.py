@@ -356,11 +356,11 @@ def test_a_cancel_ends_a_mission_also_one_that_is_about_to_begin(has_begun: bool
         flights = missions.MissionFlights()
         flying = asyncio.create_task(_awaited(flights.fly(uav, SimpleNamespace(first_item=0, on_link_loss=""))))
         await run_ready()
-        assert flights.newest() is None
+        assert flights.progress_of(mission.id) is None
         if has_begun:
             mission.may_begin.set()
             await run_ready()
-            told = flights.newest()
+            told = flights.progress_of(mission.id)
             assert told is not None
             assert (told["mission"]["item"], told["mission"]["reached"], told["mission"]["stage"]) == (2, 1, "ACTIVE")
         flying.cancel()

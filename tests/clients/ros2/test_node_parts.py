@@ -621,6 +621,7 @@ ASKED = SimpleNamespace(height=0.0, waypoint=PLACE, geo_waypoints=[PLACE], holds
         ("pwm_us", "pwm_us"),
         ("path[0].altitude_m", "path[0].altitude_m"),
         ("rate_hz", "rate_hz"),
+        ("height_m[0].x", "height_m[0].x"),
     ],
 )
 def test_a_refusal_names_the_field_of_the_request(field: str, named: str) -> None:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable, Iterable
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +19,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.lifecycle import TransitionCallbackReturn
 
 from ual_ros2 import node
 
@@ -72,6 +74,17 @@ def test_what_rclpy_refuses_is_said_and_leaves_the_node_unconfigured(client: Cli
     waited(lambda: not names_below(client, "/uav_1/ual/"))
 
 
+class WithoutRos(node.UalNode):
+    """A node of which only what it does with its UAVs is used."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, uavs: Iterable[Any], warn: Callable[[str], object]) -> None:
+        self._loop, self._shared, self._uavs = loop, None, {str(number): uav for number, uav in enumerate(uavs)}
+        self._log = SimpleNamespace(warning=warn)
+
+    def get_logger(self) -> Any:
+        return self._log
+
+
 def test_a_node_whose_daemon_does_not_answer_its_goodbye_is_cleaned_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(node, "ENDING_S", 0.01)
     loop = asyncio.new_event_loop()
@@ -85,16 +98,8 @@ def test_a_node_whose_daemon_does_not_answer_its_goodbye_is_cleaned_up(monkeypat
 
     hung = [SimpleNamespace(destroy=lambda: None, close=partial(close, each)) for each in closing]
     told: list[str] = []
-    itself: Any = SimpleNamespace(
-        _loop=loop,
-        _uavs=dict(enumerate(hung)),
-        _shared=None,
-        get_logger=lambda: SimpleNamespace(warning=told.append),
-    )
-    itself.close, itself._wait = partial(node.UalNode.close, itself), partial(node.UalNode._wait, itself)
-    node.UalNode._destroy_all(itself)
+    assert WithoutRos(loop, hung, told.append).on_cleanup(None) is TransitionCallbackReturn.SUCCESS
     assert told == ["a daemon has not answered within 0.01 s"]
-    assert not itself._uavs
     waited(lambda: all(each.is_set() for each in closing))
     loop.call_soon_threadsafe(loop.stop)
     thread.join()

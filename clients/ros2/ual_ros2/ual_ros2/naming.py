@@ -37,5 +37,5 @@ def _has(message: Message, field: str) -> bool:
             return False
         message = getattr(message, name)
         if name != part:
-            message = message[0] if len(message) else None
+            message = next(iter(message), None) if hasattr(message, "__iter__") else None
     return True

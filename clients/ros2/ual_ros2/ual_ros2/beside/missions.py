@@ -48,20 +48,17 @@ async def get_progress(uav: ual.aio.Uav, _: Message) -> Fields:
 
 
 class MissionFlights:
-    """Flies missions of one UAV, and knows how far the last one is."""
+    """Flies missions of one UAV, and knows how far that which flies is."""
 
     def __init__(self) -> None:
         self._progress: MissionProgress | None = None
-        self._task_id = ""
 
     async def fly(self, uav: ual.aio.Uav, request: Message) -> Fields:
         """Serves FlyMission: flies what the autopilot has to its end. A cancel ends the mission, and the UAV holds."""
-        self._progress, self._task_id = None, ""
         begun = asyncio.ensure_future(_start(uav, request))
         watching = asyncio.ensure_future(self._watch(uav))
         try:
             task = await uav.task((await asyncio.shield(begun)).id)
-            self._task_id = task.id
             await task.wait()
         except asyncio.CancelledError:
             await _end(uav, begun)
@@ -70,7 +67,6 @@ class MissionFlights:
             return {"task_id": task.id}
         finally:
             watching.cancel()
-            self._progress = None
 
     async def serve(self, uav: ual.aio.Uav, request: Message) -> Fields:
         """Serves FlyMission, which may answer when it has begun: then it goes on, whatever becomes of the node."""
@@ -78,12 +74,12 @@ class MissionFlights:
             return await self.fly(uav, request)
         return {"task_id": (await _start(uav, request)).id}
 
-    def newest(self) -> Fields | None:
-        """Returns what the feedback of its flight has beside the task; None while that is not known.
+    def progress_of(self, task_id: str) -> Fields | None:
+        """Returns what the feedback of a flight has beside the task; None while that is not known.
 
         How far a mission before it came is none of it.
         """
-        if self._progress is None or not self._task_id or self._progress.task_id != self._task_id:
+        if self._progress is None or self._progress.task_id != task_id:
             return None
         return {"mission": progress_fields(self._progress)}
 

@@ -79,7 +79,7 @@ class Table:
                 action.FlyMission,
                 self._flights.fly,
                 told=self._told(action.FlyMission.Result),
-                also=lambda feedback, _: _put(fill, feedback, self._flights.newest()),
+                also=lambda feedback, _: _put(fill, feedback, self._flights.progress_of(feedback.task_id)),
             ),
             Action(
                 "download_log",
