@@ -5,10 +5,13 @@ The node's clocks are those of `late_node`: no test waits for time to pass.
 
 from __future__ import annotations
 
+import asyncio
 import math
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import AsyncMock
 
 import pytest
 from conftest import ARMED_FAST, Processes, end, own_client
@@ -18,6 +21,11 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 from ual_msgs import action, srv
 
 import ual
+from ual_ros2.command import Command
+from ual_ros2.contact import Contact
+from ual_ros2.interface import UavInterface
+from ual_ros2.lateness import Lateness
+from ual_ros2.outcome import Outcome
 
 UAL = "/uav_1/ual"
 LATE_S = 3.1
@@ -96,6 +104,29 @@ def test_what_was_sent_to_a_node_that_stood_still_is_not_flown(client: Client, n
     assert is_still(flying, begin)
     node.be_late(LATE_S + 5.1)
     assert client.fly(action.GoToWaypoint, GO_TO, waypoint=here)[0] == SUCCEEDED
+
+
+class Waiting(UavInterface):
+    """The interface of a UAV, of which only what it does with a command is used: its frame comes very late."""
+
+    def __init__(self) -> None:
+        self._ns, self._is_active, self._not_leased, self._commands = "uav_1", True, None, set()
+        self._now_s = 100.0
+        self._lateness = Lateness(is_refused=True, utc_s=lambda: self._now_s)
+        self._contact = Contact(AsyncMock(), 30.0, lambda: 0.0)
+        self._frames = SimpleNamespace(provide=self._provide)
+
+    async def _provide(self, _: object) -> None:
+        self._now_s += LATE_S
+
+
+def test_a_command_that_waited_too_long_for_its_frame_is_not_flown() -> None:
+    command = Command("set_velocity", srv.SetVelocity, lambda *_: pytest.fail("it is flown"))
+
+    async def check() -> Outcome:
+        return await Waiting().begin_command(command, srv.SetVelocity.Request(), 100.0).task
+
+    assert asyncio.run(check()).reason == "TIMEOUT"
 
 
 def test_what_ends_a_flight_is_obeyed_late(client: Client, node: LateNode, flying: ual.Uav) -> None:

@@ -277,12 +277,15 @@ class UavInterface:
     async def _perform(self, command: Command, request: Message, sent_s: float) -> Mapping[str, Message]:
         if not self._is_active:
             raise ual.WrongStateError("the node is not active: activate it (ros2 lifecycle set)", {"needed": "active"})
+        is_of_the_present = command.needs_lease and not command.may_be_late
         if command.needs_lease:
             self._require_lease()
-            if not command.may_be_late:
-                self._require_present(sent_s)
-                await self._contact.require(COMMAND_S)
+        if is_of_the_present:
+            self._require_present(sent_s)
+            await self._contact.require(COMMAND_S)
         await self._frames.provide(command.frames(request))
+        if is_of_the_present:  # still, after the daemon and the frames were waited for
+            self._require_present(sent_s)
         for stamp in command.stamps(request):
             self._shared.time.make_utc(stamp)
         told = command.told(await command.call(self._uav, request))
