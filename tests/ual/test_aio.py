@@ -442,6 +442,25 @@ def test_a_refusal_that_grpc_has_lost_is_asked_for_again(monkeypatch: pytest.Mon
         run(fly, address=daemon.address)
 
 
+def test_a_refusal_that_grpc_has_lost_is_not_told_as_taken(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def lose_status(*_: object) -> None:
+        raise grpc.aio.AioRpcError(
+            grpc.StatusCode.INTERNAL, grpc.aio.Metadata(), grpc.aio.Metadata(), "Internal error from Core"
+        )
+
+    async def fly(uav: aio.Uav) -> None:
+        for _ in range(2):
+            await uav.set_velocity(Twist())
+
+    monkeypatch.setattr("ual.aio._setpoints._Stream._write_newest", lose_status)
+    monkeypatch.setattr("ual.aio._setpoints.CONTINUES_S", LIMIT_S)
+    with fake_daemon.running() as daemon:
+        run(fly, address=daemon.address)
+    assert "the last setpoints were refused: DAEMON_UNREACHABLE: the daemon ended the stream" in caplog.text
+
+
 def test_setpoints_that_the_daemon_does_not_take_are_told(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

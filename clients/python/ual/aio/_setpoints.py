@@ -25,6 +25,8 @@ class Setpoints:
         self._accepted_s: float | None = None
         self._failure: UalError | None = None
         self._stream: _Stream | None = None
+        self._has_lost_status = False
+        """Whether the last stream has ended with a status that is not known."""
 
     async def send(self, setpoint: Element) -> None:
         """Sends a setpoint. Raises the `UalError` by which the daemon refused this one or an earlier one."""
@@ -35,6 +37,7 @@ class Setpoints:
             raise failure
         now_s = asyncio.get_running_loop().time()
         if self._accepted_s is None or now_s - self._accepted_s >= CONTINUES_S:
+            self._has_lost_status = False
             await self._connection.run(self._kind.single(setpoint))
             self._accepted_s = asyncio.get_running_loop().time()
             return
@@ -52,12 +55,16 @@ class Setpoints:
             self._connection.require_own_loop()
         is_taken = self._stream is None or await self._stream.close(CLOSE_S)
         failure, self._failure = self._failure, None
+        if self._has_lost_status:
+            self._has_lost_status = False
+            failure = DaemonUnreachableError(f"the daemon ended the stream of {self._kind.name}; gRPC has lost why")
         return log_settled(is_taken, failure, self._kind)
 
     def _on_end(self, stream: _Stream, failure: UalError | None) -> None:
         if self._stream is stream:
             self._stream = None
             self._failure = failure
+            self._has_lost_status = stream.has_lost_status
             if stream.has_lost_status:  # the next one is sent by a call, which gets it
                 self._accepted_s = None
 
