@@ -348,8 +348,11 @@ async def run_ready() -> None:
         await asyncio.sleep(0)
 
 
+@pytest.mark.parametrize("cancels_count", [1, 2])
 @pytest.mark.parametrize("has_begun", [True, False])
-def test_a_cancel_ends_a_mission_also_one_that_is_about_to_begin(has_begun: bool) -> None:
+def test_a_cancel_ends_a_mission_also_one_that_is_about_to_begin(has_begun: bool, cancels_count: int) -> None:
+    """Also where the node ends while the cancel is under way."""
+
     async def check() -> None:
         mission = FakeMission()
         uav: Any = SimpleNamespace(mission=mission, task=mission.task, abort=mission.abort)
@@ -363,11 +366,13 @@ def test_a_cancel_ends_a_mission_also_one_that_is_about_to_begin(has_begun: bool
             told = flights.progress_of(mission.id)
             assert told is not None
             assert (told["mission"]["item"], told["mission"]["reached"], told["mission"]["stage"]) == (2, 1, "ACTIVE")
-        flying.cancel()
-        await run_ready()
+        for _ in range(cancels_count):
+            flying.cancel()
+            await run_ready()
         mission.may_begin.set()
         with pytest.raises(asyncio.CancelledError):
             await flying
+        await run_ready()
         assert mission.cancelled.is_set()
         assert mission.abort_count == (0 if has_begun else 1)
 

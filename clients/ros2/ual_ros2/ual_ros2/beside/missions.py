@@ -61,7 +61,7 @@ class MissionFlights:
             task = await uav.task((await asyncio.shield(begun)).id)
             await task.wait()
         except asyncio.CancelledError:
-            await _end(uav, begun)
+            await asyncio.shield(_end(uav, begun))  # the node may end while it ends the mission
             raise
         else:
             return {"task_id": task.id}
