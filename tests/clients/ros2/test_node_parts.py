@@ -266,6 +266,36 @@ def test_a_moving_frame_that_tf_refreshes_no_more_is_lost_and_a_static_one_is_no
     require("tower")
 
 
+def test_a_moving_frame_ages_while_the_computer_sleeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 100.0
+    monkeypatch.setattr("time.clock_gettime", lambda _: now_s)
+    tf = TfBuffer(1.0)
+    tf.put(link("map", "ship", 10.0))
+    now_s = 3700.0
+    found = tf.to_known("ship", {"map"})
+    assert found is not None
+    with pytest.raises(ual.FrameLostError):
+        tf.require_fresh("ship", found)
+
+
+def test_a_setpoint_that_waits_ages_while_the_computer_sleeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def check() -> list[int]:
+        sent: list[int] = []
+        now_s = 100.0
+        monkeypatch.setattr("time.clock_gettime", lambda _: now_s)
+
+        async def send(value: int) -> None:
+            sent.append(value)
+
+        newest = Newest(asyncio.get_running_loop(), send, lambda *_: None)
+        newest.put(1)
+        now_s = 3700.0
+        await run_ready()
+        return sent
+
+    assert asyncio.run(check()) == []
+
+
 def test_of_several_moving_frames_the_oldest_counts_whichever_way_tf_leads() -> None:
     now_s = 0.0
     tf = TfBuffer(1.0, lambda: now_s)

@@ -25,7 +25,7 @@ class Contact:
     Args:
         ask: Asks for what a daemon can answer at once.
         rate_hz: How often it sends samples.
-        clock: The event loop's.
+        clock: One that goes on while the computer sleeps.
 
     """
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time
 from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -26,7 +25,7 @@ from ual_ros2.flights import ACTIONS, SERVICES
 from ual_ros2.frames import Frames, Tf
 from ual_ros2.goals import Goals
 from ual_ros2.health import Said
-from ual_ros2.lateness import BEAT_S, COMMAND_S, SETPOINT_S, Lateness, Pulse
+from ual_ros2.lateness import BEAT_S, COMMAND_S, SETPOINT_S, Lateness, Pulse, steady_s
 from ual_ros2.listener import Listener
 from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Outcome, Run
@@ -76,7 +75,7 @@ class UavInterface:
         self._lateness = Lateness(settings.refuses_late, is_time_simulated=lambda: shared.time.is_simulated)
         self._pulse = Pulse()
         self._newest: ual.Telemetry | None = None
-        self._contact = Contact(self._uav.telemetry, settings.rate_hz, self._loop.time)
+        self._contact = Contact(self._uav.telemetry, settings.rate_hz, steady_s)
         self._refused_s = 0.0
         self._samples: ual.aio.Subscription | None = None
         self._refusal: ual.UalError | None = None
@@ -176,7 +175,7 @@ class UavInterface:
 
     @staticmethod
     def _put(stream: Newest[Given], topic: str, value: Setpoint) -> None:
-        stream.put(Given(topic, value, time.monotonic()))
+        stream.put(Given(topic, value, steady_s()))
 
     def _serve(self, command: Command, request: Message, sent_s: float) -> Future[Message]:
         return self._run(self._answered(command, request, sent_s))

@@ -27,6 +27,11 @@ _SIMULATED = (
 )
 
 
+def steady_s() -> float:
+    """Returns a time that never jumps, and goes on while the computer sleeps."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
 class Lateness:
     """Refuses what was sent too long ago, by the clock of its sender's computer. Any thread may ask it."""
 
@@ -80,7 +85,7 @@ class Pulse:
     It is for goals of actions, of which rclpy does not say when they were sent.
     """
 
-    def __init__(self, clock: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME)) -> None:
+    def __init__(self, clock: Callable[[], float] = steady_s) -> None:
         self._clock = clock
         self._beat_s = clock()
         self._stood_s = 0.0

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time
 from collections.abc import Awaitable, Callable
 from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import ual
-from ual_ros2.lateness import SETPOINT_S
+from ual_ros2.lateness import SETPOINT_S, steady_s
 
 _log = logging.getLogger(__name__)
 
@@ -32,7 +31,7 @@ class Newest(Generic[T]):
         loop: asyncio.AbstractEventLoop,
         send: Callable[[T], Awaitable[object]],
         on_refusal: Callable[[T, ual.UalError], None],
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = steady_s,
     ) -> None:
         self._loop = loop
         self._send = send
@@ -75,7 +74,7 @@ class Newest(Generic[T]):
 
 
 class Given(NamedTuple):
-    """What came on a topic, and when (a steady clock)."""
+    """What came on a topic, and when (`steady_s`)."""
 
     topic: str
     value: Setpoint
@@ -99,9 +98,7 @@ class Flying(Protocol):
         ...
 
 
-async def send_given(
-    uav: ual.aio.Uav, flying: Flying, given: Given, clock: Callable[[], float] = time.monotonic
-) -> None:
+async def send_given(uav: ual.aio.Uav, flying: Flying, given: Given, clock: Callable[[], float] = steady_s) -> None:
     """Sends what came on a topic, unless the node is not active any more.
 
     Raises:

@@ -13,6 +13,7 @@ from datetime import datetime, timezone
 from typing import NamedTuple
 
 import ual
+from ual_ros2.lateness import steady_s
 
 MOST_LEVELS = 64
 """A chain that is longer is a loop: two programs publish a frame with different parents."""
@@ -43,11 +44,11 @@ class TfBuffer:
 
     Args:
         tolerance_s: How old a transform that is not static may be.
-        clock: A steady clock, in seconds. The stamps of tf are not read: they may be of a clock that is not UTC.
+        clock: In seconds. The stamps of tf are not read: they may be of a clock that is not UTC.
 
     """
 
-    def __init__(self, tolerance_s: float = math.inf, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, tolerance_s: float = math.inf, clock: Callable[[], float] = steady_s) -> None:
         self._tolerance_s = tolerance_s
         self._clock = clock
         self._newest: dict[str, Found] = {}
