@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from unittest.mock import AsyncMock
 
 import pytest
@@ -114,7 +115,8 @@ class Waiting(UavInterface):
         self._now_s = 100.0
         self._lateness = Lateness(is_refused=True, utc_s=lambda: self._now_s)
         self._contact = Contact(AsyncMock(), 30.0, lambda: 0.0)
-        self._frames = SimpleNamespace(provide=self._provide)
+        frames: Any = SimpleNamespace(provide=self._provide)
+        self._frames = frames
 
     async def _provide(self, _: object) -> None:
         self._now_s += LATE_S
