@@ -64,6 +64,8 @@ class FrameResolver:
         self._frame = LocalFrame(home_file, identity, self._update_odom_in_map)
         self.still = self._frame.lock
         """Held while home moves, and ``map`` with it. For readers of several values; conversions hold it themselves."""
+        self.update = self._frame.update
+        """Follows the local frame. Called by the update thread at each update."""
         self._external_home: Vector3 | None = None
 
     def open(self) -> None:
@@ -378,10 +380,6 @@ class FrameResolver:
         Its height is set only with `set_z`, or if it was lost.
         """
         self._frame.set_home(position, snapshot, set_z=set_z)
-
-    def update(self, snapshot: Snapshot) -> None:
-        """Follows the local frame. Called by the update thread at each update."""
-        self._frame.update(snapshot)
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped. Called by the update thread."""

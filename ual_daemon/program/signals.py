@@ -32,10 +32,10 @@ def on_first(
         os._exit(128 + number)
 
     def on_signal(number: signal.Signals) -> None:
-        logs.event(_log, logging.INFO, "signal", name=number.name, again="ends at once")
         for each in numbers:
             loop.remove_signal_handler(each)
             signal.signal(each, end_at_once)
+        logs.event(_log, logging.INFO, "signal", name=number.name, again="ends at once")  # now it does
         stop()
 
     for number in numbers:
