@@ -43,12 +43,6 @@ def closed_drones() -> Iterator[None]:
         Drone.opened.pop().backend.close()
 
 
-@pytest.fixture(autouse=True)
-def patient_painters(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a busy machine a process that paints may need more than the patience of flights until it has begun."""
-    monkeypatch.setattr(painter, "PATIENCE_S", LIMIT_S)
-
-
 def picture(pose: Pose, *markers: Marker, view: CameraIntrinsics = VIEW, **options: Any) -> np.ndarray[Any, Any]:
     """What a camera at a pose sees: rows of columns of colours."""
     return painting.paint(pose, view, Scene(0.0, markers), **options).astype(int)
@@ -355,8 +349,9 @@ def test_a_process_that_stops_is_not_waited_for_without_end(monkeypatch: pytest.
         easel.close()
 
 
-def test_the_process_gives_way_from_its_begin_on() -> None:
+def test_the_process_gives_way_from_its_begin_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also while it imports, with which it begins."""
+    monkeypatch.setattr(painter, "_NICENESS", 10)  # as it is outside of tests
     easel = painter._Easel()
     try:
         easel._start()
