@@ -16,7 +16,7 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.waiting import until
-from ual.errors import UalError, WrongStateError
+from ual.errors import RejectedByAutopilotError, UalError, WrongStateError
 from ual.geometry import Pose, Quaternion, Transform, Twist, Vector3
 from ual.types import State
 from ual_daemon import UAL
@@ -115,9 +115,14 @@ def _flies_as_ever(uav: UAL) -> None:
             way_down.get(uav.state(), lambda: None)()
         return uav.state() is State.LANDED_DISARMED
 
+    def arms() -> bool:
+        with contextlib.suppress(RejectedByAutopilotError):  # it was disarmed just above the ground, and falls
+            uav.arm()
+        return uav.state() is State.LANDED_ARMED
+
     until(rests)
+    until(arms)
     uav.set_home(set_z=True)
-    uav.arm()
     uav.take_off(2.0)
     uav.go_to_waypoint(Pose.at(2, 1, 2))
     position = uav.pose().pose.position
