@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -22,9 +21,8 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.crazyflie.connecting import ask_read, ask_write, value_of
 from ual_daemon.backends.crazyflie.requests import Request, Requests
 from ual_daemon.backends.crazyflie.toc import Toc, Variable
+from ual_daemon.backends.engine.contained import defect
 from ual_daemon.backends.offers.parameters import Refusal
-
-_log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -119,8 +117,7 @@ def _tick(running: _Reading | _Writing, now_s: float) -> None:
     try:
         running.tick(now_s)
     except Exception as error:  # noqa: BLE001 - logged, and raised to the caller
-        _log.exception("an exchange of parameters failed; this is a defect of UAL, please report it")
-        futures.fail(running.future, UalError(f"its parameters were not exchanged: a defect of UAL: {error!r}"))
+        futures.fail(running.future, defect("exchange parameters", error))
 
 
 class _Reading:

@@ -18,7 +18,7 @@ from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.dji.cameras import DjiCameras, Surroundings
 from ual_daemon.backends.dji.commands import Grant, Request, landing, request
-from ual_daemon.backends.dji.gimbals import DjiGimbal, DjiGimbals
+from ual_daemon.backends.dji.gimbals import DjiGimbal
 from ual_daemon.backends.dji.session import Session
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
 from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
@@ -28,6 +28,7 @@ from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.offers.cameras import Viewpoint
+from ual_daemon.backends.offers.gimbals import OneGimbal
 from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
     Freshness,
@@ -100,7 +101,7 @@ class DjiBackend(Backend):
         )
         self._cameras = DjiCameras(around)
         self._gimbal = DjiGimbal(around, self._link.publish, self._heading_rad)
-        self._gimbals = DjiGimbals(self._gimbal)
+        self._gimbals = OneGimbal(self._gimbal)
         self._session.on_payload = self._on_payload
         self._contained = Contained("the cameras"), Contained("the gimbal")
 

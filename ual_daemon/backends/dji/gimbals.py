@@ -20,7 +20,7 @@ from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalInfo, 
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import caught, then
 from ual_daemon.backends.dji.cameras import Surroundings
-from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.offers.gimbals import FindableGimbal, GimbalAttitude
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.fields import number
@@ -88,7 +88,7 @@ class _Target:
         return self.is_reached and off_rad > ASIDE_RAD and now_s - self._time_s > SETTLED_S
 
 
-class DjiGimbal(OfferedGimbal):
+class DjiGimbal(FindableGimbal):
     """The gimbal at the first port. `on_angles`, `on_status` and `tick` are for the link's thread.
 
     Args:
@@ -120,6 +120,7 @@ class DjiGimbal(OfferedGimbal):
         self._aside_s = -math.inf
 
     @property
+    @override
     def is_found(self) -> bool:
         """Whether it has ever told its angles."""
         return self._told is not None
@@ -271,17 +272,6 @@ class DjiGimbal(OfferedGimbal):
     def _why_silent(self) -> LinkLostError | None:
         silence = self._around.silence()
         return LinkLostError(f"gimbal 0 is not heard: {silence}") if silence else None
-
-
-class DjiGimbals(OfferedGimbals):
-    """The one that there may be."""
-
-    def __init__(self, gimbal: DjiGimbal) -> None:
-        self._gimbal = gimbal
-
-    @override
-    def all(self) -> Sequence[OfferedGimbal]:
-        return [self._gimbal] if self._gimbal.is_found else []
 
 
 def _explained(error: BaseException) -> Future[Message]:

@@ -29,13 +29,14 @@ from ual_daemon.backends.mavros.commands import Call
 from ual_daemon.backends.mavros.corrections import MavrosCorrections
 from ual_daemon.backends.mavros.discovery import Discovery
 from ual_daemon.backends.mavros.offers.cameras import MavrosCameras, Means
-from ual_daemon.backends.mavros.offers.gimbals import MavrosGimbal, MavrosGimbals
+from ual_daemon.backends.mavros.offers.gimbals import MavrosGimbal
 from ual_daemon.backends.mavros.offers.gripper import MavrosGripper
 from ual_daemon.backends.mavros.offers.lists import MavrosLists
 from ual_daemon.backends.mavros.offers.parameters import MavrosParameters
 from ual_daemon.backends.mavros.offers.services import Reach, Services
 from ual_daemon.backends.mavros.session import FRESHNESS, Session
 from ual_daemon.backends.mavros.settings import SECTION, MavrosSettings
+from ual_daemon.backends.offers.gimbals import OneGimbal
 from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, Ros, RosbridgeLink, parse_url
 from ual_daemon.backends.values import LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
@@ -83,7 +84,7 @@ class MavrosBackend(Backend):
             self._parameters,
             gripper,
             self._cameras,
-            MavrosGimbals(MavrosGimbal(reach, self._give, self._now_s)),
+            OneGimbal(MavrosGimbal(reach, self._give, self._now_s)),
             ListedFence(lists, self._known),
             ListedMissions(self._mission_access(lists)),
         )

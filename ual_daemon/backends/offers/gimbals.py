@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from typing import NamedTuple
 
+from typing_extensions import override
+
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.gimbals import GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
 
@@ -109,3 +111,23 @@ class OfferedGimbals(ABC):
     @abstractmethod
     def all(self) -> Sequence[OfferedGimbal]:
         """All that were found: each has its number as its place. None is ever removed."""
+
+
+class FindableGimbal(OfferedGimbal):
+    """A gimbal of which it shows later whether there is one."""
+
+    @property
+    @abstractmethod
+    def is_found(self) -> bool:
+        """Whether there is one, as far as was heard. Once it is, it stays."""
+
+
+class OneGimbal(OfferedGimbals):
+    """The gimbals of a UAV that has one at most: none until it is found."""
+
+    def __init__(self, gimbal: FindableGimbal) -> None:
+        self._gimbal = gimbal
+
+    @override
+    def all(self) -> Sequence[OfferedGimbal]:
+        return [self._gimbal] if self._gimbal.is_found else []

@@ -26,7 +26,7 @@ from ual_daemon.backends.mavros import commands, topics
 from ual_daemon.backends.mavros.commands import Call
 from ual_daemon.backends.mavros.offers.services import Reach
 from ual_daemon.backends.mavros.session import Session
-from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.offers.gimbals import FindableGimbal, GimbalAttitude
 from ual_daemon.backends.rosbridge import Message
 
 AIM_S = 0.1
@@ -39,7 +39,7 @@ _UNTOLD = "MAVROS does not tell where it looks"
 _NOTHING = Identity(frozenset(), None, None, None)
 
 
-class MavrosGimbal(OfferedGimbal):
+class MavrosGimbal(FindableGimbal):
     """The first gimbal of the autopilot. From any thread.
 
     Args:
@@ -62,6 +62,7 @@ class MavrosGimbal(OfferedGimbal):
         self._identity = _NOTHING
 
     @property
+    @override
     def is_found(self) -> bool:
         """Whether the autopilot has one, as far as it is known."""
         self._learn()
@@ -177,14 +178,3 @@ class MavrosGimbal(OfferedGimbal):
     def _on_aimed(self, aimed: Future[Message]) -> None:
         error = None if aimed.cancelled() else aimed.exception()
         self._trouble = "" if error is None else f"it does not follow: {error}"
-
-
-class MavrosGimbals(OfferedGimbals):
-    """The gimbals of one backend: none, or the first of the autopilot."""
-
-    def __init__(self, gimbal: MavrosGimbal) -> None:
-        self._gimbal = gimbal
-
-    @override
-    def all(self) -> Sequence[OfferedGimbal]:
-        return [self._gimbal] if self._gimbal.is_found else []
