@@ -63,7 +63,8 @@ def test_a_radio_that_is_overrun_is_asked_for_less_until_it_fits(caplog: pytest.
         position = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
         flight.wait_for(lambda: 0.03 <= channel.intervals_s[position] <= 0.25, "a lower rate")
         flight.wait_for(lambda: flight.backend.link_statistics().loss < 0.1, "a link that fits")
-        assert reason(flight) == "not armed; it is asked for 25 positions a second, as the link carries no more"
+        expected = "not armed; it is asked for 25 positions a second, as the link carries no more"
+        flight.wait_for(lambda: reason(flight) == expected, "the parameters that were lost at first")
         assert sum(vars(record).get("ual_event") == "stream_rates_changed" for record in caplog.records) <= 4
         fly(flight)
         flight.uav.close()
@@ -103,6 +104,7 @@ def reason(flight: Flight) -> str:
 def test_an_arducopter_3_6_is_asked_for_groups_and_what_it_lacks_is_told() -> None:
     flight = Flight("ardupilot")
     try:
+        flight.wait_for_state(State.LANDED_DISARMED)  # the newer firmware has been asked for its streams
         flight.kill()
         assert isinstance(flight.autopilot, ArduPilot)
         flight.autopilot.become_3_6()
