@@ -197,7 +197,7 @@ class ArduPilot(Autopilot):
             self.is_old = True
             for message_id in _NOT_IN_3_6:
                 del self.builders[message_id]
-            for channel in self.channels:  # another firmware boots, and streams nothing that the one before was asked for
+            for channel in self.channels:  # it boots, and streams nothing that the newer firmware was asked for
                 channel.boot(self.system_id, self.elapsed_s, self.component_id)
             self._handlers[mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM] = self._on_request_data_stream
 

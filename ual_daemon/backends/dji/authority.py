@@ -24,15 +24,16 @@ class Authority:
         self._idle_followed_s: float | None = None
         """When it showed last that it follows an SDK on the ground, with its motors running."""
         self._is_taking_off = False
-        self.is_lost = False
-        """Whether another one was seen to fly it since authority was granted."""
+        self.why_lost = ""
+        """What showed that another one flies it since authority was granted, human-readable; empty: nothing did."""
         self._is_doubted = False
         """Whether that is only so because the first setpoints showed no effect yet."""
 
     def grant(self, *, is_granted: bool) -> None:
         """Notes the answer of the wrapper to our request, or our release."""
         self._is_granted, self._has_followed, self._sent_s = is_granted, False, None
-        self.is_lost = self.is_lost and not is_granted
+        if is_granted:
+            self.why_lost = ""
 
     def forget(self) -> None:
         """Forgets what was granted: the pilot may have taken over unseen. An aircraft that follows an SDK shows it."""
@@ -71,7 +72,8 @@ class Authority:
             self._lifted_s = None
         if display_mode == modes.SDK_CONTROL:
             self._has_followed = True
-            self.is_lost, self._is_doubted = self.is_lost and not self._is_doubted, False
+            if self._is_doubted:
+                self.why_lost, self._is_doubted = "", False
             return True
         is_ignored = self._sent_s is not None and now_s - self._sent_s > _FOLLOWS_S
         is_waiting = display_mode in (modes.P_GPS, modes.ENGINE_START) or display_mode in modes.TAKING_OFF
@@ -79,7 +81,7 @@ class Authority:
         if display_mode in modes.TAKING_OFF:  # P_GPS comes after it, whatever showed on the ground
             self._sent_s, self._has_followed = None, False
         elif self._has_followed or is_ignored or is_cut_short or not is_waiting:
-            is_late = not (self.is_lost or self._has_followed or is_cut_short) and is_waiting
+            is_late = not (self.why_lost or self._has_followed or is_cut_short) and is_waiting
             self._lose(display_mode)
             self._is_doubted = (self._is_doubted or is_late) and is_waiting
         return self._is_granted
@@ -91,12 +93,14 @@ class Authority:
         elif display_mode == modes.SDK_CONTROL:
             self._idle_followed_s = now_s
         elif self._idle_followed_s is not None and now_s - self._idle_followed_s > _FOLLOWS_S:
-            self._idle_followed_s, self.is_lost = None, True
+            self._idle_followed_s = None
+            self.why_lost = self.why_lost or f"its mode became {modes.name(display_mode)} on the ground"
 
     def _lose(self, display_mode: int) -> None:
         """Notes that authority is not ours. A landing, which ends it, too, does not show another one."""
         self._is_granted = False
-        self.is_lost = self.is_lost or (self._is_in_air and display_mode not in modes.LANDING)
+        if self._is_in_air and display_mode not in modes.LANDING:
+            self.why_lost = self.why_lost or f"its mode was {modes.name(display_mode)} in the air"
 
 
 class Holding:

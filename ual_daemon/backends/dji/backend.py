@@ -205,8 +205,9 @@ class DjiBackend(Backend):
         telemetry = self._session.telemetry
         if telemetry is None or not self._is_on_ground:
             return _refusal("Disarm: not on the ground")
-        if telemetry.is_authority_lost:
-            return _refusal("Disarm: others have taken it over, and its motors are theirs to stop")
+        why_lost = telemetry.why_authority_lost
+        if why_lost:
+            return _refusal(f"Disarm: others have taken it over ({why_lost}), and its motors are theirs to stop")
         return self._desk.give("disarm", lambda: request("stop its motors", telemetry.wrapper.motors_off))
 
     @override

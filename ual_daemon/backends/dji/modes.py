@@ -25,3 +25,8 @@ LANDING = frozenset((AUTO_LANDING, FORCED_LANDING))
 
 STOPPED, ON_GROUND, IN_AIR = 0, 1, 2
 """Flight status."""
+
+
+def name(display_mode: int) -> str:
+    """Returns the name of a display mode."""
+    return NAMES.get(display_mode, f"DISPLAY_MODE_{display_mode}")

@@ -329,7 +329,14 @@ class Telemetry:
     @property
     def is_authority_lost(self) -> bool:
         """Whether another one has the control authority, as far as the wrapper shows it."""
-        return not self.has_authority if self.wrapper.says_authority else self.authority.is_lost
+        return bool(self.why_authority_lost)
+
+    @property
+    def why_authority_lost(self) -> str:
+        """What shows that another one has the control authority, human-readable; empty: nothing does."""
+        if self.wrapper.says_authority:
+            return "" if self.has_authority else "it follows another device"
+        return self.authority.why_lost
 
     @property
     def is_landing(self) -> bool:
@@ -505,7 +512,7 @@ def _mode(display: Sample[int] | None, device: Sample[int] | None) -> Sample[Mod
 def _mode_of(display: int, device: int) -> Mode:
     if display == modes.ENGINE_START:  # nobody has chosen it: it shows while the motors start
         display = modes.P_GPS
-    name = modes.NAMES.get(display, f"DISPLAY_MODE_{display}")
+    name = modes.name(display)
     if display in modes.LANDING:
         return Mode(name, Control.LAND)
     if display in modes.TAKING_OFF and device == _OURS:
