@@ -24,6 +24,8 @@ from ual.types import Capability, Geofence, Plan, State, Telemetry
 from ual_daemon import UAL
 
 CHECKS = {check.name: check for check in conformance.CHECKS}
+SPEED_FACTOR = 5.0
+REPEAT_S = 0.02
 
 
 class Sabotaged:
@@ -40,7 +42,7 @@ class Sabotaged:
 
 @pytest.fixture(scope="module")
 def uav() -> Iterator[UAL]:
-    with UAL("light", "uav_1", backend_settings={"speed_factor": 5.0}) as uav:
+    with UAL("light", "uav_1", backend_settings={"speed_factor": SPEED_FACTOR}) as uav:
         yield uav
 
 
@@ -140,14 +142,17 @@ def drifts_after_an_abort(sabotaged: Sabotaged) -> None:
 
 
 def repeating(sabotaged: Sabotaged) -> list[TwistStamped | Twist]:
-    """What is put there last is flown, again and again."""
+    """What is put there last is flown, again and again: simulated time then passes only between two of them."""
     given: list[TwistStamped | Twist] = []
     is_over = threading.Event()
+    simulation = sabotaged.uav.simulation
 
     def repeat() -> None:
-        while not is_over.wait(0.005):
+        while not is_over.wait(REPEAT_S / SPEED_FACTOR):
             if given:
+                simulation.set_speed_factor(0.0)
                 sabotaged.uav.set_velocity(given[-1])
+                simulation.step(REPEAT_S)
 
     thread = threading.Thread(target=repeat)
     thread.start()
@@ -155,6 +160,7 @@ def repeating(sabotaged: Sabotaged) -> list[TwistStamped | Twist]:
     def end() -> None:
         is_over.set()
         thread.join()
+        simulation.set_speed_factor(SPEED_FACTOR)
 
     sabotaged.undo = end
     return given

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from ual.cameras import CameraAbility, CameraInfo, Image, ImageFormat, Photo
-from ual.errors import LinkLostError, NotSupportedError, UalError
+from ual.errors import DaemonUnreachableError, LinkLostError, NotSupportedError, UalError, UalTimeoutError
 from ual_tools.view.taken import MOST_PLACES, Taken
 
 
@@ -16,6 +18,7 @@ class Cameras:
         self.taken: list[Photo] = []
         self.asked: list[str] = []
         self.error: UalError | None = None
+        self.image_error: UalError | None = None
 
     def get_all(self) -> list[CameraInfo]:
         self.asked.append("cameras")
@@ -31,6 +34,8 @@ class Cameras:
 
     def image(self, photo: int) -> Image:
         self.asked.append(f"image {photo}")
+        if self.image_error is not None:
+            raise self.image_error
         return Image(b"", ImageFormat.PNG, 1, 1, 0.0)
 
 
@@ -51,6 +56,17 @@ def test_it_is_asked_once_a_second_and_a_picture_comes_once_where_it_is_wanted()
         look(taken, cameras, now_s, wants_image=True)
     assert cameras.asked == ["cameras", "cameras", "image 2", "cameras"]
     assert taken.newest.image is not None
+
+
+@pytest.mark.parametrize(("error", "count"), [(DaemonUnreachableError("lost"), 2), (UalTimeoutError("late"), 1)])
+def test_a_picture_is_asked_for_again_only_where_the_daemon_was_not_reached(error: UalError, count: int) -> None:
+    taken, cameras = Taken(), Cameras()
+    cameras.taken = [Photo(0, 0.0)]
+    cameras.image_error = error
+    look(taken, cameras, 10.0, wants_image=True)
+    cameras.image_error = None
+    look(taken, cameras, 11.0, wants_image=True)
+    assert cameras.asked.count("image 0") == count
 
 
 def test_the_pictures_of_a_daemon_that_was_started_anew_are_drawn() -> None:

@@ -65,10 +65,10 @@ class Chart:
 
     def _draw(self, shown: tuple[str, ...], series: tuple[uplot.Series, ...], data: Columns) -> None:
         if shown != self._shown:
-            self._shown = shown
             self._handle.remove()
             self._limits = limits(data)
             self._handle = self._made(series, data)
+            self._shown = shown
             return
         new = limits(data)
         if new != self._limits:

@@ -213,7 +213,7 @@ class _Text:
     def set(self, text: str) -> None:
         """Shows a text."""
         if text != self._text:
-            self._text = self._handle.content = text
+            self._handle.content = self._text = text  # in this order: what was not drawn is drawn again
 
 
 def _chart(gui: viser.GuiApi) -> Chart:

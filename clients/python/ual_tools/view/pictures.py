@@ -67,16 +67,16 @@ class _OfUav:
         newest = taken.newest
         shown = None if newest is None or newest.photo.camera is None or odom is None else (newest, odom)
         if shown != self._shown:
-            self._shown = shown
-            self._draw_last()
+            self._draw_last(shown)
+            self._shown = shown  # after it: what viser has not drawn is drawn again
 
-    def _draw_last(self) -> None:
-        if self._frustum is not None:
-            self._frustum.remove()
-            self._frustum = None
-        if self._shown is None:
+    def _draw_last(self, shown: tuple[Newest, Transform] | None) -> None:
+        before, self._frustum = self._frustum, None
+        if before is not None:
+            before.remove()
+        if shown is None:
             return
-        newest, odom = self._shown
+        newest, odom = shown
         assert newest.photo.camera is not None
         camera = odom.apply_pose(newest.photo.camera.pose)
         optical = Pose(camera.position, camera.orientation * OPTICAL)

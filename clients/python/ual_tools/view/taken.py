@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, Image, Photo
-from ual.errors import NotSupportedError, UalError
+from ual.errors import DaemonUnreachableError, NotSupportedError, UalError
 from ual.interface import Cameras
 from ual.shared.new_photos import NewPhotos
 
@@ -42,7 +42,8 @@ class Taken:
     def look(self, cameras: Cameras, now_s: float, *, wants_image: bool) -> None:
         """Asks what was taken, and gets the last picture if it is wanted.
 
-        What is not answered is asked again, but for the bytes of a picture that the camera has not given.
+        What is not answered is asked again. The bytes of a picture are so only where the daemon was not reached: they
+        may take long, and a camera that has not given them once may not have them.
         """
         if not self._has_cameras or now_s < self._due_s:
             return
@@ -69,5 +70,9 @@ class Taken:
             return
         if wants_image and CameraAbility.IMAGE in info.abilities:
             self._asked_for = newest.number, newest.photo
-            image = camera.image(newest.photo.number)
+            try:
+                image = camera.image(newest.photo.number)
+            except DaemonUnreachableError:
+                self._asked_for = None
+                raise
             self.newest = newest._replace(image=image, lens=image.intrinsics or newest.lens)
