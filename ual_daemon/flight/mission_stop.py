@@ -35,18 +35,19 @@ class MissionStop:
         """
         handover = self._in(state, snapshot, old)
         if handover is not None:
+            handover.manoeuvre.led = old.leads()
             handover.manoeuvre.replaces(old)
         return handover
 
     def _in(self, state: State, snapshot: Snapshot, old: Manoeuvre) -> Handover | None:
         if state in _UNREACHED:
-            return Handover(AwaitStop(self._by, old, self._modes, self.after), _nothing)
+            return Handover(AwaitStop(self._by, old.mode_seen, self._modes, self.after), _nothing)
         if state in _LANDED:
-            return None if self._modes is None else self._stay(self._modes, snapshot, old)
+            return None if self._modes is None else self._stay(self._modes, snapshot)
         return None if state is State.LANDING else self._take_back(snapshot, is_early=state is State.FLYING_AUTO)
 
-    def _stay(self, modes: tuple[str, str], snapshot: Snapshot, old: Manoeuvre) -> Handover:
-        stay = StayOnGround(self._by, old, modes, self._backend.hold, self.after)
+    def _stay(self, modes: tuple[str, str], snapshot: Snapshot) -> Handover:
+        stay = StayOnGround(self._by, modes, self._backend.hold, self.after)
         return Handover(stay, partial(stay.send, snapshot))
 
     def _take_back(self, snapshot: Snapshot, *, is_early: bool) -> Handover:

@@ -35,12 +35,13 @@ class AwaitStop(Manoeuvre):
     mission = TAKES_BACK
     why_not_pausable = "it stops a mission"
 
-    def __init__(self, name: str, flown: Manoeuvre, modes: tuple[str, str] | None, stop: StopIn) -> None:
-        """`flown` is the mission, or what was stopping it. `modes` are those in which the autopilot flies it and holds;
-        None where UAL takes the control back already. `stop` makes what stops it.
+    def __init__(self, name: str, seen_mode: str, modes: tuple[str, str] | None, stop: StopIn) -> None:
+        """`seen_mode` is the one in which what it replaces was seen last; empty if it never was. `modes` are those in
+        which the autopilot flies the mission and holds; None where UAL takes the control back already. `stop` makes
+        what stops it.
         """
         super().__init__(name, None)
-        self._flown, self.modes = flown, modes
+        self._seen_mode, self.modes = seen_mode, modes
         self._stop = stop
         self._began_in = ""
         self._seen_s: float | None = None
@@ -69,12 +70,8 @@ class AwaitStop(Manoeuvre):
         """Whether UAL has led to the present mode, and not others; None while that may still be told."""
         mode = snapshot.control.mode_name
         # Where that was not known as it began, it is the one that was seen before: others may have chosen this one.
-        self._began_in = self._began_in or self.mode_begun or self._flown.mode_seen or mode
+        self._began_in = self._began_in or self.mode_begun or self._seen_mode or mode
         return True if mode == self._began_in else self.led_to(snapshot)
-
-    @override
-    def led_to(self, snapshot: Snapshot) -> bool | None:
-        return self._flown.led_to(snapshot)
 
     @override
     def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError, UalTimeoutError
@@ -31,6 +32,34 @@ _log = logging.getLogger(__name__)
 LedTo: TypeAlias = Callable[[Snapshot], bool | None]
 """Returns whether the present mode came by what UAL had made the autopilot do, and not by others. None: that may still
 be told."""
+
+
+@dataclass(slots=True, eq=False)
+class Led:
+    """To which modes UAL has led since a mission was flown.
+
+    What stops the mission shares one record, and so does what replaces that. Otherwise each would keep the one before,
+    and a link that is lost again and again would make the chain ever longer.
+
+    Attributes:
+        by_mission: Whether the mission led to a mode.
+        hold_mode: The mode to which the hold leads that was commanded; empty while none was.
+        is_control_taken: Whether the control was commanded back.
+
+    """
+
+    by_mission: LedTo
+    hold_mode: str = ""
+    is_control_taken: bool = False
+
+    def to(self, snapshot: Snapshot) -> bool | None:
+        """Returns whether UAL led to the present mode; see `LedTo`."""
+        mode = snapshot.control.mode
+        if mode is not None and self.is_control_taken and mode.value.control is Control.REFERENCES:
+            return True
+        is_hold = bool(self.hold_mode) and snapshot.control.mode_name == self.hold_mode
+        return is_hold or self.by_mission(snapshot)
+
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -101,6 +130,8 @@ class Manoeuvre(ABC):
     # Here and not in `__init__`: each setpoint of a stream makes a manoeuvre.
     task: VehicleTask | None = None
     command: AutopilotCommand | None = None
+    led: Led | None = None
+    """To which modes UAL has led before and in it; None where it began in no mission."""
     is_fitted = False
     """Whether it has looked at the world as it is now; see `fit`."""
     mode_begun = ""
@@ -137,8 +168,7 @@ class Manoeuvre(ABC):
 
     def led_to(self, snapshot: Snapshot) -> bool | None:
         """Returns whether it led to the present mode, after it was replaced; see `LedTo`."""
-        del snapshot
-        return False
+        return False if self.led is None else self.led.to(snapshot)
 
     def is_overtaken(self, snapshot: Snapshot) -> bool:
         """Returns whether others have chosen the present mode, and it was not stepped since, so that it goes on."""
@@ -152,6 +182,10 @@ class Manoeuvre(ABC):
     def replaces(self, old: Manoeuvre) -> None:
         """Takes note of what it replaces, as it begins. Called with the flight's lock held."""
         del old
+
+    def leads(self) -> Led:
+        """Returns the record of what replaces it; see `Led`."""
+        return self.led or Led(self.led_to)
 
     def way(self, now_s: float) -> Sequence[Vector3]:
         """Returns its way from where it began to where it ends, as points; none where that is not known."""

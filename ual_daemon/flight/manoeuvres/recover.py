@@ -9,9 +9,9 @@ from typing_extensions import override
 
 from ual.errors import TaskAbortedError, UalError
 from ual.types import Limits, State
-from ual_daemon.backends.values import Control, Snapshot
+from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvres.manoeuvre import Handover, LedTo, Manoeuvre, Step, failed, taken, why_blind
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.state import Estimate
@@ -56,7 +56,6 @@ class Recover(Manoeuvre):
         self._begun_s: float | None = None
         self._out_of = out_of
         self._command = self.command = command
-        self._led_to: LedTo = super().led_to
         self._limits = limits
         self._take_control = take_control
         self._refusal = refusal
@@ -66,6 +65,8 @@ class Recover(Manoeuvre):
     def send(self, judged: Snapshot | None = None) -> None:
         """Sends the command, once. `judged`: see `AutopilotCommand.send`."""
         self._is_sent = True
+        if self.led is not None:
+            self.led.is_control_taken = True
         self._command.send(self._take_control, judged)
 
     @override
@@ -74,14 +75,7 @@ class Recover(Manoeuvre):
             return
         # The state is FLYING_AUTO meanwhile: nobody took the UAV. A next command may replace it, as it may the mission.
         self.mission, self.is_replaceable = TAKES_BACK, True
-        self._led_to = old.led_to
-
-    @override
-    def led_to(self, snapshot: Snapshot) -> bool | None:
-        """Its command may have been obeyed just now, or in a silence."""
-        mode = snapshot.control.mode
-        is_obeyed = self._is_sent and mode is not None and mode.value.control is Control.REFERENCES
-        return is_obeyed or self._led_to(snapshot)
+        self.led = old.leads()
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -104,7 +98,7 @@ class Recover(Manoeuvre):
         begun = "" if self._is_early else self.mode_begun
         self._began_in = self._began_in or begun or snapshot.control.mode_name
         if snapshot.control.mode_name != self._began_in:  # a repeated command would take control from the pilot
-            is_own = self._led_to(snapshot)
+            is_own = self.led_to(snapshot)
             if is_own is None:
                 return self._hold(snapshot)
             if not is_own:

@@ -37,14 +37,11 @@ class StayOnGround(Manoeuvre):
     stops_mission = TAKES_BACK
     why_not_pausable = "it keeps the UAV on the ground"
 
-    def __init__(
-        self, name: str, flown: Manoeuvre, modes: tuple[str, str], hold: Callable[[], Future[None]], stop: StopIn
-    ) -> None:
-        """`flown` is the mission, or what waited to stop it, and `modes` those in which the autopilot flies it and
-        holds. `hold` commands it to hold its position. `stop` makes what stops it in the air, or once it is seen.
+    def __init__(self, name: str, modes: tuple[str, str], hold: Callable[[], Future[None]], stop: StopIn) -> None:
+        """`modes` are those in which the autopilot flies it and holds. `hold` commands it to hold its position. `stop`
+        makes what stops it in the air, or once it is seen.
         """
         super().__init__(name, None)
-        self._flown = flown
         self._flies, self._holds = self.modes = modes
         self._hold, self._stop = hold, stop
         self._command = self.command = AutopilotCommand("hold its position")
@@ -58,6 +55,8 @@ class StayOnGround(Manoeuvre):
 
     def send(self, judged: Snapshot | None = None) -> None:
         """Sends the command. `judged`: see `AutopilotCommand.send`."""
+        if self.led is not None:
+            self.led.hold_mode = self._holds
         self._command.send(self._hold, judged)
 
     @override
@@ -123,10 +122,6 @@ class StayOnGround(Manoeuvre):
         self._next_s = snapshot.time_s + _AGAIN_S
         self._command = self.command = AutopilotCommand(self._command.what)
         self.send()
-
-    @override
-    def led_to(self, snapshot: Snapshot) -> bool | None:
-        return snapshot.control.mode_name == self._holds or self._flown.led_to(snapshot)
 
     @override
     def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from typing_extensions import override
 
 from ual.types import Limits, State
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.await_stop import StopIn
 from ual_daemon.flight.manoeuvres.manoeuvre import Step
@@ -49,5 +49,7 @@ class StopInAir(Recover):
 
     def _is_flown(self, snapshot: Snapshot) -> bool:
         """Whether the autopilot may still fly the mission, in the mode in which it did."""
-        mode = snapshot.control.mode_name
-        return mode == (self._began_in or self.mode_begun or mode) or bool(self._led_to(snapshot))
+        mode = snapshot.control.mode
+        if mode is None or mode.value.name == (self._began_in or self.mode_begun or mode.value.name):
+            return True
+        return mode.value.control is not Control.REFERENCES and bool(self.led_to(snapshot))

@@ -259,6 +259,20 @@ def test_a_silence_while_it_is_held_on_the_ground_does_not_let_it_go(ground: Sto
     assert ground.asked.names == ["hold", "hold", "take"]
 
 
+@pytest.mark.parametrize("landed", [LandedState.ON_GROUND, LandedState.IN_AIR])
+def test_a_link_that_is_lost_again_and_again_does_not_make_it_grow(unseen: Stopped, landed: LandedState) -> None:
+    """What stopped it kept what had before: after a thousand silences, whoever took it was told as a defect of UAL."""
+    unseen.autopilot.landed = landed
+    for _ in range(1100):
+        unseen.autopilot.silent_s = 0.0
+        unseen.step()
+        unseen.autopilot.silent_s = 100.0
+        unseen.step()
+    assert not unseen.has_ended
+    unseen.autopilot.mode, unseen.autopilot.silent_s = "POSCTL", 0.0
+    assert isinstance(unseen.until_end(0.2), TaskAbortedError)
+
+
 def test_a_command_that_was_obeyed_in_a_silence_has_succeeded(climb: Stopped) -> None:
     climb.autopilot.landed = LandedState.IN_AIR
     climb.run()
