@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -129,7 +130,10 @@ class Flight:
         declared = None if manoeuvre is None else manoeuvre.declares
         mission = "" if manoeuvre is None else manoeuvre.mission or manoeuvre.stops_mission
         found = estimate(snapshot, self._backend.freshness, declared, explanation.note, mission)
-        return found if found.state is not State.UNINITIALIZED else explanation.explained(found, snapshot)
+        if found.state is not State.UNINITIALIZED:
+            return found
+        explained, does = explanation.explained(found, snapshot), "" if manoeuvre is None else manoeuvre.unseen
+        return replace(explained, why=f"{explained.why}; {does}") if does else explained
 
     @property
     def takes(self) -> Takes:
@@ -329,7 +333,8 @@ class Flight:
 
         UAL sends nothing in their mode, and who took it is told later.
         """
-        if old is not None and (old.mission or old.stops_mission) and old.is_overtaken(snapshot):
+        is_of_mission = old is not None and bool(old.mission or old.stops_mission)
+        if old is not None and is_of_mission and not new.overrules_nobody and old.is_overtaken(snapshot):
             raise just_taken(new.name, snapshot)
         return self._begins(new, order, "", old)
 
@@ -382,7 +387,8 @@ class Flight:
     def _stop_mission_for_lease(self, why: str, snapshot: Snapshot) -> None:
         stop = self.mission_stop("lease", snapshot)
         mission = self._flown.manoeuvre
-        if stop is None or (mission is not None and mission.is_overtaken(snapshot)):
+        is_overtaken = mission is not None and mission.is_overtaken(snapshot)
+        if stop is None or (is_overtaken and not stop.manoeuvre.overrules_nobody):
             self._exchange(None, partial(self._ends_with_lease, why, None))
             return
         stop.manoeuvre.begins_in(snapshot.control.settled_mode)

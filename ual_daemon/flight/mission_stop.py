@@ -41,7 +41,7 @@ class MissionStop:
 
     def _in(self, state: State, snapshot: Snapshot, old: Manoeuvre) -> Handover | None:
         if state in _UNREACHED:
-            return Handover(AwaitStop(self._by, old.mode_seen, self._modes, self.after), _nothing)
+            return Handover(AwaitStop(self._by, old.mode_seen, self._modes, self._backend.hold, self.after), _nothing)
         if state in _LANDED:
             return None if self._modes is None else self._stay(self._modes, snapshot)
         return None if state is State.LANDING else self._take_back(snapshot, is_early=state is State.FLYING_AUTO)

@@ -286,7 +286,7 @@ class Commands:
             if task_id and self._flight.raw_estimate(self._backend.snapshot()).state in _LANDED:
                 self.cancel(self._tasks.get(task_id), lease_id)  # a take-off that waits for the arming
                 return
-            snapshot = self._preconditions.require_state("abort", lease_id, *self._abortable())
+            snapshot = self._require_stoppable("abort", task_id, lease_id, *self._abortable())
             if self._is_flown_by_autopilot(snapshot):
                 self._take_back("abort", snapshot, lease_id)
             elif self._is_mission(task_id):
@@ -323,6 +323,18 @@ class Commands:
             Control.LAND,
         )
         return is_by_itself and not self._flight.has_safety_pilot
+
+    def _require_stoppable(self, name: str, task_id: str, lease_id: str, *allowed: State) -> Snapshot:
+        """Returns the snapshot in which what is flown may be stopped: a mission also without a position, while the
+        autopilot is heard.
+        """
+        try:
+            return self._preconditions.require_state(name, lease_id, *allowed)
+        except WrongStateError as error:
+            is_unsure = self._backend.snapshot().link.conflict  # nothing is sent to what may be another vehicle
+            if error.state != State.UNINITIALIZED.name or is_unsure or not self._is_mission(task_id):
+                raise
+        return self._preconditions.require_state(name, lease_id, State.UNINITIALIZED)
 
     def _is_mission(self, task_id: str) -> bool:
         """Whether the autopilot flies a mission that is this task, or any where no task is named."""
@@ -362,7 +374,7 @@ class Commands:
         if self._is_flown_by_autopilot(snapshot):
             self._take_back("cancel", snapshot, lease_id)
         elif self._is_mission(task.id):
-            seen = self._preconditions.require_state("cancel", lease_id, *_SEEN)
+            seen = self._require_stoppable("cancel", task.id, lease_id, *_SEEN)
             self._stop_mission("cancel", seen, lease_id)
         elif self._flight.is_following(snapshot):
             stop = self._flight.brake(snapshot)

@@ -10,7 +10,7 @@ import pytest
 from tests.snapshots import changed
 from tests.ual_daemon.flight.hand_made import STEP_S, Autopilot
 from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import KEPT, Missions
-from ual.errors import TaskAbortedError, WrongStateError
+from ual.errors import RejectedByAutopilotError, TaskAbortedError, WrongStateError
 from ual.geometry import Vector3
 from ual.missions.plan import MissionStage
 from ual.types import State, TaskKind
@@ -27,6 +27,8 @@ from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import LimitSettings, VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold
+
+NO_POSITION = ("pose", "velocity")
 
 
 class Wire:
@@ -64,6 +66,9 @@ class Wire:
         """The autopilot accepts the newest command."""
         self._newest.set_result(None)
 
+    def refuse(self, why: str) -> None:
+        self._newest.set_exception(RejectedByAutopilotError(why))
+
 
 class World:
     """A flight in which the autopilot flies a mission of UAL."""
@@ -91,6 +96,10 @@ class World:
     @property
     def state(self) -> State:
         return self.flight.estimate(self.wire.snapshot()).state
+
+    @property
+    def reason(self) -> str:
+        return self.flight.estimate(self.wire.snapshot()).why
 
     def recover_first(self) -> RecoverFirst:
         """Begins a task that takes the control back from the mission first."""
@@ -123,7 +132,7 @@ def take_over(world: World) -> None:
     world.autopilot.mode = "POSCTL"
 
 
-@pytest.mark.parametrize("hidden", [("pose", "velocity"), ("mode",)])
+@pytest.mark.parametrize("hidden", [NO_POSITION, ("mode",)])
 def test_a_pilot_who_takes_it_while_its_position_or_mode_is_lost_keeps_it_though_a_lease_ends(
     world: World, hidden: tuple[str, ...]
 ) -> None:
@@ -150,7 +159,7 @@ def test_who_takes_it_while_its_position_is_lost_ends_the_task_at_once(
         world.run(0.2)
         world.autopilot.mode = world.offer.pause_mode
         world.run(0.2)
-    world.wire.hidden = ("pose", "velocity")
+    world.wire.hidden = NO_POSITION
     world.run(1.0)
     assert world.flight.is_on_mission
     take_over(world)
@@ -164,7 +173,7 @@ def test_who_takes_it_while_its_position_is_lost_ends_the_task_at_once(
     assert error.metadata["by"] == (by or Cause.SAFETY_PILOT).value
 
 
-@pytest.mark.parametrize("hidden", [("pose", "velocity"), ("mode",)])
+@pytest.mark.parametrize("hidden", [NO_POSITION, ("mode",)])
 @pytest.mark.parametrize("is_silent", [False, True])
 def test_a_mission_that_is_not_known_to_be_taken_goes_on_unseen(
     world: World, hidden: tuple[str, ...], is_silent: bool
@@ -179,18 +188,102 @@ def test_a_mission_that_is_not_known_to_be_taken_goes_on_unseen(
     assert world.flight.manoeuvre is world.mission
 
 
-@pytest.mark.parametrize("hidden", [("pose", "velocity"), ("mode",)])
+@pytest.mark.parametrize(("hidden", "before"), [(NO_POSITION, ["hold"]), (("mode",), [])])
 def test_a_mission_that_goes_on_unseen_is_stopped_for_a_lease_once_it_is_seen(
-    world: World, hidden: tuple[str, ...]
+    world: World, hidden: tuple[str, ...], before: list[str]
 ) -> None:
     world.wire.hidden = hidden
     world.run(1.0)
     world.flight.stop_for_lease("its program has released the lease")
     world.run(1.0)
-    assert world.wire.asked == []
+    assert world.wire.asked == before
     world.wire.hidden = ()
     world.run(0.5)
-    assert world.wire.asked == ["take"]
+    assert world.wire.asked == [*before, "take"]
+
+
+def stop_without_position(world: World) -> None:
+    world.wire.hidden = NO_POSITION
+    world.run(1.0)
+    world.flight.stop_for_lease("its program has released the lease")
+    world.run(0.2)
+
+
+def test_without_a_position_the_autopilot_holds_until_ual_takes_it_back(world: World) -> None:
+    """It may last: who flies it is heard all the time."""
+    stop_without_position(world)
+    world.wire.answer()
+    world.autopilot.mode = world.offer.pause_mode
+    world.run(30.0)
+    assert "UAL has stopped its mission: the autopilot holds" in world.reason
+    world.wire.hidden = ()
+    world.run(0.5)
+    assert world.wire.asked == ["hold", "take"]
+    assert world.state is State.FLYING_AUTO
+
+
+def test_a_hold_without_a_position_that_is_refused_is_told_with_what_to_do(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    stop_without_position(world)
+    assert "the autopilot is to hold" in world.reason
+    world.wire.refuse("no position")
+    world.run(1.0)
+    assert "its mission may go on: no position; take over by hand, or select another mode" in world.reason
+    assert [getattr(each, "ual_event", "") for each in caplog.records].count("mission_not_stopped") == 1
+    world.wire.hidden = ()
+    world.run(0.5)
+    assert world.wire.asked == ["hold", "take"]
+
+
+@pytest.mark.parametrize("landed", [LandedState.LANDING, LandedState.TAKING_OFF])
+def test_without_a_position_a_landing_or_a_take_off_goes_on(world: World, landed: LandedState) -> None:
+    world.autopilot.landed = landed
+    stop_without_position(world)
+    assert world.wire.asked == []
+
+
+@pytest.mark.parametrize("is_after_hold", [False, True])
+def test_a_pilot_who_takes_it_after_a_stop_without_a_position_keeps_it(world: World, is_after_hold: bool) -> None:
+    stop_without_position(world)
+    if is_after_hold:
+        world.wire.answer()
+        world.autopilot.mode = world.offer.pause_mode
+        world.run(0.5)
+    world.autopilot.mode, world.autopilot.held_by = "MISSION" if is_after_hold else "POSCTL", Cause.GROUND_STATION
+    world.run(0.5)
+    assert world.flight.manoeuvre is None
+    world.wire.hidden = ()
+    world.run(2.0)
+    assert world.wire.asked == ["hold"]
+    assert world.state is State.FLYING_MANUAL
+
+
+def test_a_hold_of_others_after_a_stop_without_a_position_is_theirs(world: World) -> None:
+    stop_without_position(world)
+    world.autopilot.mode, world.autopilot.held_by = world.offer.pause_mode, Cause.SAFETY_PILOT
+    world.run(0.5)
+    assert world.flight.manoeuvre is None
+
+
+@pytest.mark.parametrize("goes_back", [True, False])
+def test_a_failsafe_for_the_lost_position_is_not_overruled_but_its_mission_is_stopped_after_it(
+    world: World, goes_back: bool
+) -> None:
+    """PX4 goes back to the mission once it has its position again: the stop was refused, or forgotten."""
+    world.wire.hidden = NO_POSITION
+    world.autopilot.mode, world.autopilot.held_by = "DESCEND", Cause.POSITION
+    world.run(5.0)
+    for _ in range(3):  # who aborts repeats it
+        stop = world.flight.mission_stop("abort", world.wire.snapshot())
+        assert stop is not None
+        world.flight.begin(stop.manoeuvre, Order(), world.wire.snapshot())
+        world.run(1.0)
+    if goes_back:
+        world.autopilot.mode, world.autopilot.held_by = "MISSION", None
+    world.wire.hidden = ()
+    world.run(0.5)
+    assert world.wire.asked == (["take"] if goes_back else [])
 
 
 @pytest.mark.parametrize("has_held", [False, True])

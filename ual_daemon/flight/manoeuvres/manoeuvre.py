@@ -57,8 +57,10 @@ class Led:
         mode = snapshot.control.mode
         if mode is not None and self.is_control_taken and mode.value.control is Control.REFERENCES:
             return True
-        is_hold = bool(self.hold_mode) and snapshot.control.mode_name == self.hold_mode
-        return is_hold or self.by_mission(snapshot)
+        if self.hold_mode and snapshot.control.mode_name == self.hold_mode:
+            held_by = snapshot.control.held_by
+            return None if held_by is Cause.OPEN else held_by is None
+        return self.by_mission(snapshot)
 
 
 P = ParamSpec("P")
@@ -126,6 +128,10 @@ class Manoeuvre(ABC):
     stops_mission = ""
     """What it does in the air, human-readable, where it stops a mission; empty otherwise. The autopilot would fly that
     on without it: only a command replaces it."""
+    unseen = ""
+    """What it does while the state is not known, human-readable; empty where nobody needs to be told."""
+    overrules_nobody = False
+    """Whether it sends nothing in a mode to which UAL has not led, whoever has chosen that before it began."""
     why_not_pausable = "only the safety pilot can abort it"
     # Here and not in `__init__`: each setpoint of a stream makes a manoeuvre.
     task: VehicleTask | None = None

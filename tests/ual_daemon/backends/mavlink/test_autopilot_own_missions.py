@@ -25,6 +25,7 @@ from ual.geometry import Twist, Vector3
 from ual.missions import HoldTime, Item, Jump, Land, ReturnToLaunch, Speed, TakeOff, Waypoint
 from ual.missions.plan import LinkLossAction, MissionStage
 from ual.types import State, TaskKind, TaskStatus, Telemetry
+from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 HOME = (47.3977428, 8.5455967)
 SILENT = Faults(is_silent=True)
@@ -506,3 +507,44 @@ def test_a_lease_that_is_taken_stops_it(flight: Flight) -> None:
     flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() < 0.1, "its rest")
     flight.wait_for_state(State.FLYING_AUTO)
     lease.release()
+
+
+def lose_position(flight: Flight) -> None:
+    """UAL does not hear it any more; the autopilot itself has it."""
+    flight.autopilot.builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] = lambda: None
+    flight.wait_for(lambda: "has not said its pose" in flight.uav.telemetry().state_reason, "no position")
+
+
+@pytest.mark.parametrize("how", ["abort", "cancel"])
+def test_it_is_stopped_while_its_position_is_lost(flight: Flight, how: str) -> None:
+    """Nobody could stop it then: both were refused, and it flew on."""
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
+    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    told = flight.autopilot.builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED]
+    lose_position(flight)
+    flight.uav.abort() if how == "abort" else task.cancel()
+    with pytest.raises(TaskAbortedError, match="cancelled"):
+        task.wait(LIMIT_S)
+    flight.wait_for(lambda: "has stopped its mission" in flight.uav.telemetry().state_reason, "its hold")
+    flight.let_pass(20.0)
+    assert place_m(flight)[0] < 60.0
+    flight.autopilot.builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] = told
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode in ("OFFBOARD", "GUIDED"), "the control")
+    flight.wait_for_state(State.FLYING_AUTO)
+    flight.land()
+
+
+@pytest.mark.parametrize("flight", ["ardupilot"], indirect=True)  # PX4's failsafe comes before UAL knows of it
+def test_an_autopilot_that_has_lost_its_position_and_cannot_hold_is_told(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
+    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    flight.when(lambda told: told.state is State.UNINITIALIZED, task.cancel)
+    flight.autopilot.lose_gps()
+    with pytest.raises(TaskAbortedError, match="cancelled"):
+        task.wait(LIMIT_S)
+    flight.first_s(lambda told: "its mission may go on" in told.state_reason and "take over" in told.state_reason)
+    flight.autopilot.find_gps()
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "GUIDED", "the control")
+    flight.wait_for_state(State.FLYING_AUTO)

@@ -16,6 +16,7 @@ from ual.types import State, TaskStatus
 from ual_daemon import UAL
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.mission_items import MissionItem
+from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.missions import MissionTopics, waypoint_of
 
@@ -85,6 +86,25 @@ def test_it_is_paused_resumed_jumped_and_taken_by_the_pilot(flight: Flight) -> N
     with pytest.raises(TaskAbortedError):
         task.wait(LIMIT_S)
     assert flight.uav.state() is State.FLYING_MANUAL
+
+
+def test_it_is_stopped_while_its_position_is_lost(flight: Flight) -> None:
+    flight.fly()
+    flight.uav.mission.upload([at(flight, 300, 0), at(flight, 300, 20)])
+    task = flight.uav.task(flight.uav.mission.start().id)
+    flight.until(lambda: flight.backend.autopilot.place[0] > 3.0)
+    builders = flight.backend.autopilot.builders
+    told = builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED]
+    builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] = lambda: None
+    flight.until(lambda: flight.uav.state() is State.UNINITIALIZED)
+    flight.uav.abort()
+    with pytest.raises(TaskAbortedError, match="cancelled"):
+        task.wait(LIMIT_S)
+    flight.until(lambda: "has stopped its mission" in flight.uav.telemetry().state_reason)
+    builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] = told
+    flight.until(lambda: flight.uav.telemetry().flight_mode in ("OFFBOARD", "GUIDED"))
+    flight.until_state(State.FLYING_AUTO)
+    assert flight.backend.autopilot.place[0] < 60.0
 
 
 @pytest.mark.parametrize(
