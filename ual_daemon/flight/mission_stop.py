@@ -44,16 +44,18 @@ class MissionStop:
             return Handover(AwaitStop(self._by, old.mode_seen, self._modes, self._backend.hold, self.after), _nothing)
         if state in _LANDED:
             return None if self._modes is None else self._stay(self._modes, snapshot)
-        return None if state is State.LANDING else self._take_back(snapshot, is_early=state is State.FLYING_AUTO)
+        return None if state is State.LANDING else self._take_back(snapshot, old, is_early=state is State.FLYING_AUTO)
 
     def _stay(self, modes: tuple[str, str], snapshot: Snapshot) -> Handover:
         stay = StayOnGround(self._by, modes, self._backend.hold, self.after)
         return Handover(stay, partial(stay.send, snapshot))
 
-    def _take_back(self, snapshot: Snapshot, *, is_early: bool) -> Handover:
-        control = self._backend.take_control
-        recover = StopInAir(self._by, self._modes, self._limits.get(), control, self.after, is_early=is_early)
-        return Handover(recover, _nothing if is_early else partial(recover.send, snapshot))
+    def _take_back(self, snapshot: Snapshot, old: Manoeuvre, *, is_early: bool) -> Handover:
+        control, seen, limits = self._backend.take_control, old.mode_seen, self._limits.get()
+        recover = StopInAir(self._by, seen, self._modes, limits, control, self.after, is_early=is_early)
+        # In a mode that was not judged yet, its steps send it.
+        is_judged = seen in ("", snapshot.control.settled_mode) and not is_early
+        return Handover(recover, partial(recover.send, snapshot) if is_judged else _nothing)
 
 
 def _modes_of(mission: Manoeuvre) -> tuple[str, str] | None:

@@ -12,11 +12,12 @@ from tests.ual_daemon.flight.hand_made import STEP_S, Autopilot
 from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import KEPT, Missions
 from ual.errors import RejectedByAutopilotError, TaskAbortedError, WrongStateError
 from ual.geometry import Vector3
+from ual.missions import ReturnToLaunch, Waypoint
 from ual.missions.plan import MissionStage
 from ual.types import State, TaskKind
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.light import LightBackend
-from ual_daemon.backends.offers.missions import MissionReport
+from ual_daemon.backends.offers.missions import KeptMission, MissionReport
 from ual_daemon.backends.values import Cause, Control, LandedState, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight, Order
@@ -73,7 +74,7 @@ class Wire:
 class World:
     """A flight in which the autopilot flies a mission of UAL."""
 
-    def __init__(self, landed: LandedState = LandedState.IN_AIR) -> None:
+    def __init__(self, landed: LandedState = LandedState.IN_AIR, kept: KeptMission = KEPT) -> None:
         self.wire = Wire(landed)
         backend = cast("Backend", self.wire)
         self.limits = CurrentLimits(backend, LimitSettings())
@@ -81,7 +82,7 @@ class World:
         self.flight = Flight(backend, self.limits, geofence)
         self.autopilot = self.wire.autopilot
         task, ends = self.autopilot.task(TaskKind.MISSION), lambda _: pytest.fail("it has not ended")
-        mission = AutopilotMission(task, backend, Missions(), KEPT, 1, None, ends, lambda: None)
+        mission = AutopilotMission(task, backend, Missions(), kept, 1, None, ends, lambda: None)
         self.flight.begin(mission, Order())
         self.mission, self.offer = mission, cast("Missions", mission._offer)
         self.run(0.5)
@@ -346,3 +347,71 @@ def test_a_reference_is_told_whether_the_mission_is_flown_or_being_stopped(
     snapshot = world.wire.snapshot()
     with pytest.raises(WrongStateError, match=text):
         world.flight.begin_reference(Hold(Vector3(0.0, 0.0, 5.0), 0.0), "set_pose", snapshot, Order())
+
+
+# --- The instant in which its own return begins -----------------------------------------------------------------------
+
+
+@pytest.fixture
+def returning() -> World:
+    """A mission whose last item is a return, which the autopilot flies in a mode of its own."""
+    kept = KeptMission((Waypoint(47.0, 8.0, 5.0), ReturnToLaunch()), "1")
+    return World(kept=kept)
+
+
+def abort(world: World, judged: Snapshot) -> None:
+    """As `Commands.abort` does, by a snapshot in which the state was FLYING_AUTO."""
+    stop = world.flight.mission_stop("abort", judged)
+    assert stop is not None
+    world.flight.begin(stop.manoeuvre, Order(), judged)
+    stop.begin()
+
+
+def begin_return(world: World, held_by: Cause | None) -> None:
+    world.autopilot.mode, world.autopilot.held_by = world.offer.return_mode, held_by
+
+
+@pytest.mark.parametrize("is_judged_in_it", [True, False])
+def test_an_abort_as_the_own_return_of_a_mission_begins_stops_it(returning: World, is_judged_in_it: bool) -> None:
+    """It was told as a mode of others, or ended with the landing: PX4, which obeyed all the same, got no references."""
+    judged = returning.wire.snapshot()
+    begin_return(returning, Cause.OPEN)
+    abort(returning, returning.wire.snapshot() if is_judged_in_it else judged)
+    returning.run(0.3)
+    returning.autopilot.held_by, returning.autopilot.landed = Cause.GROUND_STATION, LandedState.LANDING
+    returning.run(0.5)
+    assert returning.flight.is_stopping_mission
+    assert returning.wire.asked[-1] == "take"
+    returning.autopilot.mode, returning.autopilot.control = "OFFBOARD", Control.REFERENCES
+    returning.autopilot.held_by, returning.autopilot.landed = None, LandedState.IN_AIR
+    returning.run(0.5)
+    assert returning.state is State.FLYING_AUTO
+    error = returning.mission.future.exception(0.0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "abort"
+
+
+@pytest.mark.parametrize("landed", [LandedState.IN_AIR, LandedState.LANDING])
+def test_a_return_of_a_failsafe_at_the_last_item_is_not_overruled_by_an_abort(
+    returning: World, landed: LandedState
+) -> None:
+    begin_return(returning, Cause.OPEN)
+    abort(returning, returning.wire.snapshot())
+    returning.run(0.3)
+    returning.autopilot.held_by, returning.autopilot.landed = Cause.BATTERY, landed
+    returning.run(1.0)
+    assert returning.wire.asked == []
+    assert returning.state in (State.FLYING_MANUAL, State.LANDING)
+
+
+def test_an_abort_as_a_mission_begins_its_landing_stops_it(world: World) -> None:
+    judged = world.wire.snapshot()
+    abort(world, judged)
+    world.autopilot.landed = LandedState.LANDING
+    world.run(0.5)
+    assert world.flight.is_stopping_mission
+    world.autopilot.mode, world.autopilot.control = "OFFBOARD", Control.REFERENCES
+    world.autopilot.landed = LandedState.IN_AIR
+    world.run(0.5)
+    assert world.state is State.FLYING_AUTO
+    assert world.flight.is_flown_by_us()

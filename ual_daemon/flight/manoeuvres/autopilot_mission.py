@@ -22,7 +22,7 @@ from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport
-from ual_daemon.backends.values import Control, Snapshot
+from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import (
     Handover,
@@ -184,7 +184,11 @@ class AutopilotMission(Manoeuvre):
             return mode == self._offer.pause_mode
         if self._phase is not _Phase.FLYING:
             return False
+        if mode == self._offer.mode and self.mode_seen != mode:  # it was entered just now
+            return True
         self._item = self._told_item()
+        if self._is_returning(snapshot):
+            return None if snapshot.control.held_by is Cause.OPEN else True  # it may be a failsafe
         return True if self._is_complete(snapshot, self._offer.report()) else self._may_be_complete(snapshot) and None
 
     # --- Steps --------------------------------------------------------------------------------------------------------
@@ -385,24 +389,25 @@ class AutopilotMission(Manoeuvre):
 
     def _unless_flown(self, snapshot: Snapshot) -> Step | None:
         """Returns the end of a mission that the autopilot does not fly any more; None while it does."""
-        mode = snapshot.control.mode
-        assert mode is not None
-        if mode.value.name == self._offer.mode:
+        if _mode(snapshot) == self._offer.mode:
             return None
-        is_return = mode.value.name == self._offer.return_mode or mode.value.control is Control.LAND
-        return None if is_return and self._is_returning(snapshot) else taken(snapshot, NAME)
-
-    def _is_returning(self, snapshot: Snapshot) -> bool:
-        """Whether the return at the end of the mission is what changed the mode; its item may be told later."""
-        if not self._ends_by(ReturnToLaunch) or _is_by_failsafe(snapshot):
-            return False
-        before = [number for number, each in enumerate(self._kept.items, 1) if isinstance(each, MOVING)][:-1]
-        if self._item < len(self._kept.items) and before and self._item < before[-1]:
-            return False
+        if not self._is_returning(snapshot):
+            return taken(snapshot, NAME)
         if self._item < len(self._kept.items):
             self._item = len(self._kept.items)
             self._update_words()
-        return True
+        return None
+
+    def _is_returning(self, snapshot: Snapshot) -> bool:
+        """Whether the return at the end of the mission is what changed the mode; its item may be told later."""
+        mode = snapshot.control.mode
+        assert mode is not None
+        if mode.value.name != self._offer.return_mode and mode.value.control is not Control.LAND:
+            return False
+        if not self._ends_by(ReturnToLaunch) or _is_by_failsafe(snapshot):
+            return False
+        before = [number for number, each in enumerate(self._kept.items, 1) if isinstance(each, MOVING)][:-1]
+        return self._item >= len(self._kept.items) or not before or self._item >= before[-1]
 
     def _pausing(self, snapshot: Snapshot) -> Step:
         assert self.command is not None

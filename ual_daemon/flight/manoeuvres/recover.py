@@ -87,7 +87,7 @@ class Recover(Manoeuvre):
         if estimate.state is State.FLYING_AUTO:
             stop = brake(snapshot, self._limits)
             return Step(stop.setpoint(snapshot), has_ended=True, next_reference=stop)
-        if estimate.state is not self._out_of:
+        if estimate.state is not self._out_of and not self._is_landing_of_mission(estimate.state, snapshot):
             return failed(
                 TaskAbortedError(
                     f"{self.name}: the state became {estimate.state.name}",
@@ -113,6 +113,15 @@ class Recover(Manoeuvre):
         if failure is not None:
             return failed(failure)
         return self._hold(snapshot)
+
+    def _is_landing_of_mission(self, state: State, snapshot: Snapshot) -> bool:
+        """Whether the mission out of which it is taken began to return or to land just now.
+
+        To end there would leave an autopilot without references that obeys all the same.
+        """
+        if state is not State.LANDING or not self.mission:
+            return False
+        return snapshot.control.mode_name == (self._began_in or self.mode_begun) or self.led_to(snapshot) is not False
 
     def _begin_anew(self, snapshot: Snapshot) -> None:
         """Begins in the mode to which UAL itself has led: the command from before it does not hold any more."""

@@ -27,6 +27,7 @@ class StopInAir(Recover):
     def __init__(
         self,
         name: str,
+        seen_mode: str,
         modes: tuple[str, str] | None,
         limits: Limits,
         take_control: Callable[[], Future[None]],
@@ -34,10 +35,16 @@ class StopInAir(Recover):
         *,
         is_early: bool,
     ) -> None:
-        """`modes`: see `AwaitStop`; `is_early`: see `Recover`. `stop` makes what stops the mission in another state."""
+        """`seen_mode` and `modes`: see `AwaitStop`; `is_early`: see `Recover`. `stop` makes what stops the mission in
+        another state.
+        """
         command = AutopilotCommand("take our references")
         super().__init__(command, limits, take_control, lambda _: None, name=name, is_early=is_early)
-        self.modes, self._stop = modes, stop
+        self._seen_mode, self.modes, self._stop = seen_mode, modes, stop
+
+    @override
+    def begins_in(self, mode: str) -> None:
+        super().begins_in(self._seen_mode or mode)  # nothing has judged the present one
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
