@@ -131,7 +131,9 @@ class Missions:
         task_id = info.id if info is not None and info.kind is TaskKind.MISSION else ""
         if report is None:
             return MissionProgress(MissionStage.UNKNOWN, task_id=task_id)
-        return MissionProgress(report.stage, report.item, report.reached, task_id)
+        manoeuvre = self._flight.manoeuvre
+        reached = manoeuvre.reached(report) if isinstance(manoeuvre, AutopilotMission) else report.reached
+        return MissionProgress(report.stage, report.item, reached, task_id)
 
     def require_task(self, command: str) -> str:
         """Returns the identifier of the mission's task.

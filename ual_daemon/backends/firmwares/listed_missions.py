@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import NamedTuple
@@ -30,6 +31,8 @@ class HeardMission(NamedTuple):
     time_s: float
     mission_id: int = 0
     reached: int | None = None
+    reached_s: float = -math.inf
+    """When that was told."""
 
 
 class MissionAccess(NamedTuple):
@@ -111,7 +114,8 @@ class ListedMissions(AutopilotMissions):
         if heard is None or codec is None:
             return None
         reached = None if heard.reached is None else _number(codec, heard.reached)
-        return MissionReport(heard.stage, _number(codec, heard.seq), reached, heard.time_s, heard.mission_id)
+        item = _number(codec, heard.seq)
+        return MissionReport(heard.stage, item, reached, heard.time_s, heard.mission_id, heard.reached_s)
 
     @override
     def set_current(self, items: Sequence[Item], item: int, refusal: Refusal, *, anew: bool) -> Future[None]:

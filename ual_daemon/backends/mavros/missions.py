@@ -55,17 +55,17 @@ class MissionTopics:
     def _on_mission(self, message: Message, now_s: float) -> None:
         self._keep(MissionType.MISSION, message)
         seq = int(message["current_seq"])
-        reached = None if self.heard is None else self.heard.reached
+        reached, reached_s = (None, -math.inf) if self.heard is None else (self.heard.reached, self.heard.reached_s)
         if self._stays_in_mode and reached is not None and seq <= reached:
             reached = None  # it flies there again
-        self.heard = HeardMission(MissionStage.UNKNOWN, seq, now_s, reached=reached)
+        self.heard = HeardMission(MissionStage.UNKNOWN, seq, now_s, reached=reached, reached_s=reached_s)
 
     def _on_reached(self, message: Message, now_s: float) -> None:
         if self.heard is None:
             return
         reached = int(message["wp_seq"])
         stage = MissionStage.COMPLETE if self._is_last(reached) else MissionStage.UNKNOWN
-        self.heard = HeardMission(stage, self.heard.seq, now_s, reached=reached)
+        self.heard = HeardMission(stage, self.heard.seq, now_s, reached=reached, reached_s=now_s)
 
     def _is_last(self, reached: int) -> bool:
         """Whether the mission is over with an item. ArduPilot stays in its mode then, and MAVROS passes no end on."""

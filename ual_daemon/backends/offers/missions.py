@@ -5,6 +5,7 @@ See `ual_daemon.extensions.shipped.missions`.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from concurrent.futures import Future
@@ -30,9 +31,11 @@ class MissionReport:
     Attributes:
         stage: How far it is.
         item: The item that it flies to, or executes, counted from 1; None while that is not known.
-        reached: The item that it reached last, counted from 1; None if none was since it is heard.
+        reached: The item that it reached last, counted from 1, also in a flight of its mission before; None if none was
+            since it is heard.
         time_s: When it was heard last.
         mission_id: Its own checksum of the mission; 0 where it tells none.
+        reached_s: When it told what it reached last.
 
     """
 
@@ -41,6 +44,7 @@ class MissionReport:
     reached: int | None
     time_s: float
     mission_id: int = 0
+    reached_s: float = -math.inf
 
 
 class OnItsOwn(NamedTuple):

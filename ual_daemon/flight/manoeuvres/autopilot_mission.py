@@ -7,6 +7,7 @@ is heard again, its mode and its mission say whether it is still this one.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from enum import Enum, auto
@@ -116,6 +117,8 @@ class AutopilotMission(Manoeuvre):
         self._began_in = ""
         self._was_paused = False
         self._entered_s = 0.0
+        self._begun_s = math.inf if first is not None else -math.inf
+        """When it was entered first, before any pause; infinity until then."""
         self._done_s: float | None = None
         """Since when it is in the mode in which it holds after a mission."""
         self._was_in_air = first is None
@@ -139,6 +142,10 @@ class AutopilotMission(Manoeuvre):
     def item(self) -> int:
         """The item that is flown, counted from 1."""
         return self._item
+
+    def reached(self, report: MissionReport) -> int | None:
+        """Returns the item that was reached last since it began, counted from 1."""
+        return report.reached if report.reached_s > self._begun_s else None
 
     @override
     def replaces(self, old: Manoeuvre) -> None:
@@ -322,6 +329,7 @@ class AutopilotMission(Manoeuvre):
         self.command = AutopilotCommand("fly the mission")
         self._phase, self._waited = _Phase.ENTERING, None
         self._entered_s = snapshot.time_s
+        self._begun_s = min(self._begun_s, snapshot.time_s)
         self._update_words()
         self.command.send(self._offer.fly)
 
@@ -360,7 +368,9 @@ class AutopilotMission(Manoeuvre):
         if _is_by_failsafe(snapshot) and _mode(snapshot) != self._offer.mode:  # it may hold in the mode that follows
             return False
         is_over = report.stage is MissionStage.COMPLETE or (
-            report.reached == self._last_moving and _mode(snapshot) != self._offer.mode
+            report.reached == self._last_moving
+            and report.reached_s > self._entered_s  # not in a flight before
+            and _mode(snapshot) != self._offer.mode
         )
         return is_over and _mode(snapshot) in (self._offer.mode, self._offer.done_mode)
 

@@ -139,6 +139,19 @@ def test_a_mission_that_does_not_land_ends_with_the_uav_held_by_ual(flight: Flig
     flight.land()
 
 
+def test_the_progress_of_a_next_mission_begins_empty(flight: Flight) -> None:
+    """The item that the one before had reached last was told under the identifier of the new task."""
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, 6, 0), at(flight, 6, 6)]))
+    assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+    assert flight.uav.mission.progress().reached == 2
+    task_id = flight.uav.mission.start().id
+    told = flight.uav.mission.progress()
+    assert (told.task_id, told.reached) == (task_id, None)
+    flight.wait_for(lambda: flight.uav.mission.progress().reached == 1, "its first item")
+    assert flight.uav.task(task_id).wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+
+
 def test_a_mission_begins_in_the_air_jumps_and_returns(flight: Flight) -> None:
     flight.take_off()
     items = [at(flight, 6, 0), at(flight, 6, 6), Jump(1, 1), HoldTime(3.0), ReturnToLaunch()]

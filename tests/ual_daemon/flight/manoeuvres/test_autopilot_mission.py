@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 
 import pytest
 
@@ -180,6 +181,33 @@ def test_a_failsafe_that_holds_at_the_last_item_is_no_end_of_the_mission(lab: La
     assert step.is_taken
     assert isinstance(step.error, TaskAbortedError)
     assert step.error.metadata["by"] == "rc failsafe"
+
+
+def test_an_item_that_was_reached_in_a_flight_before_is_none_of_this_one(lab: Lab) -> None:
+    """Whoever held it was then told as its end, and UAL took the control back from them."""
+    lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, 1, 0.0, reached_s=0.0)
+    assert lab.mission.reached(lab.offer.told) is None
+    lab.fly()
+    lab.offer.told = replace(lab.offer.told, time_s=lab.autopilot.time_s)
+    assert lab.mission.reached(lab.offer.told) is None
+    lab.autopilot.mode, lab.autopilot.held_by = lab.offer.done_mode, Cause.GROUND_STATION
+    lab.run()
+    for _ in range(30):
+        step = lab.autopilot.step(lab.mission)
+        assert step.handover is None
+        if step.has_ended:
+            break
+    assert step.is_taken
+
+
+def test_an_item_that_is_reached_is_its_end_where_the_autopilot_holds(lab: Lab) -> None:
+    lab.fly()
+    now_s = lab.autopilot.time_s
+    lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, 1, now_s, reached_s=now_s)
+    assert lab.mission.reached(lab.offer.told) == 1
+    lab.autopilot.mode = lab.offer.done_mode
+    with pytest.raises(NotImplementedError):  # it takes the control back
+        lab.run()
 
 
 def test_a_mission_that_replaces_another_is_never_told_as_flown_by_others(lab: Lab) -> None:

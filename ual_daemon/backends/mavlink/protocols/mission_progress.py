@@ -6,6 +6,7 @@ DO_SET_MISSION_CURRENT: PX4 1.17 does not have that one (navigator_main.cpp, Com
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -28,13 +29,14 @@ TRIES_COUNT = 10
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """The newest of what was heard of the mission: MISSION_CURRENT, and the number of MISSION_ITEM_REACHED."""
+    """The newest of what was heard of the mission: MISSION_CURRENT, and the number and time of MISSION_ITEM_REACHED."""
 
     state: int
     seq: int
     time_s: float
     mission_id: int
     reached: int | None = None
+    reached_s: float = -math.inf
 
 
 class SetCurrent(Exchange[None]):
@@ -137,13 +139,16 @@ class MissionProgress(Protocol):
         self._setting = SetCurrent(future, transmit, shown_by, refusal, self._is_up)
 
     def _on_current(self, message: Message, now_s: float) -> None:
-        reached = None if self.heard is None else self.heard.reached
         state, mission_id = getattr(message, "mission_state", 0), getattr(message, "mission_id", 0)
-        self.heard = Heard(state, message.seq, now_s, mission_id, reached)
+        heard = self.heard
+        if heard is None or heard.mission_id != mission_id:  # what was reached is an item of another mission
+            self.heard = Heard(state, message.seq, now_s, mission_id)
+        else:
+            self.heard = Heard(state, message.seq, now_s, mission_id, heard.reached, heard.reached_s)
         if self._setting is not None:
             self._setting.on_current(message.seq)
 
     def _on_reached(self, message: Message, now_s: float) -> None:
         heard = self.heard
         if heard is not None:
-            self.heard = Heard(heard.state, heard.seq, heard.time_s, heard.mission_id, message.seq)
+            self.heard = Heard(heard.state, heard.seq, heard.time_s, heard.mission_id, message.seq, now_s)

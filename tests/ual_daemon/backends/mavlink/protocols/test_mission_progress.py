@@ -63,9 +63,11 @@ def test_the_newest_word_on_the_mission_is_kept() -> None:
     bench.current(3)
     bench.now_s += 1.0
     bench.reached(3)
-    assert bench.progress.heard == Heard(ACTIVE, 3, 100.0, 5, 3)
+    assert bench.progress.heard == Heard(ACTIVE, 3, 100.0, 5, 3, 101.0)
     bench.current(4)
-    assert bench.progress.heard == Heard(ACTIVE, 4, 101.0, 5, 3)
+    assert bench.progress.heard == Heard(ACTIVE, 4, 101.0, 5, 3, 101.0)
+    bench.current(1, mission_id=6)  # another mission
+    assert bench.progress.heard == Heard(ACTIVE, 1, 101.0, 6)
     bench.progress.drop("the autopilot has booted")
     assert bench.progress.heard is None
 
