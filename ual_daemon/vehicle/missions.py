@@ -63,6 +63,8 @@ class Missions:
         """What the daemon flew before it was restarted, until that is found again or gone."""
         self._finding: Future[KeptMission] | None = None
         self._next_s = -math.inf
+        self.changes_count = 0
+        """How often something was about to be sent that changes the autopilot's mission."""
 
     # --- What is asked for --------------------------------------------------------------------------------------------
 
@@ -82,23 +84,30 @@ class Missions:
         snapshot = self._backend.snapshot()
         mode, armed = snapshot.control.mode_name, snapshot.control.armed
         is_flown = offer is not None and mode and mode == offer.mode and armed is not None and armed.value
-        if is_flown or (self._flight.is_on_mission and not self._flight.is_stopping_mission):
+        is_begun = isinstance(self._flight.manoeuvre, AutopilotMission)  # the autopilot may not be told yet
+        if is_flown or is_begun or (self._flight.is_on_mission and not self._flight.is_stopping_mission):
             text = f"{command}: the autopilot flies a mission now; stop it first (abort), or wait for its end"
             raise WrongStateError(text, {"command": command, "needed": "abort"})
 
     def start(
-        self, offer: AutopilotMissions, kept: KeptMission, first: int, own: OnItsOwn, order: Order
+        self, offer: AutopilotMissions, kept: KeptMission, first: int, own: OnItsOwn, order: Order, changes_count: int
     ) -> VehicleTask:
         """Begins the mission that was read from the autopilot, with an item counted from 1.
+
+        `changes_count` is what it was when the mission had been read.
 
         Raises:
             WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, or it cannot begin there.
             GeofenceError: It leads outside.
             InvalidArgumentError: It has something that UAL does not know; the item is named.
-            TaskAbortedError: Another command, such as an abort, began after `Order.since`.
+            TaskAbortedError: Another command, such as an abort, began after `Order.since`; or another mission was
+                brought meanwhile.
 
         """
         with self._preconditions.logging_refusal(NAME):
+            if changes_count != self.changes_count:
+                text = f"{NAME}: the mission of the autopilot was changed while this one was started: start it again"
+                raise TaskAbortedError(text, {"by": "upload"})
             snapshot = self._require_start(kept.items, first, order.lease_id)
             self.plan(kept.items, first)
             if own.begins_anew and first > 1:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.ual_daemon.stepped import Stepped, stepped
-from ual.errors import TaskAbortedError, UalError
+from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose
 from ual.missions import Item, Waypoint
 from ual.types import TaskInfo, TaskKind
@@ -25,12 +25,15 @@ class MadeUp(AutopilotMissions):
 
     def __init__(self) -> None:
         self.downloaded: Future[KeptMission] = Future()
+        self.own: Future[OnItsOwn] = done(OnItsOwn(None, "it goes on"))
+        self.may_send: Callable[[], UalError | None] = lambda: None
 
     def require(self, items: Sequence[Item]) -> None:
         """Takes any."""
 
     def upload(self, items: Sequence[Item], refusal: Callable[[], UalError | None]) -> Future[KeptMission]:
-        raise NotImplementedError
+        self.may_send = refusal
+        return Future()
 
     def clear(self, refusal: Callable[[], UalError | None]) -> Future[KeptMission]:
         raise NotImplementedError
@@ -50,7 +53,7 @@ class MadeUp(AutopilotMissions):
         return Future()
 
     def on_its_own(self) -> Future[OnItsOwn]:
-        return done(OnItsOwn(None, "it goes on"))
+        return self.own
 
 
 class Lab:
@@ -63,8 +66,15 @@ class Lab:
 
     def read(self) -> None:
         """The autopilot has sent its mission."""
+        self.offer.downloaded.set_result(KeptMission((self.here(),), "1"))
+
+    def here(self) -> Waypoint:
         place: Any = self.uav.vehicle.telemetry().position_geo
-        self.offer.downloaded.set_result(KeptMission((Waypoint(place.latitude_deg, place.longitude_deg, 5.0),), "1"))
+        return Waypoint(place.latitude_deg, place.longitude_deg, 5.0)
+
+    def upload(self) -> None:
+        """Another program does."""
+        VehicleMissions(self.uav.vehicle).upload([self.here()], "")
 
 
 @pytest.fixture
@@ -95,3 +105,28 @@ def test_a_command_that_comes_while_it_is_read_is_not_replaced(
     with pytest.raises(TaskAbortedError, match=f"mission: replaced by {name}, while it was planned"):
         lab.starting.result(0)
     assert lab.uav.vehicle.commands.last_command is before
+
+
+def test_a_mission_is_not_changed_while_its_start_is_under_way(lab: Lab) -> None:
+    """Until the autopilot was in its mode, another program could bring another one, which nothing had checked."""
+    lab.read()
+    assert lab.starting.done()
+    with pytest.raises(WrongStateError, match="the autopilot flies a mission now"):
+        lab.upload()
+
+
+@pytest.mark.parametrize("is_changed", [True, False])
+def test_a_mission_that_is_changed_after_it_was_read_does_not_begin(lab: Lab, is_changed: bool) -> None:
+    lab.upload()
+    assert lab.offer.may_send() is None  # its transfer ends before the mission is read
+    lab.offer.own = Future()
+    lab.read()
+    if is_changed:
+        assert lab.offer.may_send() is None
+    lab.offer.own.set_result(OnItsOwn(None, "it goes on"))
+    if is_changed:
+        with pytest.raises(TaskAbortedError, match="was changed while this one was started"):
+            lab.starting.result(0)
+    assert lab.starting.done()
+    assert (lab.uav.vehicle.telemetry().task is None) is is_changed
+    assert (lab.offer.may_send() is None) is is_changed

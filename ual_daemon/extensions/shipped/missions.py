@@ -80,11 +80,13 @@ class VehicleMissions:
         def on_read(kept: KeptMission) -> Future[TaskInfo]:
             if not kept.items:
                 raise WrongStateError(f"{_START}: the autopilot has no mission; upload one", {"needed": _UPLOAD})
-            return then(offer.on_its_own(), lambda own: begin(kept, own))
+            changes_count = self._vehicle.missions.changes_count
+            return then(offer.on_its_own(), lambda own: begin(kept, own, changes_count))
 
-        def begin(kept: KeptMission, own: OnItsOwn) -> TaskInfo:
+        def begin(kept: KeptMission, own: OnItsOwn, changes_count: int) -> TaskInfo:
             _require_link_loss(on_link_loss, own)
-            return self._vehicle.missions.start(offer, kept, first, own, Order(lease_id, since)).info()
+            order = Order(lease_id, since)
+            return self._vehicle.missions.start(offer, kept, first, own, order, changes_count).info()
 
         return then_wait(offer.download(), on_read)
 
@@ -123,6 +125,8 @@ class VehicleMissions:
         self._vehicle.missions.require_none_flown(command)
 
     def _refusal(self, command: str, lease_id: str) -> UalError | None:
+        """Returns why nothing may be sent now that changes the mission; None if it may. Asked before each message."""
+        self._vehicle.missions.changes_count += 1  # first: a start that begins now either sees it, or is seen
         try:
             self._require_change(command, lease_id)
         except UalError as error:
