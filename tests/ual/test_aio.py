@@ -499,3 +499,24 @@ def test_after_a_command_that_was_cancelled_setpoints_share_a_stream_again(monke
     monkeypatch.setattr("ual.aio._setpoints.STALE_S", LIMIT_S)
     with fake_daemon.running() as daemon:
         run(fly, address=daemon.address)
+
+
+def test_a_wait_that_is_cancelled_as_its_state_comes_is_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        loop = asyncio.get_running_loop()
+        state: asyncio.Future[State] = loop.create_future()
+        has_begun = asyncio.Event()
+
+        async def first_of(_: object) -> State:
+            has_begun.set()
+            return await state
+
+        monkeypatch.setattr(uav, "_first_of", first_of)
+        waiting = asyncio.create_task(uav.wait_for(State.FLYING_AUTO))
+        await has_begun.wait()
+        state.set_result(State.FLYING_AUTO)
+        loop.call_soon(waiting.cancel)  # after the state has come, and before the wait is told
+        await asyncio.wait((waiting,))
+        assert waiting.cancelled()
+
+    run(fly, address="127.0.0.1:1")

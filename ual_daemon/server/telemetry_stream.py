@@ -17,6 +17,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, TypeAlias
 
+from ual.shared.waiting import ends_within
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.server.packing import TelemetryPacker
@@ -204,8 +205,7 @@ class Updates:
 
     async def change(self, timeout_s: float | None = None) -> None:
         """Waits until a state is published, at most for so long."""
-        with suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(self._changed.wait(), timeout_s)
+        await ends_within(self._changed.wait(), timeout_s)
 
     def read(self, rate_hz: float, send: Send) -> Callable[[], None]:
         """Sends samples to a reader from now on, the first at once; see `Reader`. Returns a function that ends it."""

@@ -28,6 +28,7 @@ from ual.errors import UalError
 from ual.interface import DryRun, TaskCommands
 from ual.shared import views
 from ual.shared.time_limit import time_limit
+from ual.shared.waiting import ends_within
 from ual.types import Info, MotionRequest, Plan, State, TaskRequest
 
 if TYPE_CHECKING:
@@ -129,10 +130,10 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         """
         views.require_states(states)
         limit_s = time_limit(timeout_s)
-        try:
-            return await asyncio.wait_for(self._first_of(states), limit_s)
-        except asyncio.TimeoutError:
-            raise views.not_reached(states, await self.telemetry(), limit_s) from None
+        reaching = asyncio.ensure_future(self._first_of(states))
+        if await ends_within(reaching, limit_s):
+            return reaching.result()
+        raise views.not_reached(states, await self.telemetry(), limit_s)
 
     async def _first_of(self, states: Sequence[State]) -> State:
         async with self.subscribe() as samples:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import signal
 import time
 
+from ual.shared.waiting import ends_within
 from ual.types import State
 from ual_tools.launch.flying import Watched
 from ual_tools.launch.log import Log
@@ -139,8 +139,7 @@ class Supervisor:
 
     async def _pause(self, pause_s: float) -> None:
         self._log.note(f"{self.program.name}: starts again" + (f" in {pause_s:g} s" if pause_s else ""))
-        with contextlib.suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(self._stopping.wait(), pause_s or 0.001)
+        await ends_within(self._stopping.wait(), pause_s)
 
     async def _follow(self, process: Process) -> None:
         """Says when it is ready, and follows the UAV of a daemon."""
@@ -154,16 +153,14 @@ class Supervisor:
 
     async def _until_ready(self, process: Process) -> None:
         limit_s = self.program.ready_limit_s
-        try:
-            await asyncio.wait_for(until_ready(self.program, process.pid, process.watch), limit_s)
-        except asyncio.TimeoutError:
+        if not await ends_within(until_ready(self.program, process.pid, process.watch), limit_s):
             self._log.note(f"{self.program.name}: not ready after {limit_s:g} s, ended", is_bad=True)
             await process.stop()
-        else:
-            self.ready.set()
-            self._log.note(f"{self.program.name}: ready")
-            if self.uav is None:
-                self._show("ready")
+            return
+        self.ready.set()
+        self._log.note(f"{self.program.name}: ready")
+        if self.uav is None:
+            self._show("ready")
 
     async def _follow_uav(self, process: Process) -> None:
         if self.uav is None:

@@ -12,11 +12,11 @@ from nav_msgs.msg import Path
 from ual_msgs.msg import Geofence, GeoPosition, Info, Lease, Refusal
 
 import ual
+from ual.shared.waiting import ends_within
 from ual_ros2 import descriptions, routes, topics
 from ual_ros2.messages import Entity, Message
 from ual_ros2.refusals import Refusals
 from ual_ros2.ros_time import RosTime
-from ual_ros2.waiting import ends_within
 
 LOOK_S = 1.0
 """How often the daemon is asked for what is heard. The way is asked for at each new task, too."""

@@ -9,8 +9,8 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 import ual
+from ual.shared.waiting import ends_within
 from ual_ros2.outcome import Outcome
-from ual_ros2.waiting import ends_within
 
 QUIET_S = 0.2
 """After so long without a sample a daemon is asked before a command."""
@@ -80,12 +80,13 @@ async def confirmed(
 
     """
     try:
-        await asyncio.wait_for(_until_ended(running_id, own_id, known_id), limit_s)
-    except (ual.UalError, asyncio.TimeoutError) as error:
-        why = f"{error.reason}: {error.message}" if isinstance(error, ual.UalError) else f"no answer in {limit_s:g} s"
-        text = f"{ended.message}. The daemon has not said that it has ended ({why}): it may still fly. Watch `state`"
-        return Outcome("TIMEOUT", text, ended.metadata)
-    return ended
+        if await ends_within(_until_ended(running_id, own_id, known_id), limit_s):
+            return ended
+        why = f"no answer in {limit_s:g} s"
+    except ual.UalError as error:
+        why = f"{error.reason}: {error.message}"
+    text = f"{ended.message}. The daemon has not said that it has ended ({why}): it may still fly. Watch `state`"
+    return Outcome("TIMEOUT", text, ended.metadata)
 
 
 async def _until_ended(running_id: Callable[[], Awaitable[str]], own_id: str, known_id: str) -> None:

@@ -10,7 +10,6 @@ import sys
 import threading
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import TimeoutError  # noqa: A004 (Python's own from 3.11 on)
-from contextlib import suppress
 from typing import Any
 
 import rclpy
@@ -23,6 +22,7 @@ from rclpy.time_source import CLOCK_TOPIC
 
 import ual
 from ual import discovery
+from ual.shared.waiting import ends_within
 from ual_ros2 import entities
 from ual_ros2 import settings as parameters
 from ual_ros2.frames import Tf
@@ -315,8 +315,7 @@ async def _finish(node: Entity, executor: Entity) -> None:
     loop, has_ended = asyncio.get_running_loop(), asyncio.Event()
     ended = executor.create_task(node.trigger_shutdown)
     ended.add_done_callback(lambda _: loop.call_soon_threadsafe(has_ended.set))
-    with suppress(asyncio.TimeoutError):
-        await asyncio.wait_for(has_ended.wait(), ENDING_S)
+    await ends_within(has_ended.wait(), ENDING_S)
     await asyncio.sleep(ANSWERS_S)
 
 

@@ -9,9 +9,9 @@ from collections.abc import AsyncIterator
 
 import ual
 from ual.corrections import CorrectionsStatus
+from ual.shared.waiting import ends_within
 from ual_ros2 import values
 from ual_ros2.beside.fields import Fields
-from ual_ros2.waiting import ends_within
 
 _log = logging.getLogger(__name__)
 
