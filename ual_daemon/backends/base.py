@@ -166,7 +166,10 @@ class Backend(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Ends everything that `open` began. Once it has returned, `on_update` is not called any more."""
+        """Ends everything that `open` began, and with an error each future that is open (`futures.OpenFutures`).
+
+        Once it has returned, `on_update` is not called any more, and futures that are given end at once.
+        """
 
     @abstractmethod
     def info(self) -> VehicleInfo:

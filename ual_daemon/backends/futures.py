@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
-from ual.errors import UalError, UalTimeoutError
+from ual.errors import LinkLostError, UalError, UalTimeoutError
 
 T = TypeVar("T")
 
@@ -49,6 +50,38 @@ def fail(future: Future[Any], error: BaseException) -> bool:
         return False
     future.set_exception(error)
     return True
+
+
+class OpenFutures:
+    """The futures that a UAV has given and not ended yet: none of them outlives it. From any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._open: dict[Future[Any], str] = {}
+        self._is_closed = False
+
+    def give(self, what: str, begin: Callable[[Future[T]], object]) -> Future[T]:
+        """Returns a future that `begin` has something end. `what` is human-readable: "take a photo"."""
+        future: Future[T] = Future()
+        with self._lock:
+            if self._is_closed:
+                return failed(LinkLostError(f"cannot {what}: this UAV is closed"))
+            self._open[future] = what
+        future.add_done_callback(self._forget)
+        begin(future)
+        return future
+
+    def close(self) -> None:
+        """Ends them with an error. To be called once nothing else ends them."""
+        with self._lock:
+            self._is_closed, left = True, list(self._open.items())
+        for future, what in left:
+            if not future.done():
+                fail(future, LinkLostError(f"cannot {what}: this UAV was closed meanwhile, and it may still be done"))
+
+    def _forget(self, ended: Future[Any]) -> None:
+        with self._lock:
+            self._open.pop(ended, None)
 
 
 def may_be_done(ended: Future[Any]) -> bool:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from concurrent.futures import Future
+from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,9 +22,16 @@ from tests.simulators.lockstep_mavros import LockstepMavros
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
 from tests.waiting import until
-from ual.types import State
+from ual.errors import UalError
+from ual.types import Limits, State
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
+from ual_daemon.backends.offers.cameras import OfferedCameras
+from ual_daemon.backends.offers.fence import AutopilotFenceStore
+from ual_daemon.backends.offers.gimbals import OfferedGimbals
+from ual_daemon.backends.offers.logs import AutopilotLogs
+from ual_daemon.backends.offers.missions import AutopilotMissions
+from ual_daemon.backends.offers.parameters import AutopilotParameters
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.setpoint_sender import LONGEST_BLIND_S
 from ual_daemon.flight.state import estimate
@@ -101,3 +110,39 @@ def test_each_update_says_when_the_backend_last_looked_for_data(watched: Watched
     assert looked_s[-1] > looked_s[0]
     fresh = [update for update in watched.updates[heard_count:] if update.time_s - update.updated_s < LONGEST_BLIND_S]
     assert len(fresh) > 10
+
+
+def test_whatever_is_asked_of_one_that_is_closed_ends(watched: Watched) -> None:
+    watched.until(watched.is_heard)
+    backend = watched.backend
+    backend.close()
+    commands = [backend.arm, backend.disarm, backend.take_control, backend.hold]
+    commands += [lambda: backend.take_off(2.0, Limits()), lambda: backend.land(Limits())]
+    asked: list[Callable[[], Future[Any]]] = [*commands, *offered(backend)]
+    for ask in asked:
+        with suppress(UalError):  # it may be refused at once, too
+            ended = ask()
+            until(ended.done, f"the end of {ask}")
+            ended.exception(0)
+
+
+def offered(backend: Backend) -> Iterator[Callable[[], Future[Any]]]:
+    """Yields what reads or orders something beside flying."""
+    parameters = backend.offer(AutopilotParameters)  # type: ignore[type-abstract]
+    logs = backend.offer(AutopilotLogs)  # type: ignore[type-abstract]
+    missions = backend.offer(AutopilotMissions)  # type: ignore[type-abstract]
+    fence = backend.offer(AutopilotFenceStore)  # type: ignore[type-abstract]
+    cameras = backend.offer(OfferedCameras)  # type: ignore[type-abstract]
+    gimbals = backend.offer(OfferedGimbals)  # type: ignore[type-abstract]
+    if parameters is not None:
+        yield parameters.read_all
+    if logs is not None:
+        yield logs.read_all
+    if missions is not None:
+        yield missions.download
+    if fence is not None:
+        yield fence.read
+    for camera in () if cameras is None else cameras.all():
+        yield from (camera.status, camera.take_photo)
+    for gimbal in () if gimbals is None else gimbals.all():
+        yield gimbal.move_to_neutral

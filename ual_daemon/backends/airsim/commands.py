@@ -53,6 +53,7 @@ class CommandQueue:
     def __init__(self, address: Address, thread_name: str) -> None:
         self._address = address
         self._queue: queue.SimpleQueue[tuple[Action, Future[None]] | None] = queue.SimpleQueue()
+        self._given = futures.OpenFutures()
         self._lock = threading.Lock()
         self._unfinished_count = 0
         self._connection: Connection | None = None
@@ -74,18 +75,22 @@ class CommandQueue:
         The future ends with None, with a RejectedByAutopilotError, or with a LinkLostError where an answer is lost.
         Cancelling it withdraws the command, also between two of its calls.
         """
-        answer: Future[None] = Future()
+        return self._given.give("command the simulator", lambda answer: self._add(action, answer))
+
+    def _add(self, action: Action, answer: Future[None]) -> None:
         self._count(1)
         self._queue.put((action, answer))
-        return answer
 
     def close(self) -> None:
         """Ends the thread; the command that waits for its answer is given up."""
         self._is_closed = True
         self._queue.put(None)
         self.disconnect()
-        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+        if threading.current_thread() is self._thread:
+            return
+        if self._thread.is_alive():
             self._thread.join()
+        self._given.close()
 
     def _run(self) -> None:
         while (submitted := self._queue.get()) is not None and not self._is_closed:
@@ -94,6 +99,7 @@ class CommandQueue:
             self._count(-1)
             futures.end(answer, error)
         self.disconnect()
+        self._given.close()
 
     def _execute(self, action: Action, answer: Future[None]) -> Exception | None:
         """Returns why a command was not done; None if it was."""

@@ -10,6 +10,7 @@ from typing_extensions import override
 
 from ual.errors import LinkLostError
 from ual.parameters.values import Parameter
+from ual_daemon.backends import futures
 from ual_daemon.backends.crazyflie.connecting import ALWAYS_SET, READ
 from ual_daemon.backends.crazyflie.parameter_exchanges import ParameterExchanges
 from ual_daemon.backends.crazyflie.session import Session
@@ -39,10 +40,7 @@ class CrazyflieParameters(AutopilotParameters):
         return self._give(lambda exchanges, future: exchanges.write(parameter, refusal, future))
 
     def _give(self, begin: Callable[[ParameterExchanges, Future[T]], None]) -> Future[T]:
-        future: Future[T] = Future()
-        session = self._session()
+        what, session = "exchange parameters", self._session()
         if session is None or not session.is_connected:
-            future.set_exception(LinkLostError("cannot exchange parameters: no Crazyflie is connected"))
-        else:
-            session.loop.post(lambda _: begin(session.parameters, future))
-        return future
+            return futures.failed(LinkLostError(f"cannot {what}: no Crazyflie is connected"))
+        return session.loop.give(what, lambda future, _: begin(session.parameters, future))

@@ -123,6 +123,7 @@ class DjiBackend(Backend):
         if telemetry is not None and self._session.holding.is_held:
             self._release(telemetry.wrapper.release)
         self._link.close()
+        self._loop.end()
 
     def _release(self, call: Call) -> None:
         answer = self._link.call_service(call.service, call.arguments, _RELEASE_S)

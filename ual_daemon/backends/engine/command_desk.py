@@ -50,9 +50,7 @@ class CommandDesk(Generic[R]):
         if isinstance(runner, UalError):
             return futures.failed(runner)
         asked = Asked.at(self._clock.now_s(), judged() or self._loop.newest)
-        result: Future[None] = Future()
-        self._loop.post(partial(self._submit, what, make, asked, result))
-        return result
+        return self._loop.give(what, partial(self._submit, what, make, asked))
 
     def _submit(
         self, what: str, make: Callable[[], Command[R]], asked: Asked, result: Future[None], now_s: float

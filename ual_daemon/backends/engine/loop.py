@@ -7,16 +7,21 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
+from concurrent.futures import Future
+from typing import Protocol, TypeVar
 
+from ual.errors import UalError
+from ual_daemon.backends import futures
 from ual_daemon.backends.base import Clock, UpdateCallback
-from ual_daemon.backends.engine.contained import Contained
+from ual_daemon.backends.engine.contained import Contained, defect
 from ual_daemon.backends.engine.limits import CATCH_UP_S, SILENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.scheduling_gap import SchedulingGap
 from ual_daemon.backends.values import LinkReport, Snapshot
 
 _log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 TICK_S = 0.05
 """The longest interval between two ticks, and between two updates."""
@@ -57,7 +62,7 @@ def _nothing() -> None:
 
 
 class Loop:
-    """What one vehicle does on a thread. `post`, `newest` and `looked_s` are for any thread, the rest for that one.
+    """What one vehicle does on a thread. `post`, `give`, `newest` and `looked_s` are for any thread, the rest for it.
 
     The thread waits for data by itself. In each round it calls `woke`, has the data taken, and calls `step`. A thread
     with many vehicles does so for each of them.
@@ -86,6 +91,7 @@ class Loop:
         self._wake = wake
         self._watched_s = watched_s
         self._posted: deque[Posted] = deque()
+        self._given = futures.OpenFutures()
         self._gap = SchedulingGap()
         self._failures = OnceLog("an update failed")
         self._contained = Contained("a request")
@@ -97,6 +103,17 @@ class Loop:
         """Has a request called on the loop's thread, with the time, as soon as possible."""
         self._posted.append(request)
         self._wake()
+
+    def give(self, what: str, begin: Callable[[Future[T], float], object]) -> Future[T]:
+        """Returns a future that `begin` has something end. It is posted; an error that it raises ends the future.
+
+        Where the loop has ended, so has the future. `what` is human-readable: "take a photo".
+        """
+        return self._given.give(what, lambda future: self.post(lambda now_s: _begin(what, begin, future, now_s)))
+
+    def end(self) -> None:
+        """Ends all futures that are open. To be called once the thread has ended."""
+        self._given.close()
 
     # --- On the thread ------------------------------------------------------------------------------------------------
 
@@ -206,8 +223,11 @@ class LoopThread:
         """Ends the thread, and waits for that unless the thread itself calls. `wake` ends its wait for data."""
         self._closing.set()
         wake()
-        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+        if threading.current_thread() is self._thread:
+            return
+        if self._thread.is_alive():
             self._thread.join()
+        self._loop.end()
 
     def run(self) -> None:
         """Runs until it is closed."""
@@ -215,7 +235,10 @@ class LoopThread:
             while not self._closing.is_set():
                 self.turn()
         finally:
-            self._on_end()
+            try:
+                self._on_end()
+            finally:
+                self._loop.end()
 
     def turn(self) -> None:
         """Waits for data once, and does what follows."""
@@ -234,6 +257,17 @@ class LoopThread:
             self._loop.publish(now_s)
         except Exception as error:  # noqa: BLE001 - the defect may be in what makes the snapshot
             self._failures.log(error)
+
+
+def _begin(what: str, begin: Callable[[Future[T], float], object], future: Future[T], now_s: float) -> None:
+    if future.done():
+        return  # withdrawn
+    try:
+        begin(future, now_s)
+    except Exception as error:  # noqa: BLE001  logged, and raised to the caller: the link goes on
+        why = error if isinstance(error, UalError) else defect(what, error)
+        if not future.done():
+            futures.fail(future, why)
 
 
 class OnceLog:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from typing import Any
 
 from typing_extensions import override
 
 from ual.cameras import CameraAbility, CameraInfo, CameraStatus
-from ual.errors import NotSupportedError
+from ual.errors import LinkLostError, NotSupportedError
 from ual_daemon.backends import futures
 from ual_daemon.backends.firmwares.triggered_photos import TriggeredPhotos
 from ual_daemon.backends.offers.cameras import OfferedCamera, TakenPhoto
@@ -19,6 +20,8 @@ DIGICAM_CONTROL, TRIGGER_DISTANCE = 203, 206
 
 Order = Callable[[str, int, tuple[float, ...]], Future[None]]
 """Passes a command to the autopilot: with a human-readable name, its id in MAV_CMD, and its parameters."""
+Give = Callable[[str, Callable[[Future[Any]], None]], Future[Any]]
+"""Returns a future that something ends on the thread that receives; see `Loop.give`."""
 
 
 class TriggerCamera(OfferedCamera):
@@ -29,6 +32,7 @@ class TriggerCamera(OfferedCamera):
         trigger: Returns what it has reported; None before the link was opened.
         order: Passes a command to the autopilot.
         post: Has something done on the thread that receives.
+        give: Returns a future that is ended there.
         is_up: Whether the autopilot is heard.
 
     """
@@ -39,12 +43,14 @@ class TriggerCamera(OfferedCamera):
         trigger: Callable[[], TriggeredPhotos | None],
         order: Order,
         post: Callable[[Callable[[], None]], None],
+        give: Give,
         is_up: Callable[[], bool],
     ) -> None:
         self._number = number
         self._trigger = trigger
         self._order = order
         self._post = post
+        self._give = give
         self._is_up = is_up
 
     @property
@@ -78,18 +84,16 @@ class TriggerCamera(OfferedCamera):
     @override
     def take_photo(self) -> Future[TakenPhoto]:
         """Waits for the report, whatever is answered to the order, unless that is refused."""
-        future: Future[TakenPhoto] = Future()
-        trigger = self._trigger()
-        if trigger is not None:
-            self._post(lambda: trigger.await_photo(future))
-        ordered = self._order("take a photo", DIGICAM_CONTROL, (0.0, 0.0, 0.0, 0.0, 1.0))
+        what, trigger = "take a photo", self._trigger()
+        if trigger is None:
+            return futures.failed(LinkLostError(f"cannot {what}: no autopilot is heard"))
+        future: Future[TakenPhoto] = self._give(what, trigger.await_photo)
+        ordered = self._order(what, DIGICAM_CONTROL, (0.0, 0.0, 0.0, 0.0, 1.0))
 
         def on_answer(answered: Future[None]) -> None:
             error = None if answered.cancelled() else answered.exception()
             if error is not None:
                 self._post(lambda: _fail(future, error))
-                if trigger is None:
-                    _fail(future, error)
 
         ordered.add_done_callback(on_answer)
         future.add_done_callback(lambda _: ordered.cancel())

@@ -17,6 +17,7 @@ from ual.interface import Simulation
 from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon._version import __version__
+from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.loop import Loop
@@ -107,6 +108,7 @@ class LightBackend(Backend):
         self._random = random.Random()  # noqa: S311  for noise, not for secrets
         self._noise_sigmas = (settings.position_noise_m, settings.velocity_noise_m_s)
         self._faults = Faults(self.world)
+        self._given = futures.OpenFutures()
         self._late_acks: list[tuple[float, Future[None]]] = []
         self._status_text = ""
         self._loop: Loop | None = None
@@ -155,6 +157,7 @@ class LightBackend(Backend):
     def close(self) -> None:
         self._cameras.close()
         self.world.unlisten(self._index)
+        self._given.close()
 
     @override
     def info(self) -> VehicleInfo:
@@ -284,9 +287,8 @@ class LightBackend(Backend):
 
     def _command(self, command: Command | None, action: Callable[[Vehicles], str | None]) -> Future[None]:
         """Does what a command asks, unless a fault prevents it. Returns the acknowledgement."""
-        ack: Future[None] = Future()
         if self._faults.is_link_lost:
-            return ack
+            return self._late_ack()
         refusal = None if command is None else self._faults.refusal(command)
         if refusal is None:
             with self.world.lock:
@@ -294,15 +296,20 @@ class LightBackend(Backend):
         if refusal is not None:
             self._status_text = refusal
         if command is not None and self._faults.is_ack_lost(command):
-            return ack
+            return self._late_ack()
         delay_s = 0.0 if command is None else self._faults.ack_delay_s(command)
         if refusal is not None:
-            ack.set_exception(RejectedByAutopilotError(f"the autopilot refused: {refusal}", {"text": refusal}))
-        elif delay_s > 0.0:
-            self._late_acks.append((self.world.now_s() + delay_s, ack))
-        else:
-            ack.set_result(None)
-        return ack
+            return futures.failed(RejectedByAutopilotError(f"the autopilot refused: {refusal}", {"text": refusal}))
+        return futures.done() if delay_s <= 0.0 else self._late_ack(self.world.now_s() + delay_s)
+
+    def _late_ack(self, due_s: float = math.inf) -> Future[None]:
+        """Returns the acknowledgement that comes at a time; or never, if that is infinite."""
+
+        def begin(ack: Future[None]) -> None:
+            if due_s < math.inf:
+                self._late_acks.append((due_s, ack))
+
+        return self._given.give("hear the autopilot's answer", begin)
 
     def _why_overtaken(self) -> str | None:
         """Returns that the pilot has changed the mode since a command was judged; None if that did not happen."""

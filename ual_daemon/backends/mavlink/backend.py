@@ -90,13 +90,13 @@ class MavlinkBackend(Backend):
         self._loop: ReceiveLoop | None = None
         self._desk: CommandDesk[CommandLong] | None = None
         self._pictures = HttpPictures(self._settings.picture_hosts)
-        reach = Reach(self._last_session, self._reach, self._post)
+        reach = Reach(self._last_session, self._reach, self._post, self._give)
         parameters, lists = MavlinkParameters(reach), MavlinkLists(reach)
         self._offers = (
             parameters,
             missions_of(reach, lists, parameters, self._fly_mission, lambda: self.snapshot().motion.position_geo),
             fence_of(reach, lists),
-            MavlinkLogs(self._reach, self._post),
+            MavlinkLogs(reach),
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
             MavlinkGripper(reach, lambda what, command: self._command(what, lambda _: command), self._payload_messages),
             MavlinkCameras(self._cameras_found, self._now_s, reach, self._pictures, self._camera_trigger()),
@@ -231,6 +231,7 @@ class MavlinkBackend(Backend):
             lambda: None if self._discovery is None else self._discovery.protocols.cameras.trigger,
             self._order_trigger,
             lambda act: self._post(lambda _: act()),
+            lambda what, begin: self._give(what, lambda _, future: begin(future)),
             lambda: self._session_in_reach(self.clock.now_s()) is not None,
         )
 
@@ -261,6 +262,13 @@ class MavlinkBackend(Backend):
         discovery, loop = self._discovery, self._loop
         if discovery is not None and loop is not None:
             loop.loop.post(lambda _: request(discovery))
+
+    def _give(self, what: str, begin: Callable[[Discovery, Future[T]], object]) -> Future[T]:
+        """Returns a future that is ended on the thread that receives."""
+        discovery, loop = self._discovery, self._loop
+        if discovery is None or loop is None:
+            return futures.failed(self._unheard(what))
+        return loop.loop.give(what, lambda future, _: begin(discovery, future))
 
     def _start(self, connection: Connection, on_update: UpdateCallback) -> None:
         """Starts the thread that receives through a connection."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from typing_extensions import override
 
@@ -67,7 +67,7 @@ class MavrosBackend(Backend):
         self._info = VehicleInfo()
         self._has_news = False
         self._corrections = self._make_corrections(f"{self._settings.node}/{topics.RTCM}")
-        reach = Reach(self._last_session, self._reached, self._post, self._call_slowly, self._ros, self._node)
+        reach = Reach(self._last_session, self._reached, self._give_future, self._call_slowly, self._ros, self._node)
         self._services = Services(reach), Services(reach)
         self._cameras = MavrosCameras(self._camera_means(), is_there=self._settings.has_camera_trigger)
         beside: tuple[MavrosCorrections | MavrosCameras | Services, ...] = (
@@ -105,6 +105,7 @@ class MavrosBackend(Backend):
         return Means(
             lambda order: self._give(order.what, commands.move(order)),
             lambda act: self._post(lambda _: act()),
+            self._give_future,
             why_not,
             self.snapshot,
             lambda: viewpoint_of(self.snapshot(), self.freshness),
@@ -148,9 +149,8 @@ class MavrosBackend(Backend):
     def close(self) -> None:
         if self._link is not None:
             self._link.close()
-        for each in self._services:
-            each.drop("the daemon ends")
-        self._cameras.trigger.drop(LinkLostError("the daemon ends"))
+        if self._loop is not None:
+            self._loop.end()
 
     @override
     def info(self) -> VehicleInfo:
@@ -316,6 +316,12 @@ class MavrosBackend(Backend):
     def _post(self, request: Posted) -> None:
         if self._loop is not None:
             self._loop.post(request)
+
+    def _give_future(self, what: str, begin: Callable[[Future[Any]], None]) -> Future[Any]:
+        """Returns a future that `begin` has something end on the link's thread."""
+        if self._loop is None:
+            return futures.failed(self._why_not(what))
+        return self._loop.give(what, lambda future, _: begin(future))
 
     def _call_slowly(self, service: str, arguments: Message, limit_s: float) -> Future[Message]:
         assert self._link is not None  # a session is in reach

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import threading
+from concurrent.futures import Future
 
 import pytest
 
 from tests.ual_daemon.backends.engine.scripted import Clock, Scripted
+from ual.errors import InvalidArgumentError, LinkLostError
+from ual_daemon.backends import futures
 from ual_daemon.backends.engine.limits import CATCH_UP_S, PAUSE_S, SHOWN_S, SILENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.loop import FAST_TICK_S, TICK_S, Loop, LoopThread
@@ -246,3 +249,47 @@ def test_a_snapshot_that_cannot_be_made_does_not_end_the_thread(caplog: pytest.L
     thread.turn()
     thread.turn()
     assert sum("a defect in what makes it" in str(record.exc_info) for record in caplog.records) == 1
+
+
+def test_what_is_open_at_the_end_and_what_is_given_after_it_ends_with_an_error(setup: Setup) -> None:
+    begun: list[Future[int]] = []
+    waits: Future[int] = setup.loop.give("land", lambda future, _: begun.append(future))
+    ended: Future[int] = setup.loop.give("hold", lambda future, _: futures.finish(future, 7))
+    setup.round(0.05)
+    unbegun: Future[int] = setup.loop.give("arm", lambda future, _: begun.append(future))
+    assert (begun, ended.result(0)) == ([waits], 7)
+    setup.loop.end()
+    setup.loop.end()
+    with pytest.raises(LinkLostError, match=r"^cannot land: this UAV was closed meanwhile, and it may still be done"):
+        waits.result(0)
+    with pytest.raises(LinkLostError, match=r"^cannot arm: this UAV was closed"):
+        unbegun.result(0)
+    with pytest.raises(LinkLostError, match=r"^cannot take a photo: this UAV is closed"):
+        setup.loop.give("take a photo", lambda future, _: begun.append(future)).result(0)
+    setup.round(0.05)
+    assert begun == [waits]
+
+
+def test_what_is_withdrawn_does_not_begin_and_what_fails_ends(setup: Setup) -> None:
+    def fail(_: object, __: float) -> None:
+        raise InvalidArgumentError("no such log")
+
+    begun: list[Future[int]] = []
+    setup.loop.give("land", lambda future, _: begun.append(future)).cancel()
+    failed: Future[None] = setup.loop.give("read its logs", fail)
+    setup.round(0.05)
+    assert not begun
+    with pytest.raises(InvalidArgumentError, match="no such log"):
+        failed.result(0)
+
+
+def test_a_thread_that_ends_or_never_began_leaves_no_future_open(setup: Setup) -> None:
+    for does_begin in (True, False):
+        loop = Loop(setup.vehicle, setup.clock, setup.watch)
+        thread = LoopThread(loop, setup.clock, "test", lambda _: None, lambda _, __: None)
+        if does_begin:
+            thread.open()
+        open_one: Future[None] = loop.give("land", lambda _, __: None)
+        thread.close()
+        with pytest.raises(LinkLostError, match="this UAV was closed"):
+            open_one.result(0)

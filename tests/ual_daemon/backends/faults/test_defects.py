@@ -9,6 +9,7 @@ from unittest.mock import Mock
 
 import pytest
 
+from tests.ual_daemon.backends.engine.test_loop import Setup
 from tests.ual_daemon.backends.faults.craft import Craft
 from tests.ual_daemon.backends.faults.over import over
 from ual.errors import UalError
@@ -73,14 +74,19 @@ def test_a_defect_of_what_is_begun_beside_flying_ends_its_future_only() -> None:
     def fail(*_: object) -> NoReturn:
         raise ZeroDivisionError
 
-    posted: list[Callable[[Any], None]] = []
-    mavlink = mavlink_reach.Reach(lambda: None, lambda _: cast("Any", ()), posted.append)
+    def give(what: str, begin: Callable[[Any, Future[Any]], object]) -> Future[Any]:
+        return setup.loop.give(what, lambda future, _: begin(Mock(), future))
+
+    setup = Setup()
+    mavlink = mavlink_reach.Reach(lambda: None, lambda _: cast("Any", ()), Mock(), give)
     failed: list[Future[None]] = [mavlink.give("read its logs", fail)]
-    mavros = Mock(session_in_reach=lambda _: None, post=posted.append)
+    mavros = Mock(
+        session_in_reach=lambda _: None,
+        give_it=lambda what, begin: give(what, lambda _, future: begin(future)),
+    )
     services = Services(mavros)
     failed.append(services.give("read its logs", fail))
-    for each in posted:
-        each(Mock())
+    setup.round(0.05)
     services.tick(0.0)
     for future in failed:
         with pytest.raises(UalError, match="cannot read its logs: a defect of UAL: ZeroDivisionError"):

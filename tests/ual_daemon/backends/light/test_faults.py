@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from tests.ual_daemon.backends.light.drone import Drone, hold, velocity
-from ual.errors import InvalidArgumentError, RejectedByAutopilotError
+from ual.errors import InvalidArgumentError, LinkLostError, RejectedByAutopilotError
 from ual.geometry import Vector3
 from ual.simulation import (
     AckLate,
@@ -15,6 +15,7 @@ from ual.simulation import (
     Command,
     CommandRefused,
     EstimatorJumps,
+    Fault,
     LinkLost,
     MotorsWeak,
     PositionLost,
@@ -110,6 +111,18 @@ def test_updates_go_on_while_the_link_is_lost(drone: Drone) -> None:
     count = len(drone.snapshots)
     drone.run(0.5)
     assert len(drone.snapshots) - count == round(0.5 / STEP_S)
+
+
+@pytest.mark.parametrize("fault", [AckLost(Command.LAND), AckLate(Command.LAND, delay_s=60.0), LinkLost()])
+def test_an_answer_that_has_not_come_when_it_is_closed_is_an_error(drone: Drone, fault: Fault) -> None:
+    drone.sim.begin_fault(fault)
+    answer = drone.backend.land(Limits())
+    assert not answer.done()
+    drone.backend.close()
+    with pytest.raises(LinkLostError, match="this UAV was closed"):
+        answer.result(0)
+    with pytest.raises(LinkLostError, match="this UAV is closed"):
+        drone.backend.land(Limits()).result(0)
 
 
 def test_the_link_comes_back(drone: Drone) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from hypothesis import given, settings
@@ -15,6 +15,7 @@ from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, hear
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual.gripper import GripperState, WinchAction, WinchStatus
 from ual_daemon.backends.firmwares.gripper_codec import ANSWER_S, UNSENT_S
+from ual_daemon.backends.futures import OpenFutures
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
 from ual_daemon.backends.mavlink.offers.reach import Reach
@@ -25,6 +26,7 @@ from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.gripper import ServoOrder, WinchOrder
 
+T = TypeVar("T")
 GRIPPER, WINCH = mavlink.MAV_CMD_DO_GRIPPER, mavlink.MAV_CMD_DO_WINCH
 SERVO, RELAY, ACTUATOR = mavlink.MAV_CMD_DO_SET_SERVO, mavlink.MAV_CMD_DO_SET_RELAY, mavlink.MAV_CMD_DO_SET_ACTUATOR
 MOVING = (GRIPPER, WINCH, SERVO, RELAY, ACTUATOR)
@@ -41,7 +43,7 @@ class Bench(Harness):
         super().__init__()
         messages = PayloadMessages()
         self.discovery = Discovery(MavlinkSettings(), self.link, "test", self.setpoints, None, messages)
-        reach = Reach(lambda: self.discovery.session, self._reach, lambda act: act(self.discovery))
+        reach = Reach(lambda: self.discovery.session, self._reach, lambda act: act(self.discovery), self._give)
         self.gripper = MavlinkGripper(reach, self._command, messages)
         self.autopilot = autopilot
         self.orders: list[tuple[float, ...]] = []
@@ -71,6 +73,9 @@ class Bench(Harness):
         if self.discovery.session is None or not self.discovery.watch.is_up(self.now_s):
             return LinkLostError(f"cannot {what}: not heard")
         return self.session
+
+    def _give(self, what: str, begin: Callable[[Discovery, Future[T]], object]) -> Future[T]:
+        return OpenFutures().give(what, lambda future: begin(self.discovery, future))
 
     def _command(self, what: str, command: LongCommand) -> Future[None]:
         session, result = self._reach(what), Future[None]()

@@ -22,6 +22,7 @@ from ual.geometry import Pose, Vector3
 from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.futures import OpenFutures
 from ual_daemon.backends.mavros.offers.cameras import AcknowledgedCamera, Means
 from ual_daemon.backends.offers.cameras import Viewpoint
 from ual_daemon.backends.values import LinkState, MotionState, Sample, Snapshot
@@ -183,7 +184,15 @@ def test_what_is_due_while_an_order_waits_is_missed_and_a_boot_ends_it() -> None
         return Viewpoint(boots_count=1)
 
     means = Means(
-        lambda _: Future(), lambda act: act(), lambda _: None, lambda: at(0.0), look, lambda: 1.9e9, bool, int
+        lambda _: Future(),
+        lambda act: act(),
+        OpenFutures().give,
+        lambda _: None,
+        lambda: at(0.0),
+        look,
+        lambda: 1.9e9,
+        bool,
+        int,
     )
     camera = AcknowledgedCamera(order, means)
     camera.start_distance(DISTANCE_M).result(0)

@@ -16,11 +16,11 @@ from ual.errors import InvalidArgumentError, UalError
 from ual.logs.values import Log
 from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.offers.files import has_files
+from ual_daemon.backends.mavlink.offers.reach import Reach
 from ual_daemon.backends.mavlink.protocols.ftp import Entry, Ftp, Steps
 from ual_daemon.backends.mavlink.protocols.ftp_packet import FtpNakError, Nak
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogEntry
-from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.offers.logs import AutopilotLogs
 
 T = TypeVar("T")
@@ -39,18 +39,12 @@ class MavlinkLogs(AutopilotLogs):
     """The logs of one backend.
 
     Args:
-        reach: Returns the session that is in reach, or why none is.
-        post: Has something done on the thread that receives.
+        reach: The way to the thread that receives.
 
     """
 
-    def __init__(
-        self,
-        reach: Callable[[str], Session | UalError],
-        post: Callable[[Callable[[Discovery], None]], None],
-    ) -> None:
+    def __init__(self, reach: Reach) -> None:
         self._reach = reach
-        self._post = post
         self._paths: dict[str, str] = {}
         """Of the last list by MAVFTP: the path of each log."""
 
@@ -62,29 +56,24 @@ class MavlinkLogs(AutopilotLogs):
     def read(self, log_id: str, offset: int, size: int) -> Future[bytes]:
         return self._give(
             lambda files: files.read(self._path(log_id), offset, size),
-            lambda discovery, future: discovery.protocols.logs.read(_number(log_id), offset, size, future),
+            lambda protocols, future: protocols.logs.read(_number(log_id), offset, size, future),
         )
 
     def _give(
-        self, by_files: Callable[[Ftp], Steps[T]], by_numbers: Callable[[Discovery, Future[T]], None]
+        self, by_files: Callable[[Ftp], Steps[T]], by_numbers: Callable[[Protocols, Future[T]], None]
     ) -> Future[T]:
-        future: Future[T] = Future()
-        session = self._reach("read its logs")
+        what = "read its logs"
+        session = self._reach.session_in_reach(what)
         if isinstance(session, UalError):
-            future.set_exception(session)
-            return future
+            return futures.failed(session)
 
-        def begin(discovery: Discovery) -> None:
-            try:
-                if has_files(session):
-                    discovery.protocols.files.run(future, by_files(discovery.protocols.files))
-                else:
-                    by_numbers(discovery, future)
-            except UalError as error:
-                futures.fail(future, error)
+        def begin(protocols: Protocols, future: Future[T]) -> None:
+            if has_files(session):
+                protocols.files.run(future, by_files(protocols.files))
+            else:
+                by_numbers(protocols, future)
 
-        self._post(begin)
-        return future
+        return self._reach.give(what, begin)
 
     def _path(self, log_id: str) -> str:
         if log_id not in self._paths:
@@ -122,7 +111,7 @@ class MavlinkLogs(AutopilotLogs):
             newest = int(text) if text.strip().isdigit() else 0
         return sorted(logs, key=partial(_age, newest))
 
-    def _list_numbers(self, discovery: Discovery, future: Future[list[Log]]) -> None:
+    def _list_numbers(self, protocols: Protocols, future: Future[list[Log]]) -> None:
         entries: Future[list[LogEntry]] = Future()
 
         def on_entries(ended: Future[list[LogEntry]]) -> None:
@@ -134,7 +123,7 @@ class MavlinkLogs(AutopilotLogs):
                 future.set_result([Log(str(each.id), each.size, float(each.time_utc_s) or None) for each in ordered])
 
         entries.add_done_callback(on_entries)
-        discovery.protocols.logs.list(entries)
+        protocols.logs.list(entries)
 
 
 def unknown(log_id: str) -> InvalidArgumentError:

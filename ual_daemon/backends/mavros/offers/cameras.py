@@ -22,7 +22,7 @@ from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.due_photos import DuePhotos
 from ual_daemon.backends.engine.photo_log import PhotoLog
 from ual_daemon.backends.firmwares.gripper_codec import PayloadOrder
-from ual_daemon.backends.firmwares.trigger_camera import NAME, Order, TriggerCamera
+from ual_daemon.backends.firmwares.trigger_camera import NAME, Give, Order, TriggerCamera
 from ual_daemon.backends.firmwares.triggered_photos import TriggeredPhotos
 from ual_daemon.backends.offers.cameras import OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
 from ual_daemon.backends.values import Snapshot
@@ -41,6 +41,7 @@ class Means(NamedTuple):
     Attributes:
         order: Passes an order to the autopilot.
         post: Has something done on the link's thread.
+        give: Returns a future that something ends there.
         why_not: Returns why the autopilot is not reached; None while it is.
         snapshot: Returns what is known now.
         look: Returns from where a picture is taken now.
@@ -52,6 +53,7 @@ class Means(NamedTuple):
 
     order: Callable[[PayloadOrder], Future[None]]
     post: Callable[[Callable[[], None]], None]
+    give: Give
     why_not: Callable[[str], LinkLostError | None]
     snapshot: Callable[[], Snapshot]
     look: Callable[[], Viewpoint]
@@ -157,7 +159,7 @@ class MavrosCameras(OfferedCameras):
         self.trigger = TriggeredPhotos()
         self.trigger.look, self.trigger.utc_s = means.look, means.utc_s
         is_up = self._is_up
-        self._reported = TriggerCamera(_NUMBER, lambda: self.trigger, self._order, means.post, is_up)
+        self._reported = TriggerCamera(_NUMBER, lambda: self.trigger, self._order, means.post, means.give, is_up)
         self._acknowledged = AcknowledgedCamera(self._order, means)
         self._boots_count = 0
 

@@ -14,7 +14,6 @@ from ual.errors import LinkLostError, NotSupportedError, ResourceExhaustedError,
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import caught, pass_on, then_wait
 from ual_daemon.backends.engine.contained import defect
-from ual_daemon.backends.engine.loop import Posted
 from ual_daemon.backends.mavros.session import Session
 from ual_daemon.backends.rosbridge import Message, Ros
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
@@ -34,7 +33,7 @@ class Reach(NamedTuple):
     Attributes:
         session: Returns the session, in reach or not; None before there was one.
         session_in_reach: Returns the session that is in reach, or why none is.
-        post: Has something done on the link's thread.
+        give_it: Returns a future that something ends on the link's thread.
         call: Calls a service of MAVROS, or one of another node by its whole name, with a time limit in seconds.
         ros: Returns the generation of ROS; None while that is not known.
         node: Returns the whole name of MAVROS' node.
@@ -43,7 +42,7 @@ class Reach(NamedTuple):
 
     session: Callable[[], Session | None]
     session_in_reach: Callable[[str], Session | UalError]
-    post: Callable[[Posted], None]
+    give_it: Callable[[str, Callable[[Future[Any]], None]], Future[Any]]
     call: Callable[[str, Message, float], Future[Message]]
     ros: Callable[[], Ros | None]
     node: Callable[[], str]
@@ -67,13 +66,10 @@ class Services:
 
     def give(self, what: str, begin: Callable[[], Future[T]]) -> Future[T]:
         """Returns the future of a job, which `begin` begins in its turn. `what` says human-readably what it does."""
-        future: Future[T] = Future()
         session = self.reach.session_in_reach(what)
         if isinstance(session, UalError):
-            future.set_exception(session)
-        else:
-            self.reach.post(lambda _: self._add(_Job(what, begin, future)))
-        return future
+            return futures.failed(session)
+        return self.reach.give_it(what, lambda future: self._add(_Job(what, begin, future)))
 
     def tick(self, now_s: float) -> None:
         """Begins what is due; to be called often."""
@@ -84,15 +80,6 @@ class Services:
             futures.end(pause)
         while (self._running is None or self._running.future.done()) and self._waiting:
             self._begin(self._waiting.popleft())
-
-    def drop(self, why: str) -> None:
-        """Ends all jobs: the daemon ends."""
-        running = [] if self._running is None else [self._running]
-        for job in (*running, *self._waiting):
-            if not job.future.done():
-                futures.fail(job.future, LinkLostError(f"cannot {job.what}: {why}"))
-        self._waiting.clear()
-        self._pauses.clear()
 
     def pause(self, duration_s: float) -> Future[None]:
         """Returns a future that ends after a while."""

@@ -15,6 +15,7 @@ from ual.geometry import Pose
 from ual_daemon.backends.engine.command import Repeat
 from ual_daemon.backends.firmwares.trigger_camera import TriggerCamera
 from ual_daemon.backends.firmwares.triggered_photos import REPORT_S
+from ual_daemon.backends.futures import OpenFutures
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.offers.cameras import trigger_order
 from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
@@ -34,7 +35,9 @@ class Bench:
         self.trigger.utc_s = lambda: 1.9e9
         self.ordered: list[LongCommand] = []
         self.answers: list[Future[None]] = []
-        self.camera = TriggerCamera(0, lambda: self.trigger, self.order, lambda act: act(), lambda: True)
+        self.camera = TriggerCamera(
+            0, lambda: self.trigger, self.order, lambda act: act(), OpenFutures().give, lambda: True
+        )
 
     def order(self, what: str, command_id: int, params: tuple[float, ...]) -> Future[None]:
         self.ordered.append(trigger_order(what, command_id, params))
