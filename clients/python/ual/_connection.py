@@ -25,6 +25,7 @@ class Connection:
 
     def __init__(self, target: Target) -> None:
         self.target = target
+        target.settle()
         self._lock = threading.Lock()
         self._route: Route | None = None
         self._retired: list[Route] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,9 @@ ADDRESS_VARIABLE = "UAL_ADDRESS"
 NS_VARIABLE = "UAL_NS"
 NS_METADATA_KEY = "ual-ns"
 LEASE_METADATA_KEY = "ual-lease"
+
+SETTLING_S = 0.05
+"""How often it is looked whether the network is known (`Target.is_settled`)."""
 
 CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     # The longest pause between two attempts to connect: a restarted daemon is found again within 500 ms.
@@ -108,6 +112,10 @@ class Route:
 class Followed(Protocol):
     """See `ual.network.followed.Followed`."""
 
+    @property
+    def is_settled(self) -> bool:
+        """Whether the address can be asked for."""
+
     def address(self) -> str:
         """Returns where the UAV is now."""
 
@@ -163,6 +171,16 @@ class Target:
     def shown_ns(self) -> str:
         """The namespace as far as it is known already; for `repr`, which looks nothing up."""
         return self.ns or self._answered_ns
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether `address` can be asked for. Just after the network was joined, the UAV may not have been heard."""
+        return self._followed is None or self._followed.is_settled
+
+    def settle(self) -> None:
+        """Blocks until `address` can be asked for: up to 3 s after the network was joined."""
+        while not self.is_settled:
+            time.sleep(SETTLING_S)
 
     def note_ns(self, ns: str) -> None:
         """Stores the namespace that the daemon says. Requests carry only one that was given."""

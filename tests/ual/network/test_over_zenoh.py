@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import subprocess
 import sys
 import threading
@@ -9,6 +10,7 @@ from collections.abc import Callable
 
 import pytest
 
+import ual
 from tests.ports import free_port
 from tests.ual.network.samples import report, uav
 from tests.ual.network.zenoh_net import ZenohNet, saying
@@ -49,18 +51,33 @@ def test_who_listens_later_hears_who_was_there_before(net: ZenohNet) -> None:
     assert names(network) == ["uav_1"]
 
 
-def test_a_client_of_a_uav_can_be_made_at_once(net: ZenohNet, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else `ual.Uav("uav_1", network=Network())` would fail, unless the report came first."""
+@pytest.mark.parametrize("is_asyncio", [False, True])
+def test_a_client_of_a_uav_can_be_made_at_once(
+    net: ZenohNet, monkeypatch: pytest.MonkeyPatch, is_asyncio: bool
+) -> None:
+    """Else `ual.Uav("uav_1", network=Network())` would fail, unless the report came first. With asyncio it is the first
+    call that waits.
+    """
     monkeypatch.setattr(listening, "_JOIN_S", LIMIT_S)
     net.router()
     told = net.publication()
     network = net.network()
+
+    async def address() -> str:
+        async with ual.aio.Uav("uav_1", network=network) as client:  # it is made while nothing was said
+            saying_later.start()
+            async with client._connection.calling() as route:
+                return route.address
+
     saying_later = threading.Thread(target=lambda: until(lambda: names(network), between=saying(told, report())))
-    saying_later.start()
-    try:
-        assert network.follow("uav_1").address() == uav().addresses[0]
-    finally:
-        saying_later.join()
+    if is_asyncio:
+        found = asyncio.run(address())
+    else:
+        saying_later.start()
+        with ual.Uav("uav_1", network=network) as client:
+            found = client.address
+    saying_later.join()
+    assert found == uav().addresses[0]
 
 
 def test_two_routers_are_one_network(net: ZenohNet) -> None:

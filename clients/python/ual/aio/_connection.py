@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any, TypeVar
 
 import grpc
@@ -12,7 +12,7 @@ import grpc.aio
 
 from ual import _calls, _forks
 from ual._calls import Call
-from ual._target import Route, Stubs, Target
+from ual._target import SETTLING_S, Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
 from ual.wire import rpc_errors
@@ -63,21 +63,22 @@ class Connection:
 
     async def iterate(self, call: Call[T]) -> AsyncIterator[T]:
         """Yields what each response of a stream is. Raises the `UalError` by which the stream ended."""
-        with _calls.traced(call) as more, self.calling() as route:
-            stream = route.stubs.method(call)(call.request, metadata=(*self.target.metadata, *more))
-            try:
-                async for response in stream:
-                    self._was_reached = True
-                    yield call.read(response)
-            except grpc.aio.AioRpcError as error:
-                raise self.error(error) from None
-            finally:
-                stream.cancel()
+        with _calls.traced(call) as more:
+            async with self.calling() as route:
+                stream = route.stubs.method(call)(call.request, metadata=(*self.target.metadata, *more))
+                try:
+                    async for response in stream:
+                        self._was_reached = True
+                        yield call.read(response)
+                except grpc.aio.AioRpcError as error:
+                    raise self.error(error) from None
+                finally:
+                    stream.cancel()
 
     async def stream_telemetry(self, rate_hz: float) -> AsyncIterator[pb.StreamTelemetryResponse]:
         """Yields telemetry until the stream ends. Raises the `UalError` by which it ended."""
         request = pb.StreamTelemetryRequest(rate_hz=rate_hz)
-        with self.calling() as route:
+        async with self.calling() as route:
             call = route.stubs.ual.StreamTelemetry(request, metadata=self.target.metadata)
             try:
                 async for response in call:
@@ -88,9 +89,11 @@ class Connection:
             finally:
                 call.cancel()
 
-    @contextmanager
-    def calling(self) -> Iterator[Route]:
+    @asynccontextmanager
+    async def calling(self) -> AsyncIterator[Route]:
         """Returns the route to where the daemon is now. Its channel stays open until the block is left."""
+        while not self.target.is_settled:  # noqa: ASYNC110  the network's threads set no event of this loop
+            await asyncio.sleep(SETTLING_S)
         route = self._enter()
         try:
             yield route
@@ -160,19 +163,20 @@ class Connection:
         return cancelling() > 0 if cancelling is not None else not self._is_closed  # Python 3.10 has no `cancelling`
 
     async def _run_once(self, call: Call[T], limit_s: float | None) -> T:
-        with _calls.traced(call) as more, self.calling() as route:
-            metadata = (*self.target.metadata, *more)
-            try:
-                begun = route.stubs.method(call)(call.request, timeout=limit_s, metadata=metadata)
-                response = await (_all_of(begun) if call.is_stream else begun)
-            except grpc.aio.AioRpcError as error:
-                raise _calls.in_time(self.error(error), call, limit_s) from None
+        with _calls.traced(call) as more:
+            async with self.calling() as route:
+                metadata = (*self.target.metadata, *more)
+                try:
+                    begun = route.stubs.method(call)(call.request, timeout=limit_s, metadata=metadata)
+                    response = await (_all_of(begun) if call.is_stream else begun)
+                except grpc.aio.AioRpcError as error:
+                    raise _calls.in_time(self.error(error), call, limit_s) from None
         self._was_reached = True
         return call.read(response)
 
     async def _wait_until_back(self, unreachable: DaemonUnreachableError) -> None:
         """Waits for a daemon that answered before: it may be restarting, here or at another address."""
-        with self.calling() as route:
+        async with self.calling() as route:
             try:
                 await route.stubs.ual.GetInfo(
                     pb.GetInfoRequest(), timeout=_calls.RECONNECT_S, metadata=self.target.metadata, wait_for_ready=True

@@ -36,7 +36,7 @@ class Corrections:
         """
         elements = calls.AsyncElements(rtcm, sender)
         connection = self._connection
-        with connection.calling() as route:
+        async with connection.calling() as route:
             method = route.stubs.method_of(Service.CORRECTIONS, calls.METHOD)
             call = method(elements.__aiter__(), metadata=connection.target.metadata)
             try:

@@ -99,7 +99,7 @@ class _Stream:
     async def _write(self) -> None:
         failure: UalError | None = None
         try:
-            with self._connection.calling() as route:
+            async with self._connection.calling() as route:
                 call = getattr(route.stubs.ual, self._kind.method)(metadata=self._connection.target.metadata)
                 try:
                     await self._write_newest(call)

@@ -76,7 +76,7 @@ class Task(KnownTask[Connection]):
             yield self._info
             return
         request = pb.WatchTaskRequest(task_id=self.id, rate_hz=rate_hz)
-        with self._connection.calling() as route:
+        async with self._connection.calling() as route:
             call = route.stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self._connection.target.metadata)
             try:
                 async for response in call:

@@ -33,7 +33,7 @@ class Link:
         timeout_s: float = QUICK_S,
     ) -> Any:  # noqa: ANN401 (the package's own)
         """Makes a call and returns its response; see `ual.extension.Link.call`."""
-        with self._connection.calling() as route:
+        async with self._connection.calling() as route:
             call = getattr(make_stub(route.channel), method)
             try:
                 return await call(request, timeout=timeout_s, metadata=self._connection.target.metadata)
@@ -44,7 +44,7 @@ class Link:
         self, make_stub: Callable[[grpc.aio.Channel], Any], method: str, request: object
     ) -> AsyncIterator[Any]:
         """Yields the responses of a stream until it ends; see `ual.extension.Link.stream`."""
-        with self._connection.calling() as route:
+        async with self._connection.calling() as route:
             call = getattr(make_stub(route.channel), method)(request, metadata=self._connection.target.metadata)
             try:
                 async for response in call:

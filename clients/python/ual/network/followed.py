@@ -17,14 +17,28 @@ class Followed:
         ns: Its name.
         called: Returns the UAVs of a name that are known now.
         where: The network, for errors.
+        is_settled: Returns whether all that are there have told of themselves. Shortly after the network was joined
+            they may not have.
 
     """
 
-    def __init__(self, ns: str, called: Callable[[str], Sequence[NetworkUav]], where: str) -> None:
+    def __init__(
+        self,
+        ns: str,
+        called: Callable[[str], Sequence[NetworkUav]],
+        where: str,
+        is_settled: Callable[[], bool] = lambda: True,
+    ) -> None:
         self._ns = ns
         self._called = called
         self._where = where
+        self._is_settled = is_settled
         self._last: NetworkUav | None = None
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether its address can be asked for: a UAV that is there and was not heard yet would count as missing."""
+        return self._last is not None or self._is_settled()
 
     def address(self) -> str:
         """Returns where it is.

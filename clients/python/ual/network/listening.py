@@ -125,12 +125,8 @@ class Network:
         return found[0]
 
     def follow(self, ns: str) -> Followed:
-        """Returns what says where a UAV is now, at any time; `ual.Uav` uses it.
-
-        Shortly after the construction it waits until all that are there have told of themselves.
-        """
-        self.wait_until_complete(max(0.0, self._since_s + _JOIN_S - time.monotonic()))
-        return Followed(ns, self._called, self.described)
+        """Returns what says where a UAV is now, at any time; `ual.Uav` and `ual.aio.Uav` use it."""
+        return Followed(ns, self._called, self.described, self._is_settled)
 
     @property
     def problems(self) -> Mapping[str, int]:
@@ -172,6 +168,11 @@ class Network:
             for reader in self._readers:
                 if reader is not threading.current_thread():
                     reader.join(_CLOSE_S)
+
+    def _is_settled(self) -> bool:
+        """Whether all that are there have told of themselves, or have had the time for it."""
+        looked_s = time.monotonic() - self._since_s
+        return looked_s >= _JOIN_S or (looked_s >= _LEAST_LOOK_S and self._is_complete)
 
     @property
     def _is_complete(self) -> bool:
