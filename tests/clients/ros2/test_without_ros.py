@@ -19,6 +19,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 import ual
+from tests.waiting import until_async
 from ual.cameras import CameraAbility, CameraInfo, ImageKind
 from ual_ros2 import health
 from ual_ros2.settings import DEFAULTS, settings_of
@@ -102,7 +103,7 @@ class FakePilot:
     """Flies a goal until it is cancelled, and counts what is aborted."""
 
     has_safety_pilot = False
-    newest = LANDING
+    newest: ual.Telemetry | None = LANDING
 
     def __init__(self) -> None:
         self.aborts_count = 0
@@ -118,6 +119,21 @@ class FakePilot:
 
     async def abort(self) -> None:
         self.aborts_count += 1
+
+
+def interface() -> Any:
+    """The interface of one UAV, of whose daemon nothing was heard."""
+    settings = settings_of({name: default for name, (default, _) in DEFAULTS.items()})
+    shared = SimpleNamespace(
+        node=MagicMock(),
+        loop=asyncio.get_running_loop(),
+        settings=settings,
+        time=MagicMock(),
+        tf=MagicMock(),
+        listener=MagicMock(),
+    )
+    shared.node.count_publishers.return_value = 1
+    return part("interface").UavInterface(shared, "uav_1", "")
 
 
 async def run_ready() -> None:
@@ -170,6 +186,93 @@ def test_a_goal_of_which_the_node_cannot_tell_is_not_flown_on() -> None:
         return await asyncio.wait_for(pilot.run.task, 5.0)
 
     assert asyncio.run(flown()).message == "cancelled: the node failed"
+
+
+class WatchedPilot(FakePilot):
+    """Counts how often its newest sample was looked at. There is none at first."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.looked_count = 0
+        self._sample: ual.Telemetry | None = None
+
+    @property
+    def newest(self) -> ual.Telemetry | None:
+        self.looked_count += 1
+        return self._sample
+
+    @newest.setter
+    def newest(self, sample: ual.Telemetry | None) -> None:
+        self._sample = sample
+
+
+def telling(stamp_s: float, task_id: str) -> ual.Telemetry:
+    """A sample of a task that runs."""
+    task = ual.TaskInfo(task_id, ual.TaskKind.GO_TO_WAYPOINT, ual.TaskStatus.RUNNING)
+    return ual.Telemetry(ual.State.FLYING_AUTO, stamp_s=stamp_s, task=task)
+
+
+@pytest.mark.usefixtures("ros")
+def test_a_goal_takes_no_task_as_its_own_that_ran_before_it_was_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a silence the node does not know which one that is. What was told in it may come later."""
+    filled: list[str] = []
+    monkeypatch.setattr(part("values"), "fill_feedback", lambda _, __, task: filled.append(task.id))
+
+    async def flown() -> None:
+        pilot = WatchedPilot()
+        [action] = [each for each in part("flights").ACTIONS if each.name == "go_to_waypoint"]
+        goals = part("goals").Goals(MagicMock(), asyncio.get_running_loop(), "", action, pilot, 1e6)
+        handle = MagicMock(goal_id=SimpleNamespace(uuid=bytes(16)), request=SimpleNamespace(dry_run=False))
+        flying = asyncio.create_task(goals._fly(handle))
+
+        async def told(sample: ual.Telemetry) -> None:
+            pilot.newest, looked_count = sample, pilot.looked_count
+            await until_async(lambda: pilot.looked_count > looked_count + 1)
+
+        await told(telling(9.0, "of another program"))  # it is not sent yet
+        pilot.run.before = part("outcome").Before(10.0, "before")
+        await told(telling(9.5, "even earlier"))
+        await told(telling(10.5, "before"))
+        assert filled == []
+        await told(telling(11.0, "own"))
+        await until_async(lambda: filled)
+        pilot.run.cancel("the node ends")
+        await flying
+
+    asyncio.run(flown())
+    assert set(filled) == {"own"}
+
+
+@pytest.mark.usefixtures("ros")
+@pytest.mark.parametrize("is_dry_run", [False, True])
+def test_the_daemon_is_asked_what_runs_just_before_a_goal_is_sent(is_dry_run: bool) -> None:
+    steps: list[str] = []
+
+    async def telemetry() -> ual.Telemetry:
+        steps.append("asked")
+        return telling(7.0, "before")
+
+    async def provide(_: object) -> None:
+        steps.append("frames")
+
+    async def call(_: object, __: object) -> None:
+        steps.append("sent")
+
+    async def before() -> Any:
+        uav = interface()
+        uav._is_active, uav._frames.provide = True, provide
+        uav._contact = part("contact").Contact(telemetry, 30.0, lambda: 0.0)  # it is heard
+        action = part("command").Action("go_to_waypoint", None, call)
+        run = uav.begin_command(action, SimpleNamespace(dry_run=is_dry_run))
+        assert (await run.task).is_success
+        await uav.close()
+        return run.before
+
+    found = asyncio.run(before())
+    if is_dry_run:
+        assert (found, steps) == (None, ["frames", "sent"])
+    else:
+        assert (found, steps) == (part("outcome").Before(7.0, "before"), ["frames", "asked", "sent"])
 
 
 # --- Services ---------------------------------------------------------------------------------------------------------
@@ -235,13 +338,7 @@ def test_a_camera_that_ends_by_a_mistake_ends_loudly(monkeypatch: pytest.MonkeyP
 @pytest.mark.usefixtures("ros")
 def test_a_part_that_ended_by_a_mistake_is_told_until_the_node_is_started_again() -> None:
     async def told() -> health.Status:
-        loop = asyncio.get_running_loop()
-        settings = settings_of({name: default for name, (default, _) in DEFAULTS.items()})
-        shared = SimpleNamespace(
-            node=MagicMock(), loop=loop, settings=settings, time=MagicMock(), tf=MagicMock(), listener=MagicMock()
-        )
-        shared.node.count_publishers.return_value = 1
-        uav = part("interface").UavInterface(shared, "uav_1", "")
+        loop, uav = asyncio.get_running_loop(), interface()
         work = loop.create_task(_mistaken())
         await asyncio.wait((work,))
         uav._on_work_ended(work)

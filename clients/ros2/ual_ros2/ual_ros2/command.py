@@ -53,3 +53,7 @@ class Action(Command):
     """Whether it flies a task, of which its feedback tells."""
     also: Callable[[Message, Message], bool] = _no_more
     """Fills what the feedback of a goal has beside the task. Returns whether that is known."""
+
+    def flies(self, goal: Message) -> bool:
+        """Returns whether a goal flies a task, and does not only ask what would be flown."""
+        return self.is_task and not getattr(goal, "dry_run", False)

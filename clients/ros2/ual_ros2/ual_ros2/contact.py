@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from typing import Generic, TypeVar
 
 import ual
 from ual.shared.waiting import ends_within
 from ual_ros2.outcome import Outcome
+
+T = TypeVar("T")
 
 QUIET_S = 0.2
 """After so long without a sample a daemon is asked before a command."""
@@ -19,7 +22,7 @@ CONFIRM_S = 5.0
 AGAIN_S = 0.05
 
 
-class Contact:
+class Contact(Generic[T]):
     """The contact to one daemon. Only the event loop calls it.
 
     Args:
@@ -29,7 +32,7 @@ class Contact:
 
     """
 
-    def __init__(self, ask: Callable[[], Awaitable[object]], rate_hz: float, clock: Callable[[], float]) -> None:
+    def __init__(self, ask: Callable[[], Awaitable[T]], rate_hz: float, clock: Callable[[], float]) -> None:
         self._ask = ask
         self._gap_s = 3.0 / rate_hz
         self._clock = clock
@@ -56,14 +59,25 @@ class Contact:
             UalError: It refuses to.
 
         """
-        if self.silent_s <= max(quiet_s, self._gap_s):
-            return
-        if not await ends_within(self._ask(), limit_s):
-            raise ual.DaemonUnreachableError(
-                f"the daemon does not answer within {limit_s:g} s: this is not sent, as it might be flown much later. "
-                "Send it again when `state` tells of the UAV",
-                {"limit_s": f"{limit_s:g}"},
-            )
+        if self.silent_s > max(quiet_s, self._gap_s):
+            await self.asked(limit_s)
+
+    async def asked(self, limit_s: float) -> T:
+        """Returns what the daemon answers within a time.
+
+        Raises:
+            DaemonUnreachableError: It does not answer.
+            UalError: It refuses to.
+
+        """
+        asking = asyncio.ensure_future(self._ask())
+        if await ends_within(asking, limit_s):
+            return asking.result()
+        raise ual.DaemonUnreachableError(
+            f"the daemon does not answer within {limit_s:g} s: this is not sent, as it might be flown much later. "
+            "Send it again when `state` tells of the UAV",
+            {"limit_s": f"{limit_s:g}"},
+        )
 
 
 async def confirmed(

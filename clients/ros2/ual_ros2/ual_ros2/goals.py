@@ -13,7 +13,7 @@ import ual
 from ual_ros2 import contact, outcome, values
 from ual_ros2.command import Action
 from ual_ros2.messages import Entity, Message
-from ual_ros2.outcome import Outcome, Run
+from ual_ros2.outcome import Before, Outcome, Run
 
 CANCELLED_BY = "the ROS client"
 
@@ -77,7 +77,7 @@ class Goals:
     def _goes_on_without_caller(self, goal_handle: Entity) -> bool:
         """Whether it takes off or lands. A goal that only asks does not, whatever flies meanwhile."""
         newest = self._pilot.newest
-        if not self._action.is_task or getattr(goal_handle.request, "dry_run", False):
+        if not self._action.flies(goal_handle.request):
             return False
         return not self._action.can_be_cancelled or (newest is not None and newest.state is ual.State.LANDING)
 
@@ -90,47 +90,46 @@ class Goals:
             flying.cancel(CANCELLED_BY)
 
     async def _fly(self, goal_handle: Entity) -> Message:
-        before = self._pilot.newest
-        known_id = "" if before is None or before.task is None else before.task.id
         flying = self._pilot.begin_command(self._action, goal_handle.request)
         self._flying[_key(goal_handle)] = flying
         try:
-            task_id = await self._give_feedback(goal_handle, flying.task, known_id)
+            task_id = await self._give_feedback(goal_handle, flying)
         finally:
             flying.cancel("the node failed")  # of one that has ended, this does nothing
             del self._flying[_key(goal_handle)]
         ended = flying.task.result()
-        if self._action.is_task and _is_cancelled(ended):
-            ended = await contact.confirmed(ended, self._pilot.running_id, task_id, known_id)
+        if flying.before is not None and _is_cancelled(ended):  # else nothing was sent
+            ended = await contact.confirmed(ended, self._pilot.running_id, task_id, flying.before.task_id)
         result = await self._end(goal_handle, ended)
         if self._action.is_task:
             result.task_id = result.task_id or task_id
         return result
 
-    async def _give_feedback(self, goal_handle: Entity, task: asyncio.Task[Outcome], known_id: str) -> str:
+    async def _give_feedback(self, goal_handle: Entity, flying: Run) -> str:
         """Publishes how the task stands until it has ended; returns its identifier, which is empty where none was seen.
 
-        The task that ran before the goal is not its own, nor is one that has replaced it.
+        A task that ran before the goal was sent is not its own, nor is one that has replaced it.
         """
         feedback, own_id = self._action.kind.Feedback(), ""
-        while not task.done():
-            await asyncio.wait((task,), timeout=self._feedback_s)
+        while not flying.task.done():
+            await asyncio.wait((flying.task,), timeout=self._feedback_s)
             is_known = True
             if self._action.is_task:
-                own_id, is_known = self._fill(feedback, known_id, own_id)
+                own_id, is_known = self._fill(feedback, flying.before, own_id)
             if is_known and self._action.also(feedback, goal_handle.request):
                 goal_handle.publish_feedback(feedback)
         return own_id
 
-    def _fill(self, feedback: Message, known_id: str, own_id: str) -> tuple[str, bool]:
+    def _fill(self, feedback: Message, before: Before | None, own_id: str) -> tuple[str, bool]:
         """Returns the identifier of the goal's own task, and whether it is that which runs."""
         sample = self._pilot.newest
-        if sample is None or sample.task is None or sample.task.id == known_id:
+        task = None if before is None else before.later_task(sample)
+        if sample is None or task is None:
             return own_id, False
-        own_id = own_id or sample.task.id
-        if sample.task.id == own_id:
-            values.fill_feedback(feedback, sample, sample.task)
-        return own_id, sample.task.id == own_id
+        own_id = own_id or task.id
+        if task.id == own_id:
+            values.fill_feedback(feedback, sample, task)
+        return own_id, task.id == own_id
 
     async def _end(self, goal_handle: Entity, ended: Outcome) -> Message:
         if ended.is_success:

@@ -19,7 +19,7 @@ from ual_ros2 import outcome, topics, values
 from ual_ros2.about import About
 from ual_ros2.beside.everything import Beside
 from ual_ros2.cameras import Cameras
-from ual_ros2.command import Command
+from ual_ros2.command import Action, Command
 from ual_ros2.contact import Contact
 from ual_ros2.flights import ACTIONS, SERVICES
 from ual_ros2.frames import Frames, Tf
@@ -28,7 +28,7 @@ from ual_ros2.health import Said
 from ual_ros2.lateness import BEAT_S, COMMAND_S, SETPOINT_S, Lateness, Pulse, steady_s
 from ual_ros2.listener import Listener
 from ual_ros2.messages import Entity, Message
-from ual_ros2.outcome import Outcome, Run
+from ual_ros2.outcome import Before, Outcome, Run
 from ual_ros2.ros_time import RosTime
 from ual_ros2.services import LateService
 from ual_ros2.setpoints import Given, Newest, Setpoint, send_given
@@ -254,7 +254,7 @@ class UavInterface:
 
     def begin_command(self, command: Command, request: Message, sent_s: float = 0.0) -> Run:
         """Begins a command, which `end` ends. It was sent at a time of UTC (0: not known)."""
-        run = Run(lambda: self._perform(command, request, sent_s), request)
+        run = Run(lambda: self._perform(command, request, sent_s, run), request)
         self._commands.add(run)
         run.task.add_done_callback(lambda task: self._on_ended(command, run, task.result()))
         return run
@@ -273,7 +273,7 @@ class UavInterface:
             return outcome.fill_trigger(response, ended)
         return outcome.fill(response, ended, KeyValue)
 
-    async def _perform(self, command: Command, request: Message, sent_s: float) -> Mapping[str, Message]:
+    async def _perform(self, command: Command, request: Message, sent_s: float, run: Run) -> Mapping[str, Message]:
         if not self._is_active:
             raise ual.WrongStateError("the node is not active: activate it (ros2 lifecycle set)", {"needed": "active"})
         is_of_the_present = command.needs_lease and not command.may_be_late
@@ -283,6 +283,8 @@ class UavInterface:
             self._require_present(sent_s)
             await self._contact.require(COMMAND_S)
         await self._frames.provide(command.frames(request))
+        if isinstance(command, Action) and command.flies(request):
+            run.before = Before.of(await self._contact.asked(COMMAND_S) if is_of_the_present else self._newest)
         if is_of_the_present:  # still, after the daemon and the frames were waited for
             self._require_present(sent_s)
         for stamp in command.stamps(request):

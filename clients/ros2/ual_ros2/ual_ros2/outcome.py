@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import math
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import ual
 from ual_ros2 import naming
@@ -54,10 +56,42 @@ class Outcome:
         return cls(error.reason, naming.in_text(error.message, field, named), {**error.metadata, "field": named})
 
 
+class Before(NamedTuple):
+    """What a daemon said just before a goal was sent: what it told earlier, and the task that ran then, are not the
+    goal's.
+
+    Attributes:
+        stamp_s: When, in UTC.
+        task_id: The task; empty where none ran.
+
+    """
+
+    stamp_s: float = -math.inf
+    task_id: str = ""
+
+    @classmethod
+    def of(cls, sample: ual.Telemetry | None) -> Before:
+        """Returns what a sample says; None: nothing is known."""
+        if sample is None:
+            return cls()
+        return cls(sample.stamp_s, "" if sample.task is None else sample.task.id)
+
+    def later_task(self, sample: ual.Telemetry | None) -> ual.TaskInfo | None:
+        """Returns the task that a sample tells of, if it has begun since then."""
+        task = None if sample is None or sample.stamp_s < self.stamp_s else sample.task
+        return None if task is None or task.id == self.task_id else task
+
+
 class Run:
-    """A command under way. However it ends, its `task` returns an outcome: the caller in ROS always gets an answer."""
+    """A command under way. However it ends, its `task` returns an outcome: the caller in ROS always gets an answer.
+
+    Attributes:
+        before: What the daemon said just before the task was sent; None while it was not sent.
+
+    """
 
     def __init__(self, begin: Callable[[], Awaitable[Mapping[str, Message]]], request: Message | None = None) -> None:
+        self.before: Before | None = None
         self._request = request
         self._by = ""
         self._has_begun = False
