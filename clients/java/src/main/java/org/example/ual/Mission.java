@@ -46,6 +46,9 @@ public final class Mission {
   /** For calls that the daemon answers at once. */
   private static final long ANSWER_LIMIT_MS = 5_000;
 
+  /** For the first call: meanwhile the JVM loads the classes of gRPC, and the channel connects. */
+  private static final long FIRST_ANSWER_LIMIT_MS = 30_000;
+
   /** For the safety pilot. */
   private static final long ARM_LIMIT_MS = 60_000;
 
@@ -103,7 +106,7 @@ public final class Mission {
   }
 
   private void run() throws Exception {
-    var info = within(ANSWER_LIMIT_MS).getInfo(GetInfoRequest.getDefaultInstance());
+    var info = within(FIRST_ANSWER_LIMIT_MS).getInfo(GetInfoRequest.getDefaultInstance());
     System.out.printf("%s: backend %s, UAL %s%n", info.getNamespace(), info.getBackend(), info.getUalVersion());
     waitUntilArmed();
 
