@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 from ual.errors import LinkLostError, UalError, UalTimeoutError
 
@@ -57,7 +58,8 @@ class OpenFutures:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._open: dict[Future[Any], str] = {}
+        # Weak: those of commands that others have replaced stay open, and are forgotten with the last who waits.
+        self._open: WeakKeyDictionary[Future[Any], str] = WeakKeyDictionary()
         self._is_closed = False
 
     def give(self, what: str, begin: Callable[[Future[T]], object]) -> Future[T]:

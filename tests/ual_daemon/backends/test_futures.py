@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from concurrent.futures import Future
 
 import pytest
 
-from ual.errors import UalError, UalTimeoutError
+from ual.errors import LinkLostError, UalError, UalTimeoutError
 from ual_daemon.backends import futures
 
 
@@ -33,3 +35,17 @@ def test_a_result_is_returned() -> None:
     future: Future[int] = Future()
     future.set_result(7)
     assert futures.wait(future, 0.0, "it is late") == 7
+
+
+def test_what_nobody_waits_for_any_more_is_not_kept_until_the_uav_is_closed() -> None:
+    """Commands that others have replaced stay open."""
+    given = futures.OpenFutures()
+    kept: Future[None] = given.give("land", lambda _: None)
+    replaced: Future[None] = given.give("hold", lambda _: None)
+    forgotten = weakref.ref(replaced)
+    del replaced
+    gc.collect()
+    assert forgotten() is None
+    given.close()
+    with pytest.raises(LinkLostError, match="cannot land: this UAV was closed"):
+        kept.result(0.0)
