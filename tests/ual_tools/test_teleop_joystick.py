@@ -195,7 +195,8 @@ def test_without_a_joystick_the_command_says_so(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.delenv("UAL_NS", raising=False)
     result = CliRunner().invoke(cli, ["teleop", "joystick"])
     assert (result.exit_code, result.stderr) == (1, "ual: no joystick is connected\n")
-    assert CliRunner().invoke(cli, ["teleop", "joystick", "--list"]).stdout == ""
+    listed = CliRunner().invoke(cli, ["teleop", "joystick", "--list"])
+    assert (listed.exit_code, listed.stdout, listed.stderr) == (0, "", "no joystick is connected\n")
 
 
 def test_a_wrong_file_is_wrong_usage(tmp_path: Path) -> None:

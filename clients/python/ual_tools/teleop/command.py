@@ -121,7 +121,10 @@ def _load_layout(file: Path) -> Layout:
 
 
 def _list(joysticks: Joysticks) -> None:
-    for device in joysticks.list():
+    found = joysticks.list()
+    if not found:
+        note("no joystick is connected")
+    for device in found:
         click.echo(f"{device.index}\t{device.name}\t{'known' if device.is_mapped else 'needs --map'}")
 
 
