@@ -181,7 +181,7 @@ def test_health_is_that_of_the_uav(gateway: str) -> None:
     ("ns", "code", "message"),
     [
         ("uav_9", grpc.StatusCode.NOT_FOUND, "the gateway knows no UAV of the namespace uav_9"),
-        (None, grpc.StatusCode.NOT_FOUND, "the gateway has many UAVs: say which one by the metadata ual-ns"),
+        (None, grpc.StatusCode.NOT_FOUND, "the gateway has many UAVs: name one (`ual --ns`, else the metadata ual-ns)"),
         ("uav_1", grpc.StatusCode.UNAVAILABLE, "the gateway cannot reach the daemon of uav_1 at 127.0.0.1:1"),
     ],
 )
