@@ -27,6 +27,7 @@ def case() -> Case:
 
 
 def test_a_uav_is_there_once_its_daemon_is_present_and_has_told(case: Case) -> None:
+    assert not case.roster.is_complete  # on a busy computer nothing may have been heard yet
     case.roster.on_alive(source(), 10.0)
     assert case.names() == []
     assert not case.roster.is_complete

@@ -141,7 +141,10 @@ class Network:
         return f"site {self.settings.site}, {where}"
 
     def wait_until_complete(self, timeout_s: float = _JOIN_S) -> bool:
-        """Waits until each daemon that is there has told of all its UAVs. Returns whether that was so in time."""
+        """Waits until each daemon that is there has told of all its UAVs, or for the whole time where none is there.
+
+        Returns whether that was so in time.
+        """
         return self.wait_for(
             lambda _: time.monotonic() - self._since_s >= _LEAST_LOOK_S and self._is_complete, timeout_s
         )

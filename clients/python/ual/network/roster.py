@@ -121,8 +121,9 @@ class Roster:
 
     @property
     def is_complete(self) -> bool:
-        """Whether each process that is there has told of all its UAVs."""
-        return all(each.is_complete for each in self._processes.values() if each.gone_s is None)
+        """Whether each process that is there has told of all its UAVs. None may have been heard yet: that is not so."""
+        there = [each for each in self._processes.values() if each.gone_s is None]
+        return bool(there) and all(each.is_complete for each in there)
 
     def uavs(self) -> tuple[NetworkUav, ...]:
         """Returns all UAVs by name and number. One name is there more than once where several daemons tell of it."""
