@@ -7,6 +7,7 @@ there on Earth when the autopilot's local frame moves, or is lost; see `LocalFra
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -34,6 +35,9 @@ from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Motion, Waypoint
 
 _DIFFERENCE_S = 0.01
+_UPSIDE_DOWN, _LEVEL = math.sin(math.radians(90.0) / 2.0) ** 2, math.sin(math.radians(20.0) / 2.0) ** 2
+"""Of a rotation, x² + y² is the square of the sine of half its tilt. The pose of another UAV, which one may follow, is
+tilted, but not upside down."""
 
 _log = logging.getLogger(__name__)
 
@@ -170,12 +174,31 @@ class FrameResolver:
             raise validation.refuse(field, f"{goal!r} is neither a PoseStamped nor a Pose")
         validation.require_type(goal.pose, Pose, f"{field}.pose")
         self._require_frame(goal.frame_id, field)
-        return Goal(
-            validation.position(goal.pose.position, f"{field}.pose.position"),
-            validation.orientation(goal.pose.orientation, f"{field}.pose.orientation"),
-            goal.frame_id or self.tree.odom,
-            f"{field}.pose.position",
-        )
+        frame_id = goal.frame_id or self.tree.odom
+        position = validation.position(goal.pose.position, f"{field}.pose.position")
+        rotation = validation.orientation(goal.pose.orientation, f"{field}.pose.orientation")
+        if rotation is not None and rotation.x * rotation.x + rotation.y * rotation.y > _UPSIDE_DOWN:
+            self._require_order(rotation, frame_id, f"{field}.pose.orientation")
+        return Goal(position, rotation, frame_id, f"{field}.pose.position")
+
+    def _require_order(self, rotation: Quaternion, frame_id: str, field: str) -> None:
+        """Refuses an orientation upside down that is level in the order w, x, y, z, in a frame whose z is up."""
+        x, y, z, w = rotation
+        if y * y + z * z <= _LEVEL and self._is_upright(frame_id):
+            tilt_deg = math.degrees(2.0 * math.asin(min(1.0, math.hypot(x, y))))
+            given = f"({x:g}, {y:g}, {z:g}, {w:g})"
+            text = f"{given} is tilted by {tilt_deg:.0f} degrees, and level as w, x, y, z: the order is x, y, z, w"
+            raise validation.refuse(field, text)
+
+    def _is_upright(self, frame_id: str) -> bool:
+        """Whether a frame is known to be level; the UAV's is, for commands."""
+        tree = self.tree
+        top = tree.body if tree.is_below_body(frame_id) else tree.odom if tree.is_below_odom(frame_id) else MAP
+        try:
+            x, y, _, _ = tree.lookup(top, frame_id, None).rotation
+        except WrongStateError:
+            return False
+        return x * x + y * y <= _LEVEL
 
     def point(self, point: PointStamped, field: str) -> Goal:
         """Validates a point as a goal without a heading. Raises as `goal`."""
