@@ -267,6 +267,20 @@ def test_a_hold_of_others_after_a_stop_without_a_position_is_theirs(world: World
     assert world.flight.manoeuvre is None
 
 
+def test_a_mission_that_ends_after_its_hold_was_refused_is_none_of_others(world: World) -> None:
+    """PX4 holds at the end in the mode of the hold; nobody of UAL has commanded that of late."""
+    world.offer.pause_mode = world.offer.done_mode
+    stop_without_position(world)
+    world.wire.refuse("no position")
+    world.run(1.0)
+    world.offer.told = MissionReport(MissionStage.COMPLETE, 1, 1, world.autopilot.time_s + 0.1)
+    world.autopilot.mode, world.autopilot.held_by = world.offer.done_mode, Cause.GROUND_STATION
+    world.run(5.0)
+    world.wire.hidden = ()
+    world.run(0.5)
+    assert world.wire.asked == ["hold", "take"]
+
+
 @pytest.mark.parametrize("goes_back", [True, False])
 def test_a_failsafe_for_the_lost_position_is_not_overruled_but_its_mission_is_stopped_after_it(
     world: World, goes_back: bool

@@ -411,8 +411,7 @@ class AutopilotMission(Manoeuvre):
     def _is_returning(self, snapshot: Snapshot) -> bool:
         """Whether the return at the end of the mission is what changed the mode; its item may be told later."""
         mode = snapshot.control.mode
-        assert mode is not None
-        if mode.value.name != self._offer.return_mode and mode.value.control is not Control.LAND:
+        if mode is None or (mode.value.name != self._offer.return_mode and mode.value.control is not Control.LAND):
             return False
         if not self._ends_by(ReturnToLaunch) or _is_by_failsafe(snapshot):
             return False

@@ -54,13 +54,13 @@ class Led:
 
     def to(self, snapshot: Snapshot) -> bool | None:
         """Returns whether UAL led to the present mode; see `LedTo`."""
-        mode = snapshot.control.mode
-        if mode is not None and self.is_control_taken and mode.value.control is Control.REFERENCES:
+        control = snapshot.control
+        if control.mode is not None and self.is_control_taken and control.mode.value.control is Control.REFERENCES:
             return True
-        if self.hold_mode and snapshot.control.mode_name == self.hold_mode:
-            held_by = snapshot.control.held_by
-            return None if held_by is Cause.OPEN else held_by is None
-        return self.by_mission(snapshot)
+        is_hold = bool(self.hold_mode) and control.mode_name == self.hold_mode
+        if is_hold and control.held_by in (None, Cause.OPEN):
+            return None if control.held_by is Cause.OPEN else True
+        return self.by_mission(snapshot)  # it may hold at its end, too
 
 
 P = ParamSpec("P")

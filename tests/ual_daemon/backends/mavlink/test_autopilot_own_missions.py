@@ -23,7 +23,7 @@ from ual.errors import (
 )
 from ual.geometry import Twist, Vector3
 from ual.missions import HoldTime, Item, Jump, Land, ReturnToLaunch, Speed, TakeOff, Waypoint
-from ual.missions.plan import LinkLossAction, MissionStage
+from ual.missions.plan import LinkLossAction, MissionProgress, MissionStage
 from ual.types import State, TaskKind, TaskStatus, Telemetry
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -145,9 +145,14 @@ def test_the_progress_of_a_next_mission_begins_empty(flight: Flight) -> None:
     task = flight.uav.task(start(flight, [at(flight, 6, 0), at(flight, 6, 6)]))
     assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
     assert flight.uav.mission.progress().reached == 2
+    first_id, begun = task.id, list[MissionProgress]()
+    flight.when(
+        lambda told: told.task is not None and told.task.id != first_id,
+        lambda: begun.append(flight.uav.mission.progress()),
+    )
     task_id = flight.uav.mission.start().id
-    told = flight.uav.mission.progress()
-    assert (told.task_id, told.reached) == (task_id, None)
+    flight.wait_for(lambda: bool(begun), "its task")
+    assert (begun[0].task_id, begun[0].reached) == (task_id, None)
     flight.wait_for(lambda: flight.uav.mission.progress().reached == 1, "its first item")
     assert flight.uav.task(task_id).wait(LIMIT_S).status is TaskStatus.SUCCEEDED
 
@@ -522,27 +527,28 @@ def test_a_lease_that_is_taken_stops_it(flight: Flight) -> None:
     lease.release()
 
 
-def lose_position(flight: Flight) -> None:
-    """UAL does not hear it any more; the autopilot itself has it."""
-    flight.autopilot.builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] = lambda: None
-    flight.wait_for(lambda: "has not said its pose" in flight.uav.telemetry().state_reason, "no position")
-
-
 @pytest.mark.parametrize("how", ["abort", "cancel"])
 def test_it_is_stopped_while_its_position_is_lost(flight: Flight, how: str) -> None:
     """Nobody could stop it then: both were refused, and it flew on."""
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
     flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
-    told = flight.autopilot.builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED]
-    lose_position(flight)
-    flight.uav.abort() if how == "abort" else task.cancel()
+    builders, message_id = flight.autopilot.builders, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+    stopped_at: list[float] = []
+
+    def stop() -> None:
+        stopped_at.append(place_m(flight)[0])
+        flight.uav.abort() if how == "abort" else task.cancel()
+
+    flight.when(lambda told: "has not said its pose" in told.state_reason, stop)
+    told = builders[message_id]
+    builders[message_id] = lambda: None  # the autopilot itself has its position
     with pytest.raises(TaskAbortedError, match="cancelled"):
         task.wait(LIMIT_S)
     flight.wait_for(lambda: "has stopped its mission" in flight.uav.telemetry().state_reason, "its hold")
     flight.let_pass(20.0)
-    assert place_m(flight)[0] < 60.0
-    flight.autopilot.builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] = told
+    assert place_m(flight)[0] < stopped_at[0] + 40.0
+    builders[message_id] = told
     flight.wait_for(lambda: flight.uav.telemetry().flight_mode in ("OFFBOARD", "GUIDED"), "the control")
     flight.wait_for_state(State.FLYING_AUTO)
     flight.land()
