@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
+from ual.errors import UalError
 from ual.types import State
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
@@ -50,9 +51,16 @@ class MissionStop:
         stay = StayOnGround(self._by, modes, self._backend.hold, self.after)
         return Handover(stay, partial(stay.send, snapshot))
 
+    def _hold_instead(self, refused: UalError, old: Manoeuvre) -> Handover:
+        hold = AwaitStop(self._by, old.mode_seen, self._modes, self._backend.hold, self.after, refused)
+        hold.led = old.leads()
+        return Handover(hold, _nothing)
+
     def _take_back(self, snapshot: Snapshot, old: Manoeuvre, *, is_early: bool) -> Handover:
         control, seen, limits = self._backend.take_control, old.mode_seen, self._limits.get()
-        recover = StopInAir(self._by, seen, self._modes, limits, control, self.after, is_early=is_early)
+        recover = StopInAir(
+            self._by, seen, self._modes, limits, control, self.after, self._hold_instead, is_early=is_early
+        )
         # In a mode that was not judged yet, its steps send it.
         is_judged = seen in ("", snapshot.control.settled_mode) and not is_early
         return Handover(recover, partial(recover.send, snapshot) if is_judged else _nothing)

@@ -128,6 +128,14 @@ def world() -> World:
     return made
 
 
+def abort(world: World, judged: Snapshot) -> None:
+    """As `Commands.abort` does, by a snapshot in which the state was FLYING_AUTO."""
+    stop = world.flight.mission_stop("abort", judged)
+    assert stop is not None
+    world.flight.begin(stop.manoeuvre, Order(), judged)
+    stop.begin()
+
+
 def take_over(world: World) -> None:
     """The pilot does."""
     world.autopilot.mode = "POSCTL"
@@ -363,6 +371,55 @@ def test_a_reference_is_told_whether_the_mission_is_flown_or_being_stopped(
         world.flight.begin_reference(Hold(Vector3(0.0, 0.0, 5.0), 0.0), "set_pose", snapshot, Order())
 
 
+@pytest.mark.parametrize("is_held", [True, False])
+def test_a_mission_out_of_which_the_autopilot_does_not_give_the_control_is_held_by_itself(
+    world: World, is_held: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The abort had been taken, and the mission was flown on, as one of others."""
+    abort(world, world.wire.snapshot())
+    world.wire.refuse("it takes no setpoints")
+    world.run(0.3)
+    assert world.wire.asked == ["take", "hold"]
+    assert "the autopilot is to hold" in world.reason
+    if is_held:
+        world.wire.answer()
+        world.autopilot.mode = world.offer.pause_mode
+    else:
+        world.wire.refuse("it does not hold")
+    world.run(0.5)
+    assert world.wire.asked == ["take", "hold"]
+    assert world.flight.manoeuvre is None
+    assert world.state is State.FLYING_MANUAL
+    told = " ".join(str(getattr(each, "ual_fields", "")) for each in caplog.records)
+    assert "it takes no setpoints" in told
+    assert ("the autopilot holds its position by itself instead" in told) is is_held
+    assert ("recover_from_manual tries again" in told) is not is_held
+
+
+def test_a_pilot_who_takes_a_mission_that_is_to_hold_by_itself_keeps_it(world: World) -> None:
+    abort(world, world.wire.snapshot())
+    world.wire.refuse("it takes no setpoints")
+    world.run(0.3)
+    world.autopilot.mode, world.autopilot.held_by = "POSCTL", Cause.SAFETY_PILOT
+    world.run(1.0)
+    assert world.wire.asked == ["take", "hold"]
+    assert world.flight.manoeuvre is None
+
+
+def test_a_mission_that_is_to_hold_by_itself_is_stopped_unseen_too(world: World) -> None:
+    abort(world, world.wire.snapshot())
+    world.wire.refuse("it takes no setpoints")
+    world.run(0.3)
+    world.wire.hidden = NO_POSITION
+    world.wire.answer()
+    world.autopilot.mode = world.offer.pause_mode
+    world.run(5.0)
+    assert "has stopped its mission" in world.reason
+    world.wire.hidden = ()
+    world.run(0.5)
+    assert world.wire.asked == ["take", "hold"]
+
+
 # --- The instant in which its own return begins -----------------------------------------------------------------------
 
 
@@ -371,14 +428,6 @@ def returning() -> World:
     """A mission whose last item is a return, which the autopilot flies in a mode of its own."""
     kept = KeptMission((Waypoint(47.0, 8.0, 5.0), ReturnToLaunch()), "1")
     return World(kept=kept)
-
-
-def abort(world: World, judged: Snapshot) -> None:
-    """As `Commands.abort` does, by a snapshot in which the state was FLYING_AUTO."""
-    stop = world.flight.mission_stop("abort", judged)
-    assert stop is not None
-    world.flight.begin(stop.manoeuvre, Order(), judged)
-    stop.begin()
 
 
 def begin_return(world: World, held_by: Cause | None) -> None:

@@ -14,7 +14,7 @@ from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.values import LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind, with_advice
 from ual_daemon.flight.manoeuvres.recover import TAKES_BACK
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.flight.policy.jumps import Jump
@@ -23,6 +23,9 @@ from ual_daemon.tracker.references import Reference
 
 StopIn: TypeAlias = Callable[[State, Snapshot, Manoeuvre], Handover | None]
 """Returns what stops a mission in a state, after a manoeuvre; None where nothing has to."""
+
+HoldInstead: TypeAlias = Callable[[UalError, Manoeuvre], Handover]
+"""Returns what has the autopilot hold by itself where it did not give UAL the control, by the error that says why."""
 
 _log = logging.getLogger(__name__)
 
@@ -35,6 +38,7 @@ _REMEDY = (
     "take over by hand, or select another mode at the ground station; abort tries again, and UAL stops it once its "
     "state is known"
 )
+_REMEDY_SEEN = "take over by hand, or select another mode at the ground station; recover_from_manual tries again"
 _LEFT_ALONE = (
     f"after {LONGEST_GAP_S:g} s the flight may be another's, so the mission is not stopped any more: look who flies it"
 )
@@ -60,15 +64,20 @@ class AwaitStop(Manoeuvre):
         modes: tuple[str, str] | None,
         hold: Callable[[], Future[None]],
         stop: StopIn,
+        refused: UalError | None = None,
     ) -> None:
         """`seen_mode` is the one in which what it replaces was seen last; empty if it never was. `modes` are those in
         which the autopilot flies the mission and holds; None where UAL takes the control back already. `hold` commands
-        it to hold its position. `stop` makes what stops the mission.
+        it to hold its position. `stop` makes what stops the mission. `refused` is why UAL could not take the
+        control: the autopilot is to hold by itself, also where it is seen.
         """
         super().__init__(name, None)
         self._seen_mode, self.modes = seen_mode, modes
-        self._hold, self._stop = hold, stop
-        self._has_held = self._is_refused = False
+        self._hold, self._stop, self._refused = hold, stop, refused
+        if refused is not None:
+            self.mission = "the autopilot is to hold: it has not given UAL the control back from its mission"
+        self._has_held = False
+        self._failure: UalError | None = None
         self._began_in = ""
         self._seen_s: float | None = None
 
@@ -88,6 +97,8 @@ class AwaitStop(Manoeuvre):
             return taken(snapshot, self.name)
         if is_own is None or estimate.state is State.TAKING_OFF:
             return Step()
+        if self._refused is not None and self.modes is not None and estimate.state is State.FLYING_MANUAL:
+            return self._hold_seen(self._refused, self.modes, snapshot)
         if self.command is not None:
             self.command.withdraw()  # it must not be sent again after what follows it
         handover = self._stop(estimate.state, snapshot, self)
@@ -113,6 +124,12 @@ class AwaitStop(Manoeuvre):
             self._hold_unseen(*self.modes, snapshot)
         return False
 
+    def _hold_seen(self, refused: UalError, modes: tuple[str, str], snapshot: Snapshot) -> Step:
+        self._hold_unseen(*modes, snapshot)
+        if self._has_held:
+            return failed(with_advice(refused, "the autopilot holds its position by itself instead"))
+        return Step() if self._failure is None else failed(with_advice(refused, f"{self._failure}; {_REMEDY_SEEN}"))
+
     def _hold_unseen(self, flies: str, holds: str, snapshot: Snapshot) -> None:
         mode, armed, landed = snapshot.control.mode_name, snapshot.control.armed, snapshot.control.landed
         if mode == holds:
@@ -126,11 +143,10 @@ class AwaitStop(Manoeuvre):
                 self.led.hold_mode = holds
             self.command, self.unseen = AutopilotCommand("hold its position"), _HOLDING
             self.command.send(self._hold, snapshot)
-        failure = self.command.failure(snapshot)
-        if failure is not None and not self._is_refused:
-            self._is_refused = True
-            self.unseen = f"its mission may go on: {failure}; {_REMEDY}"
-            logs.event(_log, logging.ERROR, "mission_not_stopped", why=str(failure), remedy=_REMEDY)
+        if self._failure is None and (failure := self.command.failure(snapshot)) is not None:
+            self._failure, self.unseen = failure, f"its mission may go on: {failure}; {_REMEDY}"
+            remedy = _REMEDY if self._refused is None else _REMEDY_SEEN
+            logs.event(_log, logging.ERROR, "mission_not_stopped", why=str(failure), remedy=remedy)
 
     def _is_own(self, snapshot: Snapshot) -> bool | None:
         """Whether UAL has led to the present mode, and not others; None while that may still be told."""

@@ -10,7 +10,7 @@ from typing_extensions import override
 from ual.types import Limits, State
 from ual_daemon.backends.values import Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvres.await_stop import StopIn
+from ual_daemon.flight.manoeuvres.await_stop import HoldInstead, StopIn
 from ual_daemon.flight.manoeuvres.manoeuvre import Step
 from ual_daemon.flight.manoeuvres.recover import TAKES_BACK, Recover
 from ual_daemon.flight.state import Estimate
@@ -32,15 +32,17 @@ class StopInAir(Recover):
         limits: Limits,
         take_control: Callable[[], Future[None]],
         stop: StopIn,
+        hold_instead: HoldInstead,
         *,
         is_early: bool,
     ) -> None:
         """`seen_mode` and `modes`: see `AwaitStop`; `is_early`: see `Recover`. `stop` makes what stops the mission in
-        another state.
+        another state, and `hold_instead` what follows where the control is not given.
         """
         command = AutopilotCommand("take our references")
         super().__init__(command, limits, take_control, lambda _: None, name=name, is_early=is_early)
         self._seen_mode, self.modes, self._stop = seen_mode, modes, stop
+        self._hold_instead = hold_instead
 
     @override
     def begins_in(self, mode: str) -> None:
@@ -52,7 +54,11 @@ class StopInAir(Recover):
             handover = self._stop(estimate.state, snapshot, self)
             if handover is not None:
                 return Step(handover=handover)
-        return super().step(snapshot, estimate)
+        step = super().step(snapshot, estimate)
+        flies_on = self.modes is not None and snapshot.control.mode_name == self.modes[0]
+        if step.error is None or step.is_taken or not flies_on or estimate.state is not State.FLYING_MANUAL:
+            return step
+        return Step(handover=self._hold_instead(step.error, self))
 
     def _is_flown(self, snapshot: Snapshot) -> bool:
         """Whether the autopilot may still fly the mission, in the mode in which it did."""

@@ -11,8 +11,8 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.simulators import Faults, Px4
-from tests.simulators.ardupilot import BRAKE
-from tests.simulators.px4 import LOITER
+from tests.simulators.ardupilot import BRAKE, GUIDED
+from tests.simulators.px4 import LOITER, OFFBOARD
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.errors import (
     GeofenceError,
@@ -567,3 +567,24 @@ def test_an_autopilot_that_has_lost_its_position_and_cannot_hold_is_told(flight:
     flight.autopilot.find_gps()
     flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "GUIDED", "the control")
     flight.wait_for_state(State.FLYING_AUTO)
+
+
+def test_one_that_does_not_give_the_control_is_held_by_the_autopilot(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
+    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    autopilot: Any = flight.autopilot
+    is_px4 = isinstance(autopilot, Px4)
+    name, refused, holds = ("request_mode", OFFBOARD, "AUTO.LOITER") if is_px4 else ("set_mode", GUIDED, "BRAKE")
+    enter = getattr(autopilot, name)
+    monkeypatch.setattr(autopilot, name, lambda mode: mode != refused and enter(mode))
+    flight.uav.abort()
+    with pytest.raises(TaskAbortedError, match="cancelled"):
+        task.wait(LIMIT_S)
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode == holds, "its hold")
+    flight.wait_for_state(State.FLYING_MANUAL)
+    monkeypatch.undo()
+    flight.uav.recover_from_manual()
+    flight.land()
