@@ -116,6 +116,8 @@ class AutopilotMission(Manoeuvre):
         """What the phase waits for."""
         self._began_in = ""
         self._was_paused = False
+        self._trouble = ""
+        """Why the last pause has failed."""
         self._entered_s = 0.0
         self._begun_s = math.inf if first is not None else -math.inf
         """When it was entered first, before any pause; infinity until then."""
@@ -187,9 +189,9 @@ class AutopilotMission(Manoeuvre):
         mode = _mode(snapshot)
         if self._phase is _Phase.ENTERING:
             return mode == self._offer.mode
-        if self._phase is _Phase.PAUSING:
+        if self._phase is _Phase.PAUSING and not self._is_returning(snapshot):
             return mode == self._offer.pause_mode
-        if self._phase is not _Phase.FLYING:
+        if self._phase not in (_Phase.FLYING, _Phase.PAUSING):
             return False
         if mode == self._offer.mode and self.mode_seen != mode:  # it was entered just now
             return True
@@ -247,7 +249,7 @@ class AutopilotMission(Manoeuvre):
         """After a long silence the flight may be another's: whether the mission is still this one is read anew."""
         heard_s, before_s = snapshot.heard_s, self._heard_s
         self._heard_s = heard_s
-        self._task.note = ""
+        self._task.note = self._trouble
         if heard_s is None or before_s is None or heard_s - before_s <= LONGEST_GAP_S:
             return
         if self._phase is _Phase.FLYING:
@@ -356,7 +358,7 @@ class AutopilotMission(Manoeuvre):
         if (step := self._unless_flown(snapshot)) is not None:
             return step
         if self._task.is_paused:
-            self.command = AutopilotCommand("hold its position")
+            self.command, self._trouble = AutopilotCommand("hold its position"), ""
             self._phase, self._began_in = _Phase.PAUSING, _mode(snapshot)
             self.command.send(self._backend.hold)
         return Step()
@@ -425,10 +427,20 @@ class AutopilotMission(Manoeuvre):
             self._phase, self._began_in, self._was_paused = _Phase.PAUSED, mode, True
             self.mission = self.mission.replace("flies our mission", "holds on our mission")
             return Step()
-        if mode != self._began_in:
+        if mode != self._began_in and not self._is_returning(snapshot):
             return taken(snapshot, NAME)
         failure = self.command.failure(snapshot)
-        return Step() if failure is None else failed(with_advice(failure, "the autopilot flies on"))
+        if mode != self._began_in:  # it has begun its own return: the hold is commanded anew
+            self._phase = _Phase.FLYING
+        elif failure is not None:
+            self._go_on_unpaused(failure)
+        return Step()
+
+    def _go_on_unpaused(self, failure: UalError) -> None:
+        """The autopilot does not hold. The task goes on with its mission, so that it can be aborted."""
+        self._phase, self._task.is_paused = _Phase.FLYING, False
+        self._trouble = f"it could not be paused: {failure}"
+        logs.event(_log, logging.WARNING, "mission_not_paused", task_id=self._task.id, why=str(failure))
 
     def _paused(self, snapshot: Snapshot) -> Step:
         if (step := self._unless_ours(snapshot)) is not None:

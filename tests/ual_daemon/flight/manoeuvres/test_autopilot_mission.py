@@ -9,9 +9,9 @@ from dataclasses import replace
 import pytest
 
 from tests.ual_daemon.flight.hand_made import Autopilot
-from ual.errors import TaskAbortedError, UalError
+from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalError
 from ual.geometry import Vector3
-from ual.missions import Item, Waypoint
+from ual.missions import Item, ReturnToLaunch, Waypoint
 from ual.missions.plan import MissionStage
 from ual.types import TaskKind
 from ual_daemon.backends.base import BackendOptions
@@ -75,13 +75,14 @@ class Lab:
         self.autopilot = Autopilot(control=Control.REFERENCES, landed=LandedState.IN_AIR, mode="OFFBOARD")
         self.offer = Missions()
         self.task = self.autopilot.task(TaskKind.MISSION)
+        self.kept = KEPT
         self.mission = self.make()
 
     def make(self) -> AutopilotMission:
         """Makes a mission that begins with its first item."""
         backend = LightBackend(BackendOptions("uav_1", settings={"speed_factor": 0}))
         reference = Hold(Vector3(1.0, 2.0, 3.0), 0.0)
-        return AutopilotMission(self.task, backend, self.offer, KEPT, 1, reference, self._take_back, lambda: None)
+        return AutopilotMission(self.task, backend, self.offer, self.kept, 1, reference, self._take_back, lambda: None)
 
     def _take_back(self, task: VehicleTask) -> TakeBack:
         raise NotImplementedError
@@ -162,6 +163,39 @@ def test_one_that_is_paused_is_not_told_to_fly_on_in_a_silence(lab: Lab) -> None
     lab.task.is_paused = False  # it is read again once it is seen
     lab.run()
     assert lab.task.note.endswith("; the autopilot holds by itself")
+
+
+def test_a_pause_that_is_refused_leaves_the_task_with_the_mission(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The task ended, and the mission was flown on as one of others, which nobody could abort."""
+    refused: Future[None] = Future()
+    refused.set_exception(RejectedByAutopilotError("it does not hold"))
+    lab.fly()
+    monkeypatch.setattr(lab.mission._backend, "hold", lambda: refused)
+    lab.task.is_paused = True
+    lab.run()
+    assert not lab.task.is_paused
+    assert "it could not be paused: it does not hold" in lab.task.info().description
+    monkeypatch.setattr(lab.mission._backend, "hold", lambda: done(None))
+    lab.pause()
+    assert "could not be paused" not in lab.task.info().description
+
+
+@pytest.mark.parametrize("held_by", [None, Cause.GROUND_STATION, Cause.BATTERY])
+def test_a_pause_as_its_own_return_begins_holds_the_return(lab: Lab, held_by: Cause | None) -> None:
+    """It was told as taken by a ground station. A failsafe's return is not held."""
+    lab.kept = KeptMission((*KEPT.items, ReturnToLaunch()), "1")
+    lab.mission = lab.make()
+    lab.fly()
+    lab.task.is_paused = True
+    lab.run()
+    lab.autopilot.mode, lab.autopilot.held_by = lab.offer.return_mode, held_by
+    if held_by is Cause.BATTERY:
+        assert lab.autopilot.step(lab.mission).is_taken
+        return
+    lab.run()
+    lab.autopilot.held_by = None
+    lab.enter("PAUSE")
+    assert lab.mission.mission.startswith("the autopilot holds on our mission: item 2")
 
 
 def test_others_who_take_it_while_it_is_paused_end_it(lab: Lab) -> None:
