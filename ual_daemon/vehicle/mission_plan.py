@@ -75,9 +75,11 @@ class _Walk:
         """The legs that were checked: what jumps repeat is not checked again."""
 
     def plan(self, order: Sequence[int]) -> MissionPlan:
+        here_m = self._here.z - self._ground_z_m
         for index in order:
             self._item(index)
-        return MissionPlan(self._length_m, self._duration_s, min(self._heights_m), max(self._heights_m), len(order))
+        heights_m = self._heights_m or [here_m]  # it may begin with an item that leads to no place
+        return MissionPlan(self._length_m, self._duration_s, min(heights_m), max(heights_m), len(order))
 
     def _item(self, index: int) -> None:
         item = self._items[index]

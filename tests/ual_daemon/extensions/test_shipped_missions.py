@@ -11,7 +11,7 @@ import pytest
 from tests.ual_daemon.stepped import Stepped, stepped
 from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose
-from ual.missions import Item, Waypoint
+from ual.missions import HoldTime, Item, ReturnToLaunch, Waypoint
 from ual.types import TaskInfo, TaskKind
 from ual_daemon.backends.chain import done
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport, OnItsOwn
@@ -130,3 +130,12 @@ def test_a_mission_that_is_changed_after_it_was_read_does_not_begin(lab: Lab, is
     assert lab.starting.done()
     assert (lab.uav.vehicle.telemetry().task is None) is is_changed
     assert (lab.offer.may_send() is None) is is_changed
+
+
+@pytest.mark.parametrize("last", [ReturnToLaunch(), HoldTime(3.0)])
+def test_a_mission_begins_with_its_last_item_though_that_leads_to_no_place(lab: Lab, last: Item) -> None:
+    """Its dry run failed as a defect of UAL."""
+    lab.offer.downloaded.set_result(KeptMission((lab.here(), last), "1"))
+    starting = VehicleMissions(lab.uav.vehicle).start(2, None, "")
+    assert starting.result(0).kind is TaskKind.MISSION
+    assert lab.uav.vehicle.missions.plan([lab.here(), last], 2).lowest_m == pytest.approx(3.0, abs=0.2)
