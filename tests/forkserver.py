@@ -20,6 +20,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
+from tests import waiting
+
 _ROOT = Path(__file__).parents[1]
 _SET_CHILD_SUBREAPER = 36
 _AT_START = ("PYTHON", "GRPC_", "COVERAGE_", "LD_")
@@ -168,7 +170,9 @@ def _import_all() -> None:
     import ual_daemon.backends.mavlink
     import ual_daemon.program.daemon
     import ual_daemon.program.main  # noqa: F401 - imported for those that are forked off
+    from ual_daemon.backends.light import painter
 
+    painter.PATIENCE_S, painter._NICENESS = waiting.LIMIT_S, 0  # as `painters_take_their_turn` has it
     assert len(list(Path("/proc/self/task").iterdir())) == 1
 
 

@@ -28,6 +28,13 @@ from ual.conformance.runner import LONGEST_GAP_S
 from ual.interface import Uav
 
 _ATTEMPTS = 5
+_OF_SILENCE = (
+    CheckFailedError,
+    ual.WrongStateError,
+    ual.LinkLostError,
+    ual.TaskAbortedError,
+    ual.RejectedByAutopilotError,
+)
 OF_PARAMETERS = {each.name for each in (*own_parameters.ON_GROUND, *own_parameters.IN_FLIGHT)}
 WITHOUT_PARAMETERS = {each.name for room in (own_parameters, own_fence) for each in (*room.ON_GROUND, *room.IN_FLIGHT)}
 """The checks that cannot run where the backend offers neither the autopilot's parameters nor its fence."""
@@ -51,8 +58,8 @@ def run_check(flight: Flight, check: Check) -> None:
     for _ in range(_ATTEMPTS - 1):
         try:
             return conformance.run_check(flight, check)
-        except (CheckFailedError, ual.WrongStateError, ual.LinkLostError) as error:
-            # A command that came too late is refused in its new state.
+        except _OF_SILENCE as error:
+            # A command that came too late is refused in its new state, and what flew is given up.
             if not (flight.longest_silence_s > LONGEST_GAP_S or _is_silence(error)):
                 raise
     return conformance.run_check(flight, check)

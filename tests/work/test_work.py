@@ -13,7 +13,7 @@ from tests.work import limits
 from tests.work.counting import Work, calls_of_samples, counted, least, usual
 from tests.work.flights import BACKENDS, flying, narrow
 from tests.work.served import Served, served
-from ual.errors import LinkLostError
+from ual.errors import LinkLostError, WrongStateError
 from ual.geometry import Twist, Vector3
 from ual.recording.recorder import Clock
 from ual.types import State
@@ -44,7 +44,7 @@ def setpoints(uav: UAL) -> list[Work]:
         twist = Twist(SLOW if len(works) % 2 else -SLOW)
         try:
             works.append(counted(lambda twist=twist: uav.set_velocity(twist)))  # type: ignore[misc]
-        except LinkLostError:  # it was not heard, because its thread did not run
+        except (LinkLostError, WrongStateError):  # it was not heard, because its thread did not run
             works.clear()
             until_state(uav, State.FLYING_AUTO)
     return works

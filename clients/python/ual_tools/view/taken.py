@@ -42,8 +42,8 @@ class Taken:
     def look(self, cameras: Cameras, now_s: float, *, wants_image: bool) -> None:
         """Asks what was taken, and gets the last picture if it is wanted.
 
-        What is not answered is asked again. The bytes of a picture are so only where the daemon was not reached: they
-        may take long, and a camera that has not given them once may not have them.
+        What is not answered is asked again. The bytes of a picture are so only where the daemon was not reached: a
+        camera that has not given them once may not have them.
         """
         if not self._has_cameras or now_s < self._due_s:
             return

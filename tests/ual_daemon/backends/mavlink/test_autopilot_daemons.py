@@ -75,7 +75,7 @@ def ahead(uav: ual.Uav, distance_m: float) -> Pose:
 def test_a_daemon_that_is_killed_in_flight_and_started_anew_takes_control_back(
     vehicle: Vehicle, start_daemon: StartDaemon
 ) -> None:
-    daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+    daemon = start_daemon("--url", vehicle.url, **PATIENT)
     with ual.Uav(address=daemon.address) as uav:
         take_off(uav, vehicle)
         uav.go_to_waypoint(ahead(uav, 50.0), blocking=False)
@@ -87,7 +87,7 @@ def test_a_daemon_that_is_killed_in_flight_and_started_anew_takes_control_back(
         with vehicle.autopilot.lock:
             assert vehicle.autopilot.request_mode(LOITER)
     started_s = vehicle.autopilot.elapsed_s
-    daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+    daemon = start_daemon("--url", vehicle.url, **PATIENT)
     told = daemon.wait_for("state", old="UNINITIALIZED")
     state = "FLYING_MANUAL" if isinstance(vehicle.autopilot, Px4) else "FLYING_AUTO"
     assert told["new"] == state
@@ -103,7 +103,7 @@ def test_a_daemon_that_is_killed_in_flight_and_started_anew_takes_control_back(
 def test_a_daemon_that_was_not_commanded_ends_cleanly_in_another_flight(start_daemon: StartDaemon) -> None:
     vehicle = vehicle_of("ardupilot")
     with flying(vehicle.autopilot):
-        daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+        daemon = start_daemon("--url", vehicle.url, **PATIENT)
         with ual.Uav(address=daemon.address) as uav:
             take_off(uav, vehicle)
             daemon.signal(signal.SIGKILL)
