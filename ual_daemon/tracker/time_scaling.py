@@ -5,6 +5,9 @@ reference that is sent has the velocity s v and the acceleration s^2 a + s' v (v
 changes by a cubic from one value to another, with s' = 0 at both ends. Before a change begins, the motions that it
 would send are checked along the trajectory. It is made only if all of them keep the limits; else a slower or a smaller
 change is tried, or none is made yet.
+
+A stop is first tried as fast as one straight ahead. A cubic from 1 to 0 takes so long that a trajectory that still
+accelerates leads far on meanwhile, or begins to brake by itself, which leaves nothing to the cubic.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from ual_daemon.trajectory import Motion, Trajectory
+from ual_daemon.trajectory import Brake, Motion, Trajectory
 from ual_daemon.trajectory.envelope import (
     RAMP_S,
     acceleration_share,
@@ -29,8 +32,9 @@ _SHORTEST_S = 0.4
 _LONGEST_S = 8.0
 _RETRY_S = 0.1
 _SMALL = 0.1
-_TRIES = ((1.0, 1.0), (1.0, 2.0), (0.5, 1.0), (0.5, 2.0), (0.25, 2.0), (0.1, 2.0))
-"""The share of the wanted change that is tried, and its duration as a multiple of the shortest possible."""
+_SLOWEST_M_S = 1e-3
+_TRIES = (None, (1.0, 1.0), (1.0, 2.0), (0.5, 1.0), (0.5, 2.0), (0.25, 2.0), (0.1, 2.0))
+"""A stop, or the share of the wanted change that is tried, and its duration as a multiple of the shortest possible."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,43 @@ class _Change:
         )
 
 
+class _Stop:
+    """A stop on the trajectory with the speeds of the fastest one straight ahead, from a time of the trajectory on."""
+
+    def __init__(self, trajectory: Trajectory, begin_s: float, now: Motion) -> None:
+        """`now` is the motion that is sent, faster than `_SLOWEST_M_S`."""
+        self._ahead = now.velocity / now.velocity.norm()
+        along = self._ahead * now.acceleration.dot(self._ahead)
+        self._brake = Brake(Motion(now.position, now.yaw_rad, now.velocity, along), trajectory.limits)
+        self._trajectory = trajectory
+        self.duration_s = self._brake.duration_s
+        self._known = [self._found(0.0, begin_s)]
+        """What `at` returns, `CHECK_PERIOD_S` apart, as far as it was asked for."""
+
+    def at(self, t: float) -> tuple[float, float, float]:
+        """As `_Change.at`."""
+        index = int(t / CHECK_PERIOD_S)
+        while len(self._known) <= index:
+            self._known.append(self._after(len(self._known) - 1, CHECK_PERIOD_S))
+        return self._after(index, t - index * CHECK_PERIOD_S)
+
+    def _after(self, index: int, step_s: float) -> tuple[float, float, float]:
+        """Returns what it is some time after what is known."""
+        known = self._known[index]
+        time_s, scale, rate = known
+        if step_s <= 0.0:
+            return known
+        return self._found(index * CHECK_PERIOD_S + step_s, time_s + (scale + rate * step_s / 2) * step_s)
+
+    def _found(self, t: float, time_s: float) -> tuple[float, float, float]:
+        """Returns the same as `at`, for a time of the trajectory."""
+        sent, own = self._brake.at(t), self._trajectory.at(time_s)
+        own_m_s = max(_SLOWEST_M_S, own.velocity.norm())
+        scale = max(0.0, sent.velocity.dot(self._ahead)) / own_m_s
+        own_m_s2 = own.acceleration.dot(own.velocity) / own_m_s
+        return time_s, scale, (sent.acceleration.dot(self._ahead) - scale * scale * own_m_s2) / own_m_s
+
+
 class TimeScaling:
     """The scaled time of a trajectory, and the motion that is sent at that time."""
 
@@ -61,7 +102,7 @@ class TimeScaling:
         self.motion = trajectory.at(0.0)
         """The motion that is sent."""
         self._scale, self._scale_rate = 1.0, 0.0
-        self._change: _Change | None = None
+        self._change: _Change | _Stop | None = None
         self._changing_s = 0.0
         self._wait_s = 0.0
         self._try_count = 0
@@ -101,22 +142,28 @@ class TimeScaling:
             self._change, self._scale_rate = None, 0.0
         self.time_s += self._scale * passed_s
 
-    def _next_try(self, wanted_scale: float) -> _Change | None:
+    def _next_try(self, wanted_scale: float) -> _Change | _Stop | None:
         """Returns the next change to try if it keeps the limits, else None.
 
         Only one is tried at each update: this runs on the thread that flies the UAV, and a check takes milliseconds.
         """
-        share, longer = _TRIES[self._try_count]
+        change = self._change_of(_TRIES[self._try_count], wanted_scale)
         self._try_count = (self._try_count + 1) % len(_TRIES)
-        by = (wanted_scale - self._scale) * share
-        duration_s = min(_LONGEST_S, self._shortest_s(by) * longer)
-        change = _Change(self.time_s, self._scale, by, duration_s)
-        if self._keeps_limits(change):
+        if change is not None and self._keeps_limits(change):
             self._try_count, self._wait_s = 0, _RETRY_S
             return change
         if self._try_count == 0:
             self._wait_s = _RETRY_S
         return None
+
+    def _change_of(self, to_try: tuple[float, float] | None, wanted_scale: float) -> _Change | _Stop | None:
+        """Returns one of `_TRIES`; None where it is a stop, and none is wanted or possible."""
+        if to_try is None:
+            is_moving = self.motion.velocity.norm() > _SLOWEST_M_S
+            return _Stop(self._trajectory, self.time_s, self.motion) if wanted_scale == 0.0 and is_moving else None
+        share, longer = to_try
+        by = (wanted_scale - self._scale) * share
+        return _Change(self.time_s, self._scale, by, min(_LONGEST_S, self._shortest_s(by) * longer))
 
     def _shortest_s(self, by: float) -> float:
         """Returns the shortest duration of a change by `by` that may keep the limits, as far as they depend on it."""
@@ -132,12 +179,14 @@ class TimeScaling:
         )
         return shortest_s
 
-    def _keeps_limits(self, change: _Change) -> bool:
+    def _keeps_limits(self, change: _Change | _Stop) -> bool:
         last: Motion | None = None
         last_s = 0.0
         for index in range(math.ceil(change.duration_s / CHECK_PERIOD_S) + 1):
             check_s = min(index * CHECK_PERIOD_S, change.duration_s)
             time_s, scale, scale_rate = change.at(check_s)
+            if not 0.0 <= scale <= 1.0 + _MARGIN:
+                return False
             own, step_s, last_s = self._trajectory.at(time_s), max(1e-6, check_s - last_s), check_s
             sent = scaled(own, scale, scale_rate)
             if not self._is_within(sent, own) or (last is not None and not self._is_smooth(last, sent, step_s)):

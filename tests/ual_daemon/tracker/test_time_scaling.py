@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from random import Random
 
 import pytest
@@ -17,7 +18,7 @@ from ual.types import Limits, PathHeading
 from ual_daemon.backends.values import MotionState, Sample, Setpoint, Snapshot
 from ual_daemon.tracker.references import TrajectoryReference
 from ual_daemon.tracker.time_scaling import TimeScaling, scaled
-from ual_daemon.trajectory import Line, Motion, Trajectory, Waypoint, path
+from ual_daemon.trajectory import Brake, Line, Motion, Trajectory, Waypoint, path
 
 LIMITS = Limits()
 SLACK = 2e-3
@@ -77,6 +78,30 @@ def test_it_stops_at_any_time_and_goes_on_soon_enough(wait_s: float) -> None:
     for _ in range(250):
         scaling.advance(STEP_S, math.inf, 1.0)
     assert scaling.time_s >= min(found.duration_s, stopped_s + 2.5)
+
+
+FAST = Limits(horizontal_speed_m_s=10.0, horizontal_acceleration_m_s2=1.5)
+"""What an ArduCopter ships: it accelerates for longer than a slow UAV flies."""
+
+
+@pytest.mark.parametrize("length_m", [10.0, 30.0, 100.0])
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0])
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.3, 0.4, 0.5, 0.8])
+def test_it_stops_as_soon_as_straight_ahead_also_where_it_still_accelerates(
+    share: float, yaw_rad: float, length_m: float
+) -> None:
+    line = Line(Motion(Vector3(), 0.0), Vector3(length_m, 0.0, 0.0), yaw_rad, FAST)
+    scaling, sent = TimeScaling(line), [line.at(0.0)]
+    while scaling.time_s < share * line.duration_s:
+        scaling.advance(STEP_S, math.inf, 1.0)
+        sent.append(scaling.motion)
+    fastest = Brake(replace(scaling.motion, yaw_rate_rad_s=0.0), FAST).end().position.x
+    for _ in range(round(line.duration_s / STEP_S)):
+        scaling.advance(STEP_S, math.inf, 0.0)
+        sent.append(scaling.motion)
+    assert scaling.motion.velocity == Vector3()
+    assert scaling.motion.position.x <= min(length_m, fastest + 0.3)
+    assert_kept(sent, FAST, slack=SLACK)
 
 
 def test_velocity_and_acceleration_are_the_derivatives_of_the_position_while_the_scale_changes() -> None:
