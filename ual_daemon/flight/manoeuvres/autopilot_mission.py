@@ -369,11 +369,12 @@ class AutopilotMission(Manoeuvre):
             return False
         if _is_by_failsafe(snapshot) and _mode(snapshot) != self._offer.mode:  # it may hold in the mode that follows
             return False
-        is_over = report.stage is MissionStage.COMPLETE or (
+        has_reached = (
             report.reached == self._last_moving
             and report.reached_s > self._entered_s  # not in a flight before
-            and _mode(snapshot) != self._offer.mode
+            and self._item >= self._last_moving  # it has not jumped back
         )
+        is_over = report.stage is MissionStage.COMPLETE or (has_reached and _mode(snapshot) != self._offer.mode)
         return is_over and _mode(snapshot) in (self._offer.mode, self._offer.done_mode)
 
     def _may_be_complete(self, snapshot: Snapshot) -> bool:

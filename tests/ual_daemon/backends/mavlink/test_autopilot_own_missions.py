@@ -515,6 +515,33 @@ def test_who_takes_it_just_before_a_command_keeps_it(flight: Flight, command: st
     assert command == "lease" or "others have just chosen mode" in refused[0]
 
 
+def test_who_takes_it_as_it_jumps_back_from_its_last_item_keeps_it(flight: Flight) -> None:
+    flight.take_off()
+    items: list[Item] = [at(flight, 40, 0), at(flight, 40, 40), Jump(1, 2)]
+    task = flight.uav.task(start(flight, items))
+    flight.wait_for(lambda: flight.uav.mission.progress().item == 2, "its last item that moves it")
+    flight.wait_for(lambda: flight.uav.mission.progress().item == 1, "its jump")
+    flight.autopilot.request_custom_mode(LOITER.custom if isinstance(flight.autopilot, Px4) else BRAKE)
+    with pytest.raises(TaskAbortedError, match="took over"):
+        task.wait(LIMIT_S)
+    flight.let_pass(3.0)
+    assert flight.uav.state() is State.FLYING_MANUAL
+
+
+def test_who_takes_it_in_its_second_flight_keeps_it(flight: Flight) -> None:
+    """PX4 holds in the mode that follows a mission. The last item had been reached in the flight before."""
+    flight.take_off()
+    items: list[Item] = [at(flight, 40, 0), at(flight, 40, 40)]
+    flight.uav.task(start(flight, items)).wait(LIMIT_S)
+    again = flight.uav.task(flight.uav.mission.start().id)
+    flight.wait_for(lambda: place_m(flight)[1] < 30.0, "its way back to the first item")
+    flight.autopilot.request_custom_mode(LOITER.custom if isinstance(flight.autopilot, Px4) else BRAKE)
+    with pytest.raises(TaskAbortedError, match="took over"):
+        again.wait(LIMIT_S)
+    flight.let_pass(3.0)
+    assert flight.uav.state() is State.FLYING_MANUAL
+
+
 def test_a_lease_that_is_taken_stops_it(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
