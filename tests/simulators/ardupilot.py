@@ -30,6 +30,8 @@ MODES = {
     POSHOLD: "POSHOLD",
     BRAKE: "BRAKE",
 }
+_BOOT_S = 1.4
+"""How long it says that it boots."""
 _BY_STICKS = frozenset({STABILIZE, ALT_HOLD, LOITER, POSHOLD})
 _NEEDS_POSITION = frozenset({GUIDED, LOITER, RTL, POSHOLD, BRAKE})
 _NOT_ARMABLE = frozenset({AUTO, RTL, LAND, BRAKE})
@@ -746,6 +748,8 @@ class ArduPilot(Autopilot):
             status = mavlink.MAV_STATE_ACTIVE
         if self._is_critical:
             status = mavlink.MAV_STATE_CRITICAL
+        if self._is_booting:
+            status = mavlink.MAV_STATE_BOOT
         return mavlink.MAVLink_heartbeat_message(self.kind, self.autopilot, base_mode, self.mode, status, 3)
 
     def _local_position(self) -> Message | None:
@@ -757,6 +761,16 @@ class ArduPilot(Autopilot):
     @property
     def more_sensors(self) -> int:
         return int(mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION) if self.has_rangefinder else 0
+
+    @property
+    def _is_booting(self) -> bool:
+        return self.now_s < self._awake_s + _BOOT_S
+
+    @property
+    def unmeasured_sensors(self) -> int:
+        """ArduCopter 4.6.3 calls its battery and its compass ill while it boots."""
+        ill = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+        return int(ill) if self._is_booting else 0
 
     def _ekf_status_report(self) -> Message:
         flags = _GOOD_FLAGS if self.has_position else _NO_POSITION_FLAGS

@@ -759,12 +759,17 @@ class Autopilot(ABC):
         present = 33570863 | mavlink.MAV_SYS_STATUS_PREARM_CHECK | mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
         present |= self.failing_sensors | self.more_sensors
         health = present if self.is_ready_to_arm else present & ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
-        health &= ~self.failing_sensors
+        health &= ~(self.failing_sensors | self.unmeasured_sensors)
         return mavlink.MAVLink_sys_status_message(present, present, health, 300, 16200, 1000, 90, 0, 0, 0, 0, 0, 0)
 
     @property
     def more_sensors(self) -> int:
         """Sensors (MAV_SYS_STATUS_SENSOR) that it has beside the usual ones."""
+        return 0
+
+    @property
+    def unmeasured_sensors(self) -> int:
+        """Sensors that it does not call healthy yet, as it has just booted."""
         return 0
 
     def _extended_sys_state(self) -> Message:

@@ -80,7 +80,7 @@ class CauseWatch:
         self._sensors: Cause | None = None
         self._sensors_s = -math.inf
         self._healthy_once = 0
-        self._is_critical = False
+        self._is_booting = self._is_critical = False
         self._critical_s = -math.inf
         self._switches: tuple[int, ...] = ()
         self._switched_s = -math.inf
@@ -111,6 +111,7 @@ class CauseWatch:
         if is_critical and not self._is_critical:
             self._critical_s = now_s
         self._is_critical = is_critical
+        self._is_booting = status == SystemStatus.BOOT
 
     def on_intention(self, custom_mode: int, intended_custom_mode: int, now_s: float) -> None:
         """Takes the number of the mode, and of the one that the autopilot was asked for (0: it does not say)."""
@@ -127,6 +128,8 @@ class CauseWatch:
         self.failing_sensors = enabled & ~healthy
         self._healthy_once |= enabled & healthy
         found = self._autopilot.failsafe_of_sensors(self.failing_sensors, self._healthy_once)
+        if self._is_booting:  # ArduPilot's battery is not healthy before it was measured first
+            found = None
         if found is not None and found is not self._sensors:
             self._sensors_s = now_s
         self._sensors = found

@@ -34,6 +34,7 @@ class VtolState(IntEnum):
 class SystemStatus(IntEnum):
     """MAV_STATE."""
 
+    BOOT = 1
     CRITICAL = 5
 
 

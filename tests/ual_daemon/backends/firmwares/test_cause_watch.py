@@ -288,3 +288,13 @@ def test_the_longest_gap_between_setpoints() -> None:
     assert sent.longest_gap_s(0.0, 4.0) == 2.0
     assert sent.longest_gap_s(3.0, 4.0) == 2.0  # it ended after 3 s
     assert sent.longest_gap_s(3.55, 4.0) == pytest.approx(0.4)
+
+
+def test_a_battery_that_was_not_measured_yet_while_ardupilot_boots_is_no_failsafe() -> None:
+    watch = Px4Watch(autopilot=ArduCopter(), names_intended_mode=False)
+    watch.causes.on_system_status(SystemStatus.BOOT, 0.0)
+    watch.causes.on_sensors(Sensor.BATTERY, 0, 0.0)
+    assert watch.causes.failsafe(is_armed=False) is None
+    watch.causes.on_system_status(SystemStatus.CRITICAL, 2.0)
+    watch.causes.on_sensors(Sensor.BATTERY, 0, 2.0)
+    assert watch.causes.failsafe(is_armed=False) is Cause.BATTERY

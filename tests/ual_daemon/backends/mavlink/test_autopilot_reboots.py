@@ -578,3 +578,11 @@ def test_a_set_home_in_the_wrong_state_is_still_refused(lost: Placed) -> None:
     with pytest.raises(WrongStateError):
         lost.uav.set_home()
     lost.land()
+
+
+def test_a_battery_that_was_not_measured_yet_after_a_boot_is_no_failsafe(start: Start) -> None:
+    flight = start()
+    told: list[str] = []
+    with flight.uav.subscribe(lambda each: told.append("" if each.health is None else each.health.failsafe)):
+        flight.reboot()
+    assert not any(told)
