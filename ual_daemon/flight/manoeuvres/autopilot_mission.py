@@ -121,6 +121,8 @@ class AutopilotMission(Manoeuvre):
         self._entered_s = 0.0
         self._begun_s = math.inf if first is not None else -math.inf
         """When it was entered first, before any pause; infinity until then."""
+        self._mission_id = 0
+        """The autopilot's own checksum of the mission, as it was told when that was known to be ours."""
         self._done_s: float | None = None
         """Since when it is in the mode in which it holds after a mission."""
         self._was_in_air = first is None
@@ -296,6 +298,7 @@ class AutopilotMission(Manoeuvre):
         logs.event(_log, logging.INFO, "mission_found", task_id=self._task.id, item=self._item)
         self._is_ours()
         self._phase, self._waited = _Phase.FLYING, None
+        self._mission_id = self._told_id()
         return Step()
 
     def _unless_kept(self, advice: str) -> Step | None:
@@ -330,7 +333,7 @@ class AutopilotMission(Manoeuvre):
     def _enter(self, snapshot: Snapshot) -> None:
         self.command = AutopilotCommand("fly the mission")
         self._phase, self._waited = _Phase.ENTERING, None
-        self._entered_s = snapshot.time_s
+        self._entered_s, self._mission_id = snapshot.time_s, self._told_id()
         self._begun_s = min(self._begun_s, snapshot.time_s)
         self._update_words()
         self.command.send(self._offer.fly)
@@ -357,6 +360,9 @@ class AutopilotMission(Manoeuvre):
             return Step()
         if (step := self._unless_flown(snapshot)) is not None:
             return step
+        if self._told_id() not in (0, self._mission_id):  # it flies one that another station has brought
+            self._phase, self._waited = _Phase.VERIFYING, None
+            return Step()
         if self._task.is_paused:
             self.command, self._trouble = AutopilotCommand("hold its position"), ""
             self._phase, self._began_in = _Phase.PAUSING, _mode(snapshot)
@@ -386,6 +392,10 @@ class AutopilotMission(Manoeuvre):
             return False
         self._done_s = snapshot.time_s if self._done_s is None else self._done_s
         return snapshot.time_s - self._done_s < _TOLD_S
+
+    def _told_id(self) -> int:
+        report = self._offer.report()
+        return 0 if report is None else report.mission_id
 
     @property
     def _last_moving(self) -> int:

@@ -273,6 +273,19 @@ def test_a_long_silence_in_which_another_mission_came_makes_it_theirs(flight: Fl
         task.wait(LIMIT_S)
 
 
+@pytest.mark.parametrize("flight", ["px4"], indirect=True)  # ArduPilot tells no checksum
+def test_another_mission_that_came_in_flight_is_not_told_as_ours(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
+    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    store = flight.autopilot.missions
+    with flight.autopilot.lock:
+        store.keep(0, [*store.lists[0], store.lists[0][-1]])
+    with pytest.raises(TaskAbortedError, match="has another mission now, which UAL has not started"):
+        task.wait(LIMIT_S)
+    flight.wait_for_state(State.FLYING_MANUAL)
+
+
 def test_another_mission_that_came_in_a_pause_is_not_flown(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, 90, 0), at(flight, 90, 90)]))
