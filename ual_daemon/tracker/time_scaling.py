@@ -6,8 +6,8 @@ changes by a cubic from one value to another, with s' = 0 at both ends. Before a
 would send are checked along the trajectory. It is made only if all of them keep the limits; else a slower or a smaller
 change is tried, or none is made yet.
 
-A stop is first tried as fast as one straight ahead. A cubic from 1 to 0 takes so long that a trajectory that still
-accelerates leads far on meanwhile, or begins to brake by itself, which leaves nothing to the cubic.
+A stop is first tried as fast as one straight ahead. A cubic from 1 to 0 takes long: meanwhile a trajectory that still
+accelerates leads far on. Or it begins to brake by itself, which leaves nothing to the cubic.
 """
 
 from __future__ import annotations

@@ -182,10 +182,11 @@ def test_a_zone_that_comes_into_the_way_stops_the_flight(zoned: Flight) -> None:
 def beyond_a_new_zone(flight: Flight) -> interface.Task:
     """The autopilot gets a zone in the way of a flight. It tells so, and is asked for its zones."""
     flight.take_off()
-    task = flight.uav.go_to_waypoint(Pose.at(-30.0, 0.0, HEIGHT_M), blocking=False)
-    flight.let_pass(1.0)
-    flight.autopilot.set_fence(FIELD, (False, [(0.0, -8.0)], 4.0), POND)
-    return task
+    flight.when(
+        lambda told: told.pose is not None and told.pose.position.x < -0.3,
+        lambda: flight.autopilot.set_fence(FIELD, (False, [(0.0, -8.0)], 4.0), POND),
+    )
+    return flight.uav.go_to_waypoint(Pose.at(-30.0, 0.0, HEIGHT_M), blocking=False)
 
 
 def test_a_breach_of_a_zone_all_the_same_is_named_by_the_task(zoned: Flight) -> None:
