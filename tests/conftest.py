@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import grpc
 import hypothesis
 import pytest
+from hypothesis.internal.conjecture import providers
 
 from tests import forkserver, waiting
 from ual import discovery
@@ -43,6 +44,8 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.register_profile("thorough", deadline=None, max_examples=1000, suppress_health_check=_SLOW)
 hypothesis.settings.load_profile(os.environ.get("UAL_TEST_HYPOTHESIS", "deterministic"))
+# It would also try the numbers that stand in the modules which are loaded: which those are depends on the tests before.
+pytest.MonkeyPatch().setattr(providers, "is_local_module_file", lambda _: False)
 
 
 def pytest_collection() -> None:

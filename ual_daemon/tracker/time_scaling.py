@@ -82,7 +82,8 @@ class _Stop:
         time_s, scale, rate = known
         if step_s <= 0.0:
             return known
-        return self._found(index * CHECK_PERIOD_S + step_s, time_s + (scale + rate * step_s / 2) * step_s)
+        moves_s = step_s if rate >= 0.0 else min(step_s, -scale / rate)  # it never goes back
+        return self._found(index * CHECK_PERIOD_S + step_s, time_s + (scale + rate * moves_s / 2) * moves_s)
 
     def _found(self, t: float, time_s: float) -> tuple[float, float, float]:
         """Returns the same as `at`, for a time of the trajectory."""

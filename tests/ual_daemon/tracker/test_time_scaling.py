@@ -8,7 +8,7 @@ from dataclasses import replace
 from random import Random
 
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from tests.strategies import vectors
@@ -152,6 +152,17 @@ def paused_motions(follow: TrajectoryReference, spans: list[tuple[float, float]]
 
 
 @settings(max_examples=25, phases=[Phase.explicit, Phase.generate])  # a failing path shrinks too slowly
+@example(  # a stop that braked so hard at its end that its time went back
+    [
+        Waypoint(Vector3(1.3083922749333823, -0.19923241986130513, 1.0)),
+        Waypoint(Vector3(3.0, 0.35, 14.852242116456612)),
+        Waypoint(Vector3(-2.0, 0.0, 0.0)),
+    ],
+    [(0.06808755611244345, 1.9093882271943183)],
+    1.0,
+    PathHeading.WAYPOINTS,
+    Limits(10.402278515667643, 0.4, 0.30000000000000004, 1.9249100329739768, 0.99999, 1.8526259842789052),
+)
 @given(
     st.lists(st.builds(Waypoint, vectors(15.0)), min_size=1, max_size=5),
     st.lists(st.tuples(st.floats(0.0, 6.0), st.floats(0.0, 6.0)), min_size=1, max_size=4),
