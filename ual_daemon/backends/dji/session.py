@@ -186,7 +186,7 @@ class Session:
         self.has_news = self.has_news or telemetry.poses_count != poses_count
         self._withdraw_setpoint(telemetry)
         if telemetry.is_authority_known:
-            self.holding.observe(now_s, is_ours=not telemetry.is_authority_lost)
+            self.holding.observe(now_s, is_ours=not telemetry.why_authority_lost)
         if self.runner.is_any_under_way:
             self.runner.on_state(now_s)
 

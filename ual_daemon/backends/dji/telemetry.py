@@ -327,13 +327,10 @@ class Telemetry:
         return -math.inf if mode is None else mode.time_s
 
     @property
-    def is_authority_lost(self) -> bool:
-        """Whether another one has the control authority, as far as the wrapper shows it."""
-        return bool(self.why_authority_lost)
-
-    @property
     def why_authority_lost(self) -> str:
-        """What shows that another one has the control authority, human-readable; empty: nothing does."""
+        """What shows that another one has the control authority, human-readable; empty: nothing does, as far as the
+        wrapper shows it.
+        """
         if self.wrapper.says_authority:
             return "" if self.has_authority else "it follows another device"
         return self.authority.why_lost

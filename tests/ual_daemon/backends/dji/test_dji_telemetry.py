@@ -163,7 +163,7 @@ class _Vanishing(Reading[Any]):
         lambda telemetry: telemetry.snapshot(NOW_S),
         lambda telemetry: telemetry.has_authority,
         lambda telemetry: telemetry.is_authority_known,
-        lambda telemetry: telemetry.is_authority_lost,
+        lambda telemetry: bool(telemetry.why_authority_lost),
         lambda telemetry: telemetry.mode_s,
         lambda telemetry: telemetry.is_landing,
         lambda telemetry: telemetry.is_descending,
