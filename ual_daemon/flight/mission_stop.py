@@ -42,7 +42,7 @@ class MissionStop:
 
     def _in(self, state: State, snapshot: Snapshot, old: Manoeuvre) -> Handover | None:
         if state in _UNREACHED:
-            return Handover(AwaitStop(self._by, old.mode_seen, self._modes, self._backend.hold, self.after), _nothing)
+            return self._wait(old)
         if state in _LANDED:
             return None if self._modes is None else self._stay(self._modes, snapshot)
         return None if state is State.LANDING else self._take_back(snapshot, old, is_early=state is State.FLYING_AUTO)
@@ -52,9 +52,13 @@ class MissionStop:
         return Handover(stay, partial(stay.send, snapshot))
 
     def _hold_instead(self, refused: UalError, old: Manoeuvre) -> Handover:
-        hold = AwaitStop(self._by, old.mode_seen, self._modes, self._backend.hold, self.after, refused)
-        hold.led = old.leads()
-        return Handover(hold, _nothing)
+        handover = self._wait(old, refused)
+        handover.manoeuvre.led = old.leads()
+        return handover
+
+    def _wait(self, old: Manoeuvre, refused: UalError | None = None) -> Handover:
+        wait = AwaitStop(self._by, old.mode_seen, self._modes, self._backend.hold, self.after, refused)
+        return Handover(wait, _nothing)
 
     def _take_back(self, snapshot: Snapshot, old: Manoeuvre, *, is_early: bool) -> Handover:
         control, seen, limits = self._backend.take_control, old.mode_seen, self._limits.get()

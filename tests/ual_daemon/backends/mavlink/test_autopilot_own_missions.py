@@ -22,6 +22,7 @@ from ual.errors import (
     WrongStateError,
 )
 from ual.geometry import Twist, Vector3
+from ual.interface import Task
 from ual.missions import HoldTime, Item, Jump, Land, ReturnToLaunch, Speed, TakeOff, Waypoint
 from ual.missions.plan import LinkLossAction, MissionProgress, MissionStage
 from ual.types import State, TaskKind, TaskStatus, Telemetry
@@ -519,7 +520,7 @@ def test_who_takes_it_just_before_a_command_keeps_it(flight: Flight, command: st
             refused.append(str(error))
 
     flight.when(lambda told: told.flight_mode == hold, act)
-    flight.autopilot.request_custom_mode(LOITER.custom if isinstance(flight.autopilot, Px4) else BRAKE)
+    hold_by_a_station(flight)
     with pytest.raises(TaskAbortedError):
         task.wait(LIMIT_S)
     flight.let_pass(3.0)
@@ -528,17 +529,27 @@ def test_who_takes_it_just_before_a_command_keeps_it(flight: Flight, command: st
     assert command == "lease" or "others have just chosen mode" in refused[0]
 
 
+def hold_by_a_station(flight: Flight) -> None:
+    """A ground station chooses the mode in which the autopilot holds."""
+    flight.autopilot.request_custom_mode(LOITER.custom if isinstance(flight.autopilot, Px4) else BRAKE)
+
+
+def require_taken_by_a_station(flight: Flight, task: Task) -> None:
+    """A ground station takes the mission of a task, and keeps the UAV."""
+    hold_by_a_station(flight)
+    with pytest.raises(TaskAbortedError, match="took over"):
+        task.wait(LIMIT_S)
+    flight.let_pass(3.0)
+    assert flight.uav.state() is State.FLYING_MANUAL
+
+
 def test_who_takes_it_as_it_jumps_back_from_its_last_item_keeps_it(flight: Flight) -> None:
     flight.take_off()
     items: list[Item] = [at(flight, 40, 0), at(flight, 40, 40), Jump(1, 2)]
     task = flight.uav.task(start(flight, items))
     flight.wait_for(lambda: flight.uav.mission.progress().item == 2, "its last item that moves it")
     flight.wait_for(lambda: flight.uav.mission.progress().item == 1, "its jump")
-    flight.autopilot.request_custom_mode(LOITER.custom if isinstance(flight.autopilot, Px4) else BRAKE)
-    with pytest.raises(TaskAbortedError, match="took over"):
-        task.wait(LIMIT_S)
-    flight.let_pass(3.0)
-    assert flight.uav.state() is State.FLYING_MANUAL
+    require_taken_by_a_station(flight, task)
 
 
 def test_who_takes_it_in_its_second_flight_keeps_it(flight: Flight) -> None:
@@ -548,11 +559,7 @@ def test_who_takes_it_in_its_second_flight_keeps_it(flight: Flight) -> None:
     flight.uav.task(start(flight, items)).wait(LIMIT_S)
     again = flight.uav.task(flight.uav.mission.start().id)
     flight.wait_for(lambda: place_m(flight)[1] < 30.0, "its way back to the first item")
-    flight.autopilot.request_custom_mode(LOITER.custom if isinstance(flight.autopilot, Px4) else BRAKE)
-    with pytest.raises(TaskAbortedError, match="took over"):
-        again.wait(LIMIT_S)
-    flight.let_pass(3.0)
-    assert flight.uav.state() is State.FLYING_MANUAL
+    require_taken_by_a_station(flight, again)
 
 
 def test_a_lease_that_is_taken_stops_it(flight: Flight) -> None:
