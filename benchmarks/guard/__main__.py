@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 
 from benchmarks import recorded, targets
 from benchmarks.guard import in_process, served
-from benchmarks.guard.costs import pymavlink_us
 from benchmarks.results import Results
 
 _TIMES = 2.0
@@ -21,8 +20,8 @@ _TIMES = 2.0
 _AGAIN = 2
 _PYMAVLINK, _BARE = "pymavlink", "gRPC alone"
 _PARTS: dict[str, tuple[str, Callable[[], Iterator[tuple[str, float]]]]] = {
-    "class": (_PYMAVLINK, in_process.setpoints_us),
-    "server": (_PYMAVLINK, in_process.served_us),
+    "class": (_PYMAVLINK, in_process.setpoint_ratios),
+    "server": (_PYMAVLINK, in_process.served_ratios),
     "daemon": (_BARE, served.ratios),
 }
 
@@ -64,8 +63,7 @@ def _measured(part: str, known: dict[str, float]) -> dict[str, float]:
 def _once(part: str) -> dict[str, float]:
     to, measure = _PARTS[part]
     print(f"measuring: {part}", file=sys.stderr, flush=True)
-    divisor = pymavlink_us() if to == _PYMAVLINK else 1.0
-    return {f"{name} / {to}": value / divisor for name, value in measure()}
+    return {f"{name} / {to}": ratio for name, ratio in measure()}
 
 
 def _is_slow(name: str, ratio: float, known: dict[str, float]) -> bool:

@@ -1,4 +1,4 @@
-"""The cost of setpoints and samples in this process, over that of a plain pymavlink send."""
+"""The cost of setpoints and samples in this process, over that of a plain send by pymavlink."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from benchmarks.guard.costs import Sink, least_us
+from benchmarks.guard.costs import Sink, over_pymavlink
 from tests.simulators.lockstep import MemoryLink
 from tests.simulators.lockstep_crazyflie import SteppedLink
 from tests.simulators.memory_transport import MemoryTransport
@@ -22,16 +22,16 @@ _SLOW = (Vector3(0.3, 0.3, 0.0), Vector3(-0.3, -0.3, 0.0))
 _TWISTS = tuple(map(Twist, _SLOW))
 
 
-def setpoints_us() -> Iterator[tuple[str, float]]:
+def setpoint_ratios() -> Iterator[tuple[str, float]]:
     """Yields what `UAL.set_velocity` costs with each backend: where there is room, and in the worst place."""
-    yield "class, mavlink-px4, free", _class_us("mavlink-px4", free())
+    yield "class, mavlink-px4, free", _class_ratio("mavlink-px4", free())
     for name in BACKENDS:
-        yield f"class, {name}, narrow", _class_us(name, narrow(name))
+        yield f"class, {name}, narrow", _class_ratio(name, narrow(name))
 
 
-def _class_us(name: str, place: Place) -> float:
+def _class_ratio(name: str, place: Place) -> float:
     with flying(name, place) as uav, Sink() as sink, _sending_to(sink):
-        return least_us(lambda number: uav.set_velocity(_TWISTS[number % 2]))
+        return over_pymavlink(lambda number: uav.set_velocity(_TWISTS[number % 2]))
 
 
 @contextmanager
@@ -56,25 +56,25 @@ def _diverted(send: Callable[..., Any], this: threading.Thread, sink: Sink) -> C
     return diverted
 
 
-def served_us() -> Iterator[tuple[str, float]]:
+def served_ratios() -> Iterator[tuple[str, float]]:
     """Yields what a received setpoint and a sample that is sent cost behind the server."""
     for text, has_all in (("", False), (" with everything", True)):
         for name, make in (("stream", Served.stream), ("call", lambda uav: uav.call)):
-            yield f"served {name}{text}", _served_us(make, has_all=has_all)
-        yield f"served sample{text}", _sample_us(has_all=has_all)
+            yield f"served {name}{text}", _served_ratio(make, has_all=has_all)
+        yield f"served sample{text}", _sample_ratio(has_all=has_all)
 
 
-def _served_us(make: Callable[[Served], Callable[[Vector3], Callable[[], None]]], *, has_all: bool) -> float:
+def _served_ratio(make: Callable[[Served], Callable[[Vector3], Callable[[], None]]], *, has_all: bool) -> float:
     def fly(uav: Served) -> float:
         ready = make(uav)
         send = [ready(velocity) for velocity in _SLOW]
-        return least_us(lambda number: send[number % 2]())
+        return over_pymavlink(lambda number: send[number % 2]())
 
     with tempfile.TemporaryDirectory() as directory:
         return served(fly, Path(directory), has_all=has_all)
 
 
-def _sample_us(*, has_all: bool) -> float:
+def _sample_ratio(*, has_all: bool) -> float:
     def fly(uav: Served) -> float:
         send = uav.stream()(_SLOW[0])
 
@@ -83,7 +83,7 @@ def _sample_us(*, has_all: bool) -> float:
                 send()
             uav.step()
 
-        return least_us(step)
+        return over_pymavlink(step)
 
     with tempfile.TemporaryDirectory() as directory:
         return served(fly, Path(directory), has_all=has_all)
