@@ -240,6 +240,12 @@ def test_a_hold_without_a_position_that_is_refused_is_told_with_what_to_do(
     world.run(1.0)
     assert "its mission may go on: no position; take over by hand, or select another mode" in world.reason
     assert [getattr(each, "ual_event", "") for each in caplog.records].count("mission_not_stopped") == 1
+    world.autopilot.mode, world.autopilot.held_by = "DESCEND", Cause.POSITION
+    world.run(1.0)
+    assert "its mission was not stopped (no position), but DESCEND has replaced it: take over by hand" in world.reason
+    world.autopilot.mode, world.autopilot.held_by = "MISSION", None
+    world.run(1.0)
+    assert "its mission may go on: no position; take over by hand, or select another mode" in world.reason
     world.wire.hidden = ()
     world.run(0.5)
     assert world.wire.asked == ["hold", "take"]

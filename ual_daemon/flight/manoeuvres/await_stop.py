@@ -118,11 +118,19 @@ class AwaitStop(Manoeuvre):
     def _is_taken_unseen(self, snapshot: Snapshot) -> bool:
         """Has the autopilot hold, or returns that others have taken it. A failsafe may give it back to the mission."""
         is_own, held_by = self._is_own(snapshot), snapshot.control.held_by
-        if is_own is False:
-            return held_by is None or not held_by.is_failsafe
+        if is_own is False and not (held_by is not None and held_by.is_failsafe):
+            return True
         if is_own and self.modes is not None:
             self._hold_unseen(*self.modes, snapshot)
+        if self._failure is not None and not self._has_held:
+            self.unseen = self._told_of(self._failure, snapshot.control.mode_name)
         return False
+
+    def _told_of(self, failure: UalError, mode: str) -> str:
+        if self.modes is None or mode == self.modes[0]:
+            return f"its mission may go on: {failure}; {_REMEDY}"
+        replaced = f"its mission was not stopped ({failure}), but {mode} has replaced it"
+        return f"{replaced}: take over by hand where that is wrong"
 
     def _hold_seen(self, refused: UalError, modes: tuple[str, str], snapshot: Snapshot) -> Step:
         self._hold_unseen(*modes, snapshot)
@@ -144,7 +152,7 @@ class AwaitStop(Manoeuvre):
             self.command, self.unseen = AutopilotCommand("hold its position"), _HOLDING
             self.command.send(self._hold, snapshot)
         if self._failure is None and (failure := self.command.failure(snapshot)) is not None:
-            self._failure, self.unseen = failure, f"its mission may go on: {failure}; {_REMEDY}"
+            self._failure = failure
             remedy = _REMEDY if self._refused is None else _REMEDY_SEEN
             logs.event(_log, logging.ERROR, "mission_not_stopped", why=str(failure), remedy=remedy)
 
