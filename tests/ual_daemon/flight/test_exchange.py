@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import suppress
@@ -26,6 +27,7 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import PositionSetpoint, Sample, Setpoint, Snapshot
 from ual_daemon.flight import flight as flight_module
 from ual_daemon.flight import setpoint_sender, stepper
+from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight, Order
 from ual_daemon.flight.flown import Flown
 from ual_daemon.flight.manoeuvres import fly_reference
@@ -279,6 +281,33 @@ def test_one_of_two_callers_comes_first(vehicle: Vehicle, command: str) -> None:
 def test_what_ends_a_task_during_an_update_ends_it(vehicle: Vehicle, situation: str, end: str) -> None:
     for world in at_each_line(vehicle, SITUATIONS[situation], "update", end):
         assert all(task.future.done() for task in world.tasks)
+
+
+class Commanding(Scripted):
+    """Gives the autopilot a command in its step, `just_before` which another thread does something."""
+
+    def __init__(self, task: VehicleTask, just_before: Callable[[], None]) -> None:
+        super().__init__(task, 1.0, 2)
+        self._just_before = just_before
+        self.acknowledgement: Future[None] = Future()
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        self._just_before()
+        self.command = AutopilotCommand("fly the mission")
+        self.command.send(lambda: self.acknowledgement)
+        return super().step(snapshot, estimate)
+
+
+@pytest.mark.parametrize("end", ["lease", "shut_down", "set_pose", "nothing"])
+def test_what_ends_a_task_as_it_commands_the_autopilot_withdraws_that(vehicle: Vehicle, end: str) -> None:
+    """The task had ended before it kept its command: the autopilot flew its mission for nobody."""
+    world = World(vehicle)
+    world.flown.lock = threading.Lock()
+    commanding = Commanding(world._new_task(), getattr(world, end, lambda: None))
+    world.flight.begin(commanding, Order())
+    world.update()
+    assert commanding.acknowledgement.cancelled() is (end != "nothing")
 
 
 CALLER = st.lists(st.sampled_from(COMMANDS), min_size=1, max_size=3)
