@@ -476,14 +476,21 @@ class Flight:
             raise not_pausable(command, f"{manoeuvre.name} cannot be paused: {manoeuvre.why_not_pausable}")
         return manoeuvre.task
 
-    def watch(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> Future[None]:
-        """Watches a caller's command that is not a manoeuvre; see `WatchedCommands.add`.
+    def watch(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool], lease_id: str) -> Future[None]:
+        """Watches a caller's command that is not a manoeuvre, before it is sent; see `WatchedCommands.add`.
 
         Raises:
             WrongStateError: UAL is shutting down.
+            LeaseHeldError: Another program holds the lease.
+            LeaseLostError: The lease of the command has ended.
 
         """
-        return self._watched.add(command, is_done, is_callers=True)
+        future = self._watched.add(command, is_done, is_callers=True)
+        # Only now: a lease that ends later ends the command, too.
+        if lease_id != self.lease.id and (refusal := self.lease.refusal(command.what, lease_id)) is not None:
+            self._watched.drop(command)
+            raise refusal
+        return future
 
     # --- The end ------------------------------------------------------------------------------------------------------
 

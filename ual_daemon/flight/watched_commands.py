@@ -82,6 +82,11 @@ class WatchedCommands:
             if watched.is_callers and not watched.is_done(snapshot) and self._remove(watched):
                 watched.end(watched.command.left_behind(error))
 
+    def drop(self, command: AutopilotCommand) -> None:
+        """Forgets a command that was not sent. Nobody waits for it yet."""
+        with self._lock:
+            self._watched = tuple(each for each in self._watched if each.command is not command)
+
     def step(self, snapshot: Snapshot, estimate: Estimate) -> None:
         """Ends the commands whose effect shows in a snapshot, and those that failed: with a lost link, all did."""
         for watched in self._watched:

@@ -451,7 +451,9 @@ class Commands:
                 self._flight.require_replaceable(name)  # a take-off that has begun
             command = AutopilotCommand(name)
             future = self._flight.watch(
-                command, lambda newer: newer.control.armed is not None and newer.control.armed.value is is_armed
+                command,
+                lambda newer: newer.control.armed is not None and newer.control.armed.value is is_armed,
+                lease_id,
             )
             command.send(self._backend.arm if is_armed else self._backend.disarm)
             accepted(name)

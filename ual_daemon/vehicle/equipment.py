@@ -57,20 +57,30 @@ class Equipment:
         with self._lock:
             return self._ordered.get(device, "")
 
-    def give(self, device: Device, text: str, begin: Callable[[], Future[None]], *, holds: bool) -> Future[None]:
+    def give(
+        self,
+        device: Device,
+        text: str,
+        begin: Callable[[], Future[None]],
+        *,
+        holds: bool,
+        require: Callable[[], object],
+    ) -> Future[None]:
         """Begins an order, which `text` says for people. Cancelling the future withdraws it.
 
-        One that `holds` the load replaces the one that is under way.
+        One that `holds` the load replaces the one that is under way. `require` raises where it may not begin: what ends
+        the lease after that withdraws it.
 
         Raises:
             WrongStateError: Another one is under way, and this one does not hold.
-            UalError: As `begin`.
+            UalError: As `require` and `begin`.
 
         """
         order = _Order(text, holds)
         ended: list[_Order] = []
         try:
             with self._giving:  # the backend gets the orders of several threads as they are kept here
+                require()
                 before = self._replace(device, order, holds=holds)
                 ended += () if before is None else self._stopped([before])
                 self._begin(device, order, begin)

@@ -15,6 +15,10 @@ from ual_daemon.vehicle.equipment import Device, Equipment
 CLAW = Device("gripper", "claw")
 
 
+def anybody() -> None:
+    """May order."""
+
+
 class Bench:
     """The orders of a test."""
 
@@ -23,7 +27,7 @@ class Bench:
         self.sent: list[Future[None]] = []
 
     def give(self, text: str, *, holds: bool = False, device: Device = CLAW) -> Future[None]:
-        return self.equipment.give(device, text, self._begin, holds=holds)
+        return self.equipment.give(device, text, self._begin, holds=holds, require=anybody)
 
     def _begin(self) -> Future[None]:
         self.sent.append(Future())
@@ -118,7 +122,7 @@ def test_what_cannot_begin_leaves_the_device_free(bench: Bench) -> None:
         raise LinkLostError("gone")
 
     with pytest.raises(LinkLostError):
-        bench.equipment.give(CLAW, "release", begin, holds=False)
+        bench.equipment.give(CLAW, "release", begin, holds=False, require=anybody)
     bench.give("release")
 
 
@@ -130,3 +134,16 @@ def test_an_answer_to_what_was_replaced_changes_nothing(bench: Bench) -> None:
     bench.sent[0].set_result(None)
     with pytest.raises(WrongStateError, match="grip is under way"):
         bench.give("release")
+
+
+def test_a_lease_that_ends_as_an_order_is_allowed_withdraws_it(bench: Bench) -> None:
+    """The order was allowed, then the lease ended, and only then was it kept: a load fell in another's flight."""
+
+    def end() -> None:
+        bench.equipment.withdraw("its lease has ended", {"by": "lease"})
+
+    ending = threading.Thread(target=end, daemon=True)
+    release = bench.equipment.give(CLAW, "release", bench._begin, holds=False, require=ending.start)
+    ending.join(LIMIT_S)
+    assert bench.sent[0].cancelled()
+    assert isinstance(release.exception(0), TaskAbortedError)

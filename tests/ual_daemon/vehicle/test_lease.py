@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from typing import Any
 
 import pytest
 
@@ -11,7 +12,7 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
-from ual_daemon.backends.values import Setpoint
+from ual_daemon.backends.values import Setpoint, Snapshot
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
@@ -73,6 +74,29 @@ def test_an_arming_that_has_not_left_ends_when_another_acquires_the_lease(
     assert waiting.cancelled()
 
 
+@pytest.mark.parametrize("command", ["arm", "disarm"])
+def test_one_that_is_allowed_just_before_its_lease_ends_is_not_sent(
+    uav: Stepped, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was not watched yet when the lease ended, and so was sent: in the flight of another program."""
+    if command == "disarm":
+        uav.arm()
+    commands, state = uav.vehicle.commands, uav.state
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
+    require_state = commands._preconditions.require_state
+
+    def require_and_end(*args: Any) -> Snapshot:
+        snapshot = require_state(*args)
+        uav.vehicle.release_lease(lease_id)
+        return snapshot
+
+    monkeypatch.setattr(commands._preconditions, "require_state", require_and_end)
+    with pytest.raises(LeaseLostError, match=f"{command}: the lease has ended: it was released"):
+        getattr(commands, command)(lease_id)
+    uav.run(1.0)
+    assert uav.state is state
+
+
 def test_an_arming_that_shows_is_done_when_another_acquires_the_lease(uav: Stepped) -> None:
     arming = uav.vehicle.commands.arm()
     uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
@@ -122,7 +146,8 @@ def test_a_release_that_waits_ends_with_the_lease(uav: Stepped, how: str) -> Non
     """It waits for a silence to end, or for an earlier order: it would leave in the flight of another program."""
     lease_id = NOBODY if how == "acquired" else uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     sent: Future[None] = Future()
-    release = uav.vehicle.equipment.give(Device("gripper", "claw"), "release", lambda: sent, holds=False)
+    claw = Device("gripper", "claw")
+    release = uav.vehicle.equipment.give(claw, "release", lambda: sent, holds=False, require=lambda: None)
     if how == "released":
         uav.vehicle.release_lease(lease_id)
     else:

@@ -114,8 +114,8 @@ class VehicleGripper:
     def _give(
         self, device: Device, text: str, lease_id: str, begin: Callable[[], Future[None]], *, holds: bool = False
     ) -> Future[None]:
-        require_change(self._vehicle, f"order {device.text}", lease_id)
-        return self._vehicle.equipment.give(device, text, begin, holds=holds)
+        require = partial(require_change, self._vehicle, f"order {device.text}", lease_id)
+        return self._vehicle.equipment.give(device, text, begin, holds=holds, require=require)
 
     def _gripper(self, offer: OfferedGripper, each: GripperSettings) -> Future[values.GripperInfo]:
         def made(state: GripperState | None, note: str) -> values.GripperInfo:
