@@ -117,6 +117,8 @@ class Flight:
         self.is_closing = False
         """Whether commands are refused because of a shutdown. An attribute, because each setpoint looks."""
         self._last_command = LastCommand(0, "")
+        self._unstopped: tuple[Manoeuvre, str] | None = None
+        """What was not stopped for the lease, and why it was to be: whether it is UAL's was being found out."""
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -405,7 +407,10 @@ class Flight:
 
     def _ends_with_lease(self, why: str, new: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
         self._note_command("lease")
-        if not self.authority.is_ours or (old is not None and (old.stops_mission or not old.is_replaceable)):
+        if old is not None and (old.stops_mission or not old.is_replaceable):
+            return None
+        if not self.authority.is_ours:
+            self._unstopped = None if old is None else (old, why)
             return None
         if old is not None and new is not None:
             new.replaces(old)
@@ -548,6 +553,10 @@ class Flight:
         is_on_way = is_led and manoeuvre is not None and manoeuvre.task is not None
         self.geofence.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=is_on_way, is_led=is_led)
         self._stepper.update(snapshot, raw)
+        if self._unstopped is not None and self.authority.is_ours:
+            (unstopped, why), self._unstopped = self._unstopped, None
+            if unstopped is self._flown.manoeuvre:
+                self.stop_for_lease(why)
         self._watched.step(snapshot, raw)
         self._explanation.update(snapshot)
         if self._shutdown is not None:

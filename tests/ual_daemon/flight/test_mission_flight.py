@@ -23,6 +23,7 @@ from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight, Order
 from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
 from ual_daemon.flight.manoeuvres.recover import RecoverFirst
+from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import LimitSettings, VehicleSettings
@@ -82,7 +83,7 @@ class World:
         self.flight = Flight(backend, self.limits, geofence)
         self.autopilot = self.wire.autopilot
         task, ends = self.autopilot.task(TaskKind.MISSION), lambda _: pytest.fail("it has not ended")
-        mission = AutopilotMission(task, backend, Missions(), kept, 1, None, ends, lambda: None)
+        mission = AutopilotMission(task, backend, Missions(), kept, 1, None, ends, self.flight.authority.begin)
         self.flight.begin(mission, Order())
         self.mission, self.offer = mission, cast("Missions", mission._offer)
         self.run(0.5)
@@ -209,6 +210,60 @@ def test_a_mission_that_goes_on_unseen_is_stopped_for_a_lease_once_it_is_seen(
     world.wire.hidden = ()
     world.run(0.5)
     assert world.wire.asked == [*before, "take"]
+
+
+def be_silent(world: World) -> None:
+    """Nothing is heard for so long that the flight may be another's by then."""
+    while world.autopilot.silent_s < LONGEST_GAP_S + 2.0:
+        world.autopilot.silent_s += STEP_S
+        world.run(STEP_S)
+    world.autopilot.silent_s = 0.0
+    world.run(0.3)
+    assert not world.flight.authority.is_ours
+    assert not world.mission.future.done()
+
+
+@pytest.mark.parametrize("is_ours", [True, False])
+def test_a_lease_that_ends_while_the_mission_is_read_after_a_silence_stops_it_if_it_is_ours(
+    world: World, is_ours: bool
+) -> None:
+    """It was flown on for a program that had lost its lease."""
+    be_silent(world)
+    world.flight.stop_for_lease("its program has released the lease")
+    world.run(0.2)
+    assert world.wire.asked == []
+    world.offer.read.set_result(KEPT if is_ours else KEPT._replace(digest="2"))
+    world.run(0.5)
+    error = world.mission.future.exception(0.0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == ("lease" if is_ours else "ground station")
+    assert world.wire.asked == (["take"] if is_ours else [])
+
+
+def test_a_command_after_such_an_end_of_the_lease_is_not_stopped(world: World) -> None:
+    be_silent(world)
+    world.flight.stop_for_lease("its program has released the lease")
+    recover = world.recover_first()
+    world.run(0.2)
+    assert world.flight.manoeuvre is recover
+
+
+def test_a_mission_that_goes_on_after_a_silence_in_its_pause_ends_with_the_lease(world: World) -> None:
+    """The silence had given the flight up, and it stayed so: the end of the lease did not stop it."""
+    world.flight.pause()
+    world.run(0.2)
+    world.autopilot.mode = world.offer.pause_mode
+    world.run(0.2)
+    be_silent(world)
+    world.flight.resume()
+    world.run(0.2)
+    world.offer.read.set_result(KEPT)
+    world.run(0.3)
+    world.autopilot.mode = world.offer.mode
+    world.run(0.3)
+    world.flight.stop_for_lease("its program has released the lease")
+    world.run(0.2)
+    assert world.wire.asked == ["hold", "take"]
 
 
 def stop_without_position(world: World) -> None:

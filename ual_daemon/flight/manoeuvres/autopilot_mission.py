@@ -84,7 +84,7 @@ class AutopilotMission(Manoeuvre):
         first: The item with which it begins, counted from 1; None where the autopilot flies it already.
         reference: What is sent until the autopilot flies the mission; None on the ground.
         take_back: Makes what takes the control back at the end in the air.
-        is_ours: Called once it is known that the mission of a flight after a silence is still this one.
+        is_ours: Called once it is known that the mission is still this one, after a silence or a pause.
         begins_anew: Why the autopilot would not go on after a pause; empty if it does.
 
     """
@@ -468,6 +468,7 @@ class AutopilotMission(Manoeuvre):
             return self._stay_paused()
         if (step := self._unless_kept(self._stays())) is not None:
             return step
+        self._is_ours()  # a silence in its pause may have given the flight up
         self._phase, self._waited = _Phase.CHOOSING, None
         return Step()
 
