@@ -517,15 +517,19 @@ class Flight:
         self._shutdown, self.is_closing = shutdown, True
         if old is None or not old.is_awaited or not old.is_replaceable or old.stops_mission:
             return None
-        return Ending(TaskAbortedError(f"{old.name}: UAL is shutting down", {"by": "shutdown"}))
+        return _by_shutdown(old)
 
     def _step_shutdown(self, snapshot: Snapshot, shutdown: Shutdown) -> None:
-        """Steps the shutdown, once no manoeuvre is under way but a reference."""
+        """Steps the shutdown, once no manoeuvre is under way but a reference, or a stop that is not seen."""
         manoeuvre = self._flown.manoeuvre
-        if shutdown.future.done() or (manoeuvre is not None and manoeuvre.is_awaited):
+        if shutdown.future.done():
             return
-        if shutdown.step(snapshot):
-            self._exchange(None, lambda old: SILENT if old is None or not old.is_awaited else None)
+        if manoeuvre is None or not manoeuvre.is_awaited:
+            is_over = shutdown.step(snapshot)
+        else:
+            is_over = bool(manoeuvre.stops_mission) and shutdown.leaves(manoeuvre, snapshot)
+        if is_over:
+            self._exchange(None, partial(_ends_with_handover, manoeuvre))
             shutdown.finish()
 
     def close(self) -> None:
@@ -573,6 +577,17 @@ class Flight:
         self.drift.forget()
         stop = brake(snapshot, self.limits.get())
         self._exchange(FlyReference("stop", stop, self._rules), partial(_ends_by_jump, jump, stop))
+
+
+def _by_shutdown(old: Manoeuvre) -> Ending:
+    return Ending(TaskAbortedError(f"{old.name}: UAL is shutting down", {"by": "shutdown"}))
+
+
+def _ends_with_handover(left: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
+    """`left` is what the shutdown does not wait for any more."""
+    if old is None or not old.is_awaited:
+        return SILENT
+    return _by_shutdown(old) if old is left else None
 
 
 def _ends_by_jump(jump: Jump, stop: Reference, old: Manoeuvre | None) -> Ending | None:

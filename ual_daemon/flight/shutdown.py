@@ -14,6 +14,7 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.state import estimate
 
 _log = logging.getLogger(__name__)
@@ -56,6 +57,17 @@ class Shutdown:
             logs.event(_log, logging.ERROR, "hold_failed", why=str(failure or "its mode did not change"))
         return True
 
+    def leaves(self, stop: Manoeuvre, snapshot: Snapshot) -> bool:
+        """Returns whether the stop of a mission is not waited for any more: the autopilot holds by itself already, or
+        its state stays unknown.
+        """
+        if stop.has_held:
+            return True
+        if self._state(snapshot) is State.UNINITIALIZED:
+            return self._has_waited(snapshot, stop.unseen)
+        self._blind_since_s = None
+        return False
+
     def _state(self, snapshot: Snapshot) -> State:
         return estimate(snapshot, self._backend.freshness).state
 
@@ -66,13 +78,14 @@ class Shutdown:
         is_heard = snapshot.heard_s is not None and not is_on_ground
         return is_heard and self._is_flown_by_us() and self._state(snapshot) is State.UNINITIALIZED
 
-    def _has_waited(self, snapshot: Snapshot) -> bool:
-        """Returns whether the state has stayed unknown for too long."""
+    def _has_waited(self, snapshot: Snapshot, does: str = "") -> bool:
+        """Returns whether the state has stayed unknown for too long. `does` is what UAL does meanwhile, for people."""
         if self._blind_since_s is None:
             self._blind_since_s = snapshot.time_s
         if snapshot.time_s - self._blind_since_s < _BLIND_PATIENCE_S:
             return False
-        self._error = LinkLostError(f"its state is not known: {estimate(snapshot, self._backend.freshness).why}")
+        why = estimate(snapshot, self._backend.freshness).why
+        self._error = LinkLostError(f"its state is not known: {why}{f'; {does}' if does else ''}")
         return True
 
     def _begin_hold(self, snapshot: Snapshot) -> bool:

@@ -45,7 +45,7 @@ _log = logging.getLogger(__name__)
 _SAFE_EXIT_LIMIT_S = 60.0
 _CLOSE_LIMIT_S = 10.0
 """For all that is left once the UAVs are safe."""
-_REMINDER_PERIOD_S = 5.0
+_FIRST_REMINDER_S, _REMINDER_PERIOD_S = 1.0, 5.0
 _GATHER_S = 0.005
 """How long a fleet gathers updates before it hands them to the event loop together."""
 _ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  compared with, not bound to
@@ -297,16 +297,17 @@ class _Served:
         """Waits until the UAV needs the daemon no more, at most `_SAFE_EXIT_LIMIT_S`. Returns whether that is so."""
         safe = self._vehicle.prepare_shutdown()
         done = completion(safe)
-        deadline_s = asyncio.get_running_loop().time() + _SAFE_EXIT_LIMIT_S
+        deadline_s, patience_s = asyncio.get_running_loop().time() + _SAFE_EXIT_LIMIT_S, _FIRST_REMINDER_S
         while not done.done():
             left_s = deadline_s - asyncio.get_running_loop().time()
             if left_s <= 0.0:
                 return self._leave_in_flight(f"it was not at rest after {_SAFE_EXIT_LIMIT_S:g} s")
-            await asyncio.wait((done,), timeout=min(left_s, _REMINDER_PERIOD_S))
+            await asyncio.wait((done,), timeout=min(left_s, patience_s))
+            patience_s = _REMINDER_PERIOD_S
             if not done.done():
-                logs.event(
-                    _log, logging.WARNING, "waiting_to_end", state=self._vehicle.state().name, limit_s=round(left_s)
-                )
+                told = self._vehicle.telemetry()
+                fields = {"state": told.state.name, "why": told.state_reason, "limit_s": round(left_s)}
+                logs.event(_log, logging.WARNING, "waiting_to_end", **fields)
         error = safe.exception()
         if error is not None:
             return self._leave_in_flight(str(error))

@@ -306,6 +306,39 @@ def test_a_hold_without_a_position_that_is_refused_is_told_with_what_to_do(
     assert world.wire.asked == ["hold", "take"]
 
 
+@pytest.mark.parametrize("is_held", [True, False])
+def test_a_shutdown_waits_for_a_stop_without_a_position_only_until_the_autopilot_holds(
+    world: World, is_held: bool
+) -> None:
+    """It lasted 60 s: the position may never come back."""
+    stop_without_position(world)
+    ended = world.flight.prepare_shutdown()
+    world.run(4.8)
+    assert not ended.done()
+    if is_held:
+        world.wire.answer()
+        world.autopilot.mode = world.offer.pause_mode
+    world.run(0.5)
+    error = ended.exception(0.0)
+    assert world.flight.manoeuvre is None
+    assert (error is None) is is_held
+    if not is_held:
+        assert "the autopilot has not said its pose; its mission may go on: " in str(error)
+
+
+def test_a_shutdown_waits_for_a_stop_that_is_seen_again_in_time(world: World) -> None:
+    stop_without_position(world)
+    ended = world.flight.prepare_shutdown()
+    world.run(4.0)
+    world.wire.hidden = ()
+    world.run(2.0)
+    assert not ended.done()
+    assert world.wire.asked == ["hold", "take"]
+    world.autopilot.mode, world.autopilot.control = "OFFBOARD", Control.REFERENCES
+    world.run(0.5)
+    assert world.wire.asked == ["hold", "take", "hold"]
+
+
 @pytest.mark.parametrize("landed", [LandedState.LANDING, LandedState.TAKING_OFF])
 def test_without_a_position_a_landing_or_a_take_off_goes_on(world: World, landed: LandedState) -> None:
     world.autopilot.landed = landed

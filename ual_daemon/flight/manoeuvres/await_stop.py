@@ -76,7 +76,6 @@ class AwaitStop(Manoeuvre):
         self._hold, self._stop, self._refused = hold, stop, refused
         if refused is not None:
             self.mission = "the autopilot is to hold: it has not given UAL the control back from its mission"
-        self._has_held = False
         self._failure: UalError | None = None
         self._began_in = ""
         self._seen_s: float | None = None
@@ -122,7 +121,7 @@ class AwaitStop(Manoeuvre):
             return True
         if is_own and self.modes is not None:
             self._hold_unseen(*self.modes, snapshot)
-        if self._failure is not None and not self._has_held:
+        if self._failure is not None and not self.has_held:
             self.unseen = self._told_of(self._failure, snapshot.control.mode_name)
         return False
 
@@ -134,14 +133,14 @@ class AwaitStop(Manoeuvre):
 
     def _hold_seen(self, refused: UalError, modes: tuple[str, str], snapshot: Snapshot) -> Step:
         self._hold_unseen(*modes, snapshot)
-        if self._has_held:
+        if self.has_held:
             return failed(with_advice(refused, "the autopilot holds its position by itself instead"))
         return Step() if self._failure is None else failed(with_advice(refused, f"{self._failure}; {_REMEDY_SEEN}"))
 
     def _hold_unseen(self, flies: str, holds: str, snapshot: Snapshot) -> None:
         mode, armed, landed = snapshot.control.mode_name, snapshot.control.armed, snapshot.control.landed
         if mode == holds:
-            self._has_held, self.unseen = True, _HELD
+            self.has_held, self.unseen = True, _HELD
             return
         is_by_itself = landed is not None and landed.value in _BY_ITSELF
         if mode != flies or is_by_itself or (armed is not None and not armed.value):
@@ -161,7 +160,7 @@ class AwaitStop(Manoeuvre):
         mode = snapshot.control.mode_name
         # The one that was seen before it began: others may have chosen that of the moment in which it did.
         self._began_in = self._began_in or self._seen_mode or self.mode_begun or mode
-        return True if mode == self._began_in and not self._has_held else self.led_to(snapshot)
+        return True if mode == self._began_in and not self.has_held else self.led_to(snapshot)
 
     @override
     def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:

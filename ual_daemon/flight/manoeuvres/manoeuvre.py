@@ -130,6 +130,8 @@ class Manoeuvre(ABC):
     on without it: only a command replaces it."""
     unseen = ""
     """What it does while the state is not known, human-readable; empty where nobody needs to be told."""
+    has_held = False
+    """Whether the autopilot has held by itself since it stops a mission."""
     overrules_nobody = False
     """Whether it sends nothing in a mode to which UAL has not led, whoever has chosen that before it began."""
     why_not_pausable = "only the safety pilot can abort it"
