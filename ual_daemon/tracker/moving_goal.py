@@ -70,7 +70,7 @@ class MovingGoal(Reference):
         self._max_speed_m_s = max_speed_m_s
         self._admit = admit
         self._motion = start
-        self._replanned_s = -math.inf
+        self._replanned_s, self._updated_s = -math.inf, now_s
         self._planned_goal = goal(now_s)
         self._plan: _Plan | None = None
         self.stop_reason: UalError | None = None
@@ -85,6 +85,9 @@ class MovingGoal(Reference):
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         now_s = snapshot.time_s
+        late_s, self._updated_s = now_s - self._updated_s - _PLAN_PERIOD_S, now_s
+        if self._plan is not None and late_s > 0.0:  # after a pause it goes on where it was admitted, without a step
+            self._plan = self._plan._replace(begin_s=self._plan.begin_s + late_s)
         if now_s - self._replanned_s >= _PLAN_PERIOD_S:
             if self._plan is not None:
                 self._motion = self._motion_at(self._plan, now_s)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import GeofenceError, TaskAbortedError, UnknownFrameError, WrongStateError
-from ual.geometry import PoseStamped, Quaternion, Transform, Vector3, wrap_angle
-from ual.types import State, TaskStatus
+from ual.geometry import Pose, PoseStamped, Quaternion, Transform, Twist, Vector3, wrap_angle
+from ual.types import Limits, State, TaskStatus
+from ual_daemon.backends.values import MotionState, Sample, Snapshot
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
+from ual_daemon.tracker.moving_goal import MovingGoal
+from ual_daemon.trajectory import Motion
 
 CAR = "car/base_link"
 FAST = {"horizontal_speed_m_s": 8.0, "vertical_speed_m_s": 3.0, "horizontal_acceleration_m_s2": 3.0}
@@ -179,6 +182,33 @@ def test_a_car_that_leaves_the_geofence_is_followed_to_its_edge() -> None:
         while car.time_s < 28.0:  # it has come back, and is followed again
             car.run(0.1)
         assert car.distance_m() < 0.3
+
+
+@pytest.mark.parametrize("paused_after_s", [3.0, 4.5, 4.7, 5.0, 6.0])
+def test_a_pause_of_this_computer_leads_neither_ahead_nor_out_of_the_geofence(paused_after_s: float) -> None:
+    """In 0.9 s the plan went on by 7 m, as one step, and up to 5 m beyond the edge: only 0.2 s of it were admitted."""
+    edge_m, limits = 40.0, Limits(horizontal_speed_m_s=8.0)
+
+    def admit(points: Sequence[Vector3], _: Snapshot) -> None:
+        if any(point.x > edge_m for point in points):
+            raise GeofenceError("beyond the edge")
+
+    def goal(time_s: float) -> Motion:
+        return Motion(Vector3(min(edge_m + 5.0, 2.0 + 8.0 * time_s), 0.0, 5.0), 0.0, Vector3(6.0, 0.0, 0.0))
+
+    motion, time_s = Motion(Vector3(0.0, 0.0, 5.0), 0.0), 0.0
+    followed = MovingGoal(goal, motion, time_s, lambda: limits, admit)
+    for _ in range(round(12.0 / STEP_S)):
+        pose, velocity = Pose.at(*motion.position), Twist(motion.velocity)
+        now = Snapshot(time_s, motion=MotionState(pose=Sample(pose, time_s), velocity=Sample(velocity, time_s)))
+        followed.setpoint(now)
+        sent = followed.motion(now)
+        assert (sent.position - motion.position).norm() < 1.0
+        assert sent.position.x <= edge_m
+        motion, time_s = sent, time_s + STEP_S
+        if abs(time_s - paused_after_s) < STEP_S / 2:
+            time_s += 0.9
+    assert motion.position.x > edge_m - 10.0
 
 
 def test_a_goal_without_a_heading_keeps_the_heading_of_the_uav(uav: Stepped) -> None:
