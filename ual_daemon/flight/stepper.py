@@ -148,8 +148,10 @@ class Stepper:
     def _hold_by_autopilot(self, snapshot: Snapshot, during: str) -> None:
         """Commands the autopilot to hold its position by itself, until it has left the mode in which it obeys UAL.
 
-        It must not be repeated after that: the safety pilot may have taken over.
+        It must not be sent after that: the safety pilot may have taken over.
         """
+        if is_control_given_up(snapshot):
+            return
         hold = AutopilotCommand("hold its position")
         logs.event(_log, logging.WARNING, "hold_by_autopilot", why=f"{during} was stopped")
         with suppress(WrongStateError):  # UAL is shutting down

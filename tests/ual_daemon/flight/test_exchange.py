@@ -20,11 +20,11 @@ from typing_extensions import override
 from tests.interleaving import Interleaving
 from tests.snapshots import changed, value_of
 from tests.ual_daemon.stepped import stepped
-from ual.errors import LeaseHeldError, TaskAbortedError, UalError, WrongStateError
+from ual.errors import GeofenceError, LeaseHeldError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Vector3
 from ual.types import TaskKind
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import PositionSetpoint, Sample, Setpoint, Snapshot
+from ual_daemon.backends.values import Cause, Control, Mode, PositionSetpoint, Sample, Setpoint, Snapshot
 from ual_daemon.flight import flight as flight_module
 from ual_daemon.flight import setpoint_sender, stepper
 from ual_daemon.flight.autopilot_command import AutopilotCommand
@@ -32,6 +32,7 @@ from ual_daemon.flight.flight import Flight, Order
 from ual_daemon.flight.flown import Flown
 from ual_daemon.flight.manoeuvres import fly_reference
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step
+from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
@@ -52,6 +53,7 @@ class Wire:
         self._backend = backend
         self.now = backend.snapshot()
         self.sent: list[PositionSetpoint] = []
+        self.holds_count = 0
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._backend, name)
@@ -64,6 +66,7 @@ class Wire:
         self.sent.append(setpoint)
 
     def hold(self) -> Future[None]:
+        self.holds_count += 1
         return Future()
 
 
@@ -308,6 +311,29 @@ def test_what_ends_a_task_as_it_commands_the_autopilot_withdraws_that(vehicle: V
     world.flight.begin(commanding, Order())
     world.update()
     assert commanding.acknowledgement.cancelled() is (end != "nothing")
+
+
+class Refitted(Scripted):
+    """Ends as the world changes, for which the autopilot is to hold by itself: a take-off that it flies by itself."""
+
+    @override
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step:
+        return Step(has_ended=True, error=GeofenceError("this has changed in flight"), is_autopilot_to_hold=True)
+
+
+@pytest.mark.parametrize("is_taken", [True, False])
+def test_the_autopilot_is_not_told_to_hold_over_a_pilot_who_has_just_taken_over(
+    vehicle: Vehicle, is_taken: bool
+) -> None:
+    """The world changed in the half second in which it is found out who has chosen the mode."""
+    world = World(vehicle)
+    world.flown.lock = threading.Lock()
+    world.flight.begin(Refitted(world._new_task(), 1.0, 2), Order())
+    if is_taken:
+        pilots = Sample(Mode("LOITER", Control.OTHER), world.wire.now.time_s)
+        world.wire.now = changed(world.wire.now, mode=pilots, held_by=Cause.OPEN)
+    world.flight.step(world.wire.now)
+    assert world.wire.holds_count == (0 if is_taken else 1)
 
 
 CALLER = st.lists(st.sampled_from(COMMANDS), min_size=1, max_size=3)
