@@ -57,8 +57,7 @@ class MissionStop:
         return handover
 
     def _wait(self, old: Manoeuvre, refused: UalError | None = None) -> Handover:
-        wait = AwaitStop(self._by, old.mode_seen, self._modes, self._backend.hold, self.after, refused)
-        return Handover(wait, _nothing)
+        return Handover(AwaitStop(self._by, old.mode_seen, self._modes, self._backend.hold, self.after, refused))
 
     def _take_back(self, snapshot: Snapshot, old: Manoeuvre, *, is_early: bool) -> Handover:
         control, seen, limits = self._backend.take_control, old.mode_seen, self._limits.get()
@@ -67,13 +66,9 @@ class MissionStop:
         )
         # In a mode that was not judged yet, its steps send it.
         is_judged = seen in ("", snapshot.control.settled_mode) and not is_early
-        return Handover(recover, partial(recover.send, snapshot) if is_judged else _nothing)
+        return Handover(recover, partial(recover.send, snapshot)) if is_judged else Handover(recover)
 
 
 def _modes_of(mission: Manoeuvre) -> tuple[str, str] | None:
     """Returns the modes in which the autopilot flies it and holds; None where UAL takes the control back already."""
     return mission.modes if isinstance(mission, AutopilotMission | AwaitStop | StayOnGround | StopInAir) else None
-
-
-def _nothing() -> None:
-    """The command is sent by its steps."""

@@ -18,7 +18,6 @@ from ual_daemon.flight.fitting import Fitting
 from ual_daemon.flight.flown import SILENT, Ending, Flown
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, guarded
-from ual_daemon.flight.modes import is_control_given_up, mode_name
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.stopping import Stopping, motion_if_near
@@ -150,12 +149,12 @@ class Stepper:
 
         It must not be sent after that: the safety pilot may have taken over.
         """
-        if is_control_given_up(snapshot):
+        if _is_control_given_up(snapshot):
             return
         hold = AutopilotCommand("hold its position")
         logs.event(_log, logging.WARNING, "hold_by_autopilot", why=f"{during} was stopped")
         with suppress(WrongStateError):  # UAL is shutting down
-            self._watched.add(hold, is_control_given_up)
+            self._watched.add(hold, _is_control_given_up)
         hold.send(self._backend.hold, snapshot)
 
 
@@ -171,9 +170,17 @@ def has_led_to_ground(manoeuvre: Manoeuvre, snapshot: Snapshot) -> bool:
     return is_led and control.mode is not None and control.mode.value.control is Control.REFERENCES
 
 
+def _is_control_given_up(snapshot: Snapshot) -> bool:
+    """Whether the autopilot is in a mode in which it does not obey UAL."""
+    return snapshot.control.mode is not None and snapshot.control.mode.value.control not in (
+        Control.REFERENCES,
+        Control.TAKE_OFF,
+    )
+
+
 def _withdraw_older(manoeuvre: Manoeuvre, snapshot: Snapshot) -> None:
     """Withdraws the command that was sent before the mode changed: repeated, it would change that again."""
-    is_older = manoeuvre.mode_seen not in ("", mode_name(snapshot))
+    is_older = manoeuvre.mode_seen not in ("", snapshot.control.mode_name)
     if is_older and manoeuvre.command is not None and manoeuvre.command.is_sent:
         manoeuvre.command.withdraw()
 

@@ -45,7 +45,7 @@ class Landings:
             return self._own(task, snapshot, reference, name, on_height)
         has_pilot, disarm = self._flight.has_safety_pilot, self._backend.disarm_landed
         landing = LandOnSetpoints(task, disarm, reference, snapshot, name, on_height, has_safety_pilot=has_pilot)
-        return Handover(landing, _nothing)
+        return Handover(landing)
 
     @property
     def _is_on_setpoints(self) -> bool:
@@ -78,8 +78,4 @@ class Landings:
         limits, control = self._flight.limits.get(), self._backend.take_control
         recover = RecoverFirst(task, "land", command, limits, control, lambda _: None, onward)
         is_open = snapshot.control.held_by is Cause.OPEN
-        return Handover(recover, _nothing if is_open else partial(recover.send, snapshot))
-
-
-def _nothing() -> None:
-    """It begins with its first step."""
+        return Handover(recover) if is_open else Handover(recover, partial(recover.send, snapshot))

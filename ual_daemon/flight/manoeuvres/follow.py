@@ -188,7 +188,7 @@ class FollowTrajectory(Manoeuvre):
         try:
             successor = course.successor(self._task, snapshot)
             if successor is not None:
-                return Step(handover=Handover(successor, _nothing))
+                return Step(handover=Handover(successor))
             self._fit(course, self._flown(reference, snapshot), snapshot, limits, geofence)
         except UalError as error:
             return _ended_by_world(error)
@@ -273,10 +273,6 @@ def _ended_by_world(error: UalError) -> Step:
     """Returns the step of a manoeuvre that cannot go on in a world that has changed."""
     text = f"{error.message}; this has changed in flight: the UAV stops and holds its position"
     return Step(has_ended=True, error=type(error)(text, error.metadata), is_to_stop=True)
-
-
-def _nothing() -> None:
-    """The manoeuvre begins with its first step."""
 
 
 class _Planning:

@@ -98,11 +98,15 @@ class Step(NamedTuple):
     is_to_stop: bool = False
 
 
+def _nothing() -> None:
+    """The manoeuvre begins with its first step."""
+
+
 class Handover(NamedTuple):
     """The manoeuvre that goes on with a task, and the function that is called once this manoeuvre is the one flown."""
 
     manoeuvre: Manoeuvre
-    begin: Callable[[], None]
+    begin: Callable[[], None] = _nothing
 
 
 def failed(error: UalError) -> Step:

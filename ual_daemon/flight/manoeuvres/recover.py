@@ -177,10 +177,6 @@ class RecoverFirst(Recover):
         if not step.has_ended or step.error is not None:
             return step
         try:
-            return Step(handover=Handover(self._onward(snapshot), _nothing))
+            return Step(handover=Handover(self._onward(snapshot)))
         except UalError as error:
             return step._replace(error=error)
-
-
-def _nothing() -> None:
-    """The manoeuvre begins with its first step."""
