@@ -35,6 +35,7 @@ from ual_daemon.vehicle.refusal_log import accepted
 _log = logging.getLogger(__name__)
 
 _ENDS_OF_DAEMON = ("shutdown", "close")
+_COMMANDED = "UAL was commanded anew"
 AGAIN_S = 1.0
 """A mission that could not be read is asked for again after this."""
 _ASIDE_M = 10.0
@@ -248,7 +249,7 @@ class Missions:
             return "the UAV is disarmed"
         if snapshot.control.mode_name != offer.mode:
             return f"the autopilot is in mode {snapshot.control.mode_name}"
-        return "UAL was commanded anew" if self._flight.last_command.number else ""
+        return _COMMANDED if self._flight.last_command.number else ""
 
     def _on_found(self, lost: FlownMission, offer: AutopilotMissions, finding: Future[KeptMission]) -> None:
         self._finding = None
@@ -263,6 +264,11 @@ class Missions:
         if self._flight.adopt(self._manoeuvre(task, offer, kept, None, None)):
             self._remember(task, kept)
             logs.event(_log, logging.INFO, "mission_found", task_id=task.id)
+        elif self._flight.is_closing:  # the next daemon finds it
+            task.end(TaskAbortedError(f"{NAME}: UAL is shutting down", {"by": "shutdown"}))
+        else:  # in this moment
+            task.end(TaskAbortedError(f"{NAME}: {_COMMANDED}", {"by": self._flight.last_command.name}))
+            self._forget(_COMMANDED)
 
     def _forget(self, why: str) -> None:
         self._lost = self._finding = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -9,49 +10,96 @@ from typing import Any
 
 import pytest
 
-from tests.ual_daemon.stepped import STEP_S, stepped
-from ual.errors import UalTimeoutError
+from tests.ual_daemon.stepped import STEP_S, Stepped, stepped
+from ual.errors import TaskAbortedError, UalTimeoutError
+from ual.geometry import Vector3
+from ual.missions import ReturnToLaunch
 from ual_daemon.backends import futures
+from ual_daemon.backends.chain import done
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission
-from ual_daemon.flight.flight import Flight
+from ual_daemon.flight.flight import Flight, Order
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
+from ual_daemon.flight.tasks import Tasks
 from ual_daemon.settings import LimitSettings, VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
+from ual_daemon.tracker.references import Hold
 from ual_daemon.vehicle.mission_file import FlownMission, MissionFile
 from ual_daemon.vehicle.missions import AGAIN_S, Missions
 
 
-class Unread:
-    """The missions of an autopilot that refuses to send them."""
+class Offer:
+    """The missions of an autopilot, which it refuses to send, or sends as `kept`."""
 
     mode = "GUIDED"
 
     def __init__(self) -> None:
         self.asked_count = 0
+        self.kept: KeptMission | None = None
 
     def download(self) -> Future[KeptMission]:
         self.asked_count += 1
+        if self.kept is not None:
+            return done(self.kept)
         return futures.failed(UalTimeoutError("busy with another station"))
 
 
-def test_a_mission_that_cannot_be_read_is_asked_for_once_in_a_while(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """Else each update would ask, and take the link from the flight and from other stations."""
-    with stepped() as uav:
+class Restarted:
+    """A daemon that was restarted while the autopilot flew its mission."""
+
+    def __init__(self, uav: Stepped, monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
         uav.fly()
-        vehicle, offer = uav.vehicle, Unread()
-        backend, info, offered = vehicle.backend, vehicle.backend.info(), vehicle.backend.offer
+        self._uav, self.offer, vehicle = uav, Offer(), uav.vehicle
+        backend = self._backend = vehicle.backend
+        info, offered = backend.info(), backend.offer
 
         def offers(kind: type[Any]) -> Any:
-            return offer if kind is AutopilotMissions else offered(kind)
+            return self.offer if kind is AutopilotMissions else offered(kind)
 
         monkeypatch.setattr(backend, "offer", offers)
         monkeypatch.setattr(backend, "info", lambda: replace(info, identity="it"))
-        file = MissionFile(tmp_path / "uav_1.mission")
-        file.write(FlownMission("it", "digest", "mission-1"))
-        restarted = Flight(backend, CurrentLimits(backend, LimitSettings()), vehicle._flight.geofence)
-        missions = Missions(backend, restarted, vehicle._resolver, vehicle._tasks, VehicleSettings(), file)
-        for _ in range(round(3.5 * AGAIN_S / STEP_S)):
-            uav.run(STEP_S)
-            missions.update(backend.snapshot())
-        assert offer.asked_count == 4
+        self.file = MissionFile(path)
+        self.file.write(FlownMission("it", "digest", "mission-1"))
+        self.tasks = Tasks(backend.clock)
+        self.flight = Flight(backend, CurrentLimits(backend, LimitSettings()), vehicle._flight.geofence)
+        self._missions = Missions(backend, self.flight, vehicle._resolver, self.tasks, VehicleSettings(), self.file)
+
+    def command_and_adopt(self, manoeuvre: Manoeuvre) -> bool:
+        """Another thread commands the UAV just before."""
+        hold = Hold(Vector3(0.0, 0.0, 3.0), 0.0)
+        self.flight.begin_reference(hold, "set_pose", self._backend.snapshot(), Order())
+        return Flight.adopt(self.flight, manoeuvre)
+
+    def run(self, duration_s: float) -> None:
+        """Lets time pass."""
+        for _ in range(round(duration_s / STEP_S)):
+            self._uav.run(STEP_S)
+            self._missions.update(self._backend.snapshot())
+
+
+@pytest.fixture
+def restarted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Restarted]:
+    with stepped() as uav:
+        yield Restarted(uav, monkeypatch, tmp_path / "uav_1.mission")
+
+
+def test_a_mission_that_cannot_be_read_is_asked_for_once_in_a_while(restarted: Restarted) -> None:
+    """Else each update would ask, and take the link from the flight and from other stations."""
+    restarted.run(3.5 * AGAIN_S)
+    assert restarted.offer.asked_count == 4
+
+
+@pytest.mark.parametrize("is_closing", [True, False])
+def test_one_that_is_found_too_late_is_no_task_that_runs_for_ever(
+    restarted: Restarted, is_closing: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who waited for it by its old name waited without end, and the file of a flight that was over was left."""
+    if is_closing:
+        restarted.flight.prepare_shutdown()
+    else:  # by a command in the moment in which it was found
+        monkeypatch.setattr(restarted.flight, "adopt", restarted.command_and_adopt)
+    restarted.offer.kept = KeptMission((ReturnToLaunch(),), "digest")
+    restarted.run(0.2)
+    error = restarted.tasks.get("mission-1").future.exception(0.0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == ("shutdown" if is_closing else "set_pose")
+    assert (restarted.file.read() is not None) is is_closing
