@@ -53,9 +53,15 @@ from ual_daemon.trajectory import Motion
 
 _log = logging.getLogger(__name__)
 
+LEASE = "lease"
+
 
 class LastCommand(NamedTuple):
-    """The newest command that began: its number, counted from the start, and its name."""
+    """The newest command that began: its number, counted from the start, and its name.
+
+    A lease that begins or ends is none, and so not counted. But it is noted, by this name: what was planned before it
+    does not begin after it.
+    """
 
     number: int
     name: str
@@ -381,13 +387,13 @@ class Flight:
             self._stop_mission_for_lease(why, snapshot)
         elif self.is_following(snapshot):
             stop = self.brake(snapshot)
-            new = FlyReference("lease", stop, self._rules)
+            new = FlyReference(LEASE, stop, self._rules)
             self._exchange(new, partial(self._ends_with_lease, why, new), stop.setpoint(snapshot), snapshot)
         else:
             self._exchange(None, partial(self._ends_with_lease, why, None))
 
     def _stop_mission_for_lease(self, why: str, snapshot: Snapshot) -> None:
-        stop = self.mission_stop("lease", snapshot)
+        stop = self.mission_stop(LEASE, snapshot)
         mission = self._flown.manoeuvre
         is_overtaken = mission is not None and mission.is_overtaken(snapshot)
         if stop is None or (is_overtaken and not stop.manoeuvre.overrules_nobody):
@@ -406,7 +412,7 @@ class Flight:
         return MissionStop(by, mission, self._backend, self.limits).after(state, snapshot, mission)
 
     def _ends_with_lease(self, why: str, new: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
-        self._note_command("lease")
+        self._last_command = LastCommand(self._last_command.number, LEASE)
         if old is not None and (old.stops_mission or not old.is_replaceable):
             return None
         if not self.authority.is_ours:

@@ -18,7 +18,7 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, OnItsOwn
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.flight import Flight, Order
+from ual_daemon.flight.flight import LEASE, Flight, Order
 from ual_daemon.flight.manoeuvres.autopilot_mission import NAME, AutopilotMission, TakeBack
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import Tasks, VehicleTask
@@ -264,6 +264,8 @@ class Missions:
         if self._flight.adopt(self._manoeuvre(task, offer, kept, None, None)):
             self._remember(task, kept)
             logs.event(_log, logging.INFO, "mission_found", task_id=task.id)
+            if self._flight.last_command.name == LEASE:  # it could not be stopped then: nobody knew whose it was
+                self._flight.stop_for_lease("a lease has begun or ended before it was found")
         elif self._flight.is_closing:  # the next daemon finds it
             task.end(TaskAbortedError(f"{NAME}: UAL is shutting down", {"by": "shutdown"}))
         else:  # in this moment

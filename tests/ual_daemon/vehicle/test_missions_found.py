@@ -30,7 +30,7 @@ from ual_daemon.vehicle.missions import AGAIN_S, Missions
 class Offer:
     """The missions of an autopilot, which it refuses to send, or sends as `kept`."""
 
-    mode = "GUIDED"
+    mode, pause_mode = "GUIDED", "BRAKE"
 
     def __init__(self) -> None:
         self.asked_count = 0
@@ -103,3 +103,16 @@ def test_one_that_is_found_too_late_is_no_task_that_runs_for_ever(
     assert isinstance(error, TaskAbortedError)
     assert error.metadata["by"] == ("shutdown" if is_closing else "set_pose")
     assert (restarted.file.read() is not None) is is_closing
+
+
+def test_one_that_is_found_after_a_lease_has_begun_is_stopped_for_it(restarted: Restarted) -> None:
+    """It was flown on as one of others: the program had been quick to get its lease back."""
+    restarted.run(0.2)
+    restarted.flight.stop_for_lease("survey has acquired the lease")
+    restarted.offer.kept = KeptMission((ReturnToLaunch(),), "digest")
+    restarted.run(2 * AGAIN_S)
+    error = restarted.tasks.get("mission-1").future.exception(0.0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "lease"
+    assert restarted.flight.is_stopping_mission
+    assert restarted.file.read() is None
