@@ -304,7 +304,7 @@ class Px4(Autopilot):
             return int(mavlink.MAV_LANDED_STATE_TAKEOFF)
         if self._is_landed:
             return int(mavlink.MAV_LANDED_STATE_ON_GROUND)
-        if self.mode in (LAND, RTL):
+        if self.mode == LAND or (self.mode == RTL and self._is_over_home()):  # a return that is far is in the air
             return int(mavlink.MAV_LANDED_STATE_LANDING)
         return int(mavlink.MAV_LANDED_STATE_IN_AIR)
 
@@ -600,7 +600,7 @@ class Px4(Autopilot):
             return Target((north, east, self._takeoff_z_m), yaw_rad=self._hold_yaw_rad)
         if mode == RTL and self.home is not None:
             north, east = self.home[:2]
-            if math.dist(self.position[:2], (north, east)) > 1.0:
+            if not self._is_over_home():
                 return Target((north, east, self._hold[2]), yaw_rad=self._hold_yaw_rad)
         if mode in (LAND, RTL):
             height_m = self.body.ground_z_m - self.body.position[2]
@@ -608,6 +608,9 @@ class Px4(Autopilot):
             down = speed_m_s if height_m > _CRAWL_HEIGHT_M else min(speed_m_s, _CRAWL_M_S * speed_m_s / 0.7)
             return Target((north, east, None), (0.0, 0.0, down), yaw_rad=self._hold_yaw_rad)
         return Target(self._hold, yaw_rad=self._hold_yaw_rad)
+
+    def _is_over_home(self) -> bool:
+        return self.home is None or math.dist(self.position[:2], self.home[:2]) <= 1.0
 
     def _by_mission(self) -> Target:
         """Flies its mission. It holds after the end of it, and returns in its own mode for that."""

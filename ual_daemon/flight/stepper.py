@@ -132,7 +132,7 @@ class Stepper:
         if manoeuvre.is_paused and step.error is None:
             return None  # paused by another thread during the step
         if manoeuvre.is_awaited:
-            self._rules.authority.is_ours = not step.is_taken
+            self._rules.authority.end(snapshot, is_taken=step.is_taken)
         return Ending(_with_other_sender(step.error, snapshot))
 
     def _hand_over(self, manoeuvre: Manoeuvre, to: Handover, snapshot: Snapshot) -> None:

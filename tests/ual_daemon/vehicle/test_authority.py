@@ -10,12 +10,21 @@ import pytest
 
 from tests.snapshots import changed
 from tests.ual_daemon.stepped import Stepped, at, stepped
-from ual.errors import PermissionDeniedError, TaskAbortedError
+from ual.errors import PermissionDeniedError, TaskAbortedError, WrongStateError
 from ual.geometry import TwistStamped, Vector3
 from ual.simulation import LinkLost
 from ual.types import State
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, Control, Mode, PositionSetpoint, Sample, Setpoint, SetpointLoss
+from ual_daemon.backends.values import (
+    Cause,
+    Control,
+    LandedState,
+    Mode,
+    PositionSetpoint,
+    Sample,
+    Setpoint,
+    SetpointLoss,
+)
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -230,20 +239,57 @@ def test_a_command_from_just_before_the_mode_changed_is_withdrawn_while_nobody_k
     assert answer.cancelled() is is_withdrawn
 
 
-@pytest.mark.parametrize(("control", "state"), [(Control.LAND, State.LANDING), (Control.TAKE_OFF, State.TAKING_OFF)])
+@pytest.mark.parametrize(
+    ("control", "landed", "state"),
+    [
+        (Control.LAND, LandedState.IN_AIR, State.LANDING),
+        (Control.TAKE_OFF, LandedState.IN_AIR, State.TAKING_OFF),
+        (Control.OTHER, LandedState.LANDING, State.LANDING),  # PX4's AUTO.RTL above its home
+    ],
+)
 def test_a_task_that_a_ground_stations_landing_ended_does_not_advise_to_recover_which_would_be_refused(
-    uav: Stepped, control: Control, state: State
+    uav: Stepped, control: Control, landed: LandedState, state: State
 ) -> None:
     uav.fly()
     task = uav.prepare.go_to_waypoint(at(40.0, 0.0, 3.0)).begin()
     now = uav.vehicle.backend.snapshot()
-    theirs = Sample(Mode("THEIRS", control), now.time_s)
-    uav.vehicle._flight.step(changed(now, mode=theirs, held_by=Cause.GROUND_STATION))
+    theirs, how = Sample(Mode("THEIRS", control, is_autonomous=True), now.time_s), Sample(landed, now.time_s)
+    uav.vehicle._flight.step(changed(now, mode=theirs, landed=how, held_by=Cause.GROUND_STATION))
     with pytest.raises(TaskAbortedError, match="the ground station took over") as caught:
         task.future.result(0.0)
-    assert f"the state is {state.name}, which only the safety pilot or a ground station can end" in str(caught.value)
+    assert f"the state is {state.name}: only the safety pilot or a ground station can end that" in str(caught.value)
     assert "recover_from_manual" not in str(caught.value)
     assert caught.value.metadata["state"] == state.name
+
+
+@pytest.mark.parametrize(
+    ("held_by", "control", "says"),
+    [
+        (Cause.SAFETY_PILOT, Control.OTHER, "; recover_from_manual takes control back"),
+        (Cause.SETPOINTS, Control.OTHER, "; recover_from_manual takes control back"),
+        (Cause.RC, Control.OTHER, "; recover_from_manual takes control back only with force"),
+        (Cause.GROUND_STATION, Control.LAND, "; only the safety pilot or a ground station can end that"),
+    ],
+)
+def test_a_command_that_is_refused_as_others_fly_the_uav_says_how_that_ends(
+    uav: Stepped, monkeypatch: pytest.MonkeyPatch, held_by: Cause, control: Control, says: str
+) -> None:
+    uav.fly()
+    now = uav.vehicle.backend.snapshot()
+    theirs = changed(now, mode=Sample(Mode("THEIRS", control), now.time_s), held_by=held_by)
+    monkeypatch.setattr(uav.vehicle.backend, "snapshot", lambda: theirs)
+    with pytest.raises(WrongStateError) as caught:
+        uav.prepare.go_to_waypoint(at(1.0, 0.0, 3.0))
+    assert caught.value.message.endswith(f": {held_by.value}{says}")
+
+
+def test_a_take_off_that_is_refused_as_others_fly_does_not_advise_to_recover_in_the_air(uav: Stepped) -> None:
+    uav.fly()
+    uav.sim.pilot_take_over()
+    uav.run(1.0)
+    with pytest.raises(WrongStateError) as caught:
+        uav.prepare.take_off(3.0)
+    assert "recover_from_manual" not in caught.value.message
 
 
 def test_a_flight_that_others_took_and_gave_back_is_not_told_as_one_that_ual_was_not_commanded_in(uav: Stepped) -> None:

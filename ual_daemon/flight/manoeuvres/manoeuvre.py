@@ -16,7 +16,7 @@ from ual.errors import LinkLostError, TaskAbortedError, UalError, UalTimeoutErro
 from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon import logs
-from ual_daemon.backends.values import Cause, Control, Setpoint, Snapshot
+from ual_daemon.backends.values import Cause, Control, LandedState, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
 from ual_daemon.flight.policy.autopilot_fence import breach_text
@@ -235,6 +235,10 @@ class Manoeuvre(ABC):
             logs.event(_log, logging.WARNING, "task_ended", **fields, reason=error.reason, why=str(error))
 
 
+ONLY_OTHERS_END_IT = "only the safety pilot or a ground station can end that"
+"""Of a take-off or landing that is not UAL's."""
+
+
 def guarded(manoeuvre: Manoeuvre, act: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | Step:
     """Returns what a manoeuvre does, or its end by a defect: the UAV must not be left without references."""
     try:
@@ -302,20 +306,47 @@ def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
     mode = snapshot.control.mode.value.text if snapshot.control.mode is not None else "unknown"
     breach = breach_text(snapshot)
     cause = snapshot.control.held_by or (Cause.FENCE if breach else Cause.SAFETY_PILOT)
-    state = _state_of(snapshot)
+    state = _state_of(snapshot, cause)
     metadata = {"by": cause.value, "state": state.name, "mode": mode}
     in_mode = f"(the autopilot is in mode {mode}{f'; {breach}' if breach else ''})"
-    what = f"taken by the autopilot: {cause.value}" if cause.is_failsafe else f"the {cause.value} took over"
+    if cause.is_failsafe:
+        what = f"taken by the autopilot: {cause.value}"
+    elif state is State.FLYING_AUTO:  # nothing shows who selects the mode in which UAL flies it, too
+        what = "the safety pilot or a ground station took over"
+    else:
+        what = f"the {cause.value} took over"
     return TaskAbortedError(f"{during}: {what} {in_mode}; {_way_out(state, cause)}", metadata)
 
 
-def _state_of(snapshot: Snapshot) -> State:
-    """Returns the state that the mode of others leads to."""
+_STATES = {
+    Control.LAND: State.LANDING,
+    Control.TAKE_OFF: State.TAKING_OFF,
+    Control.REFERENCES: State.FLYING_AUTO,  # it flew in another mode for UAL, and somebody has ended that
+}
+
+
+def _state_of(snapshot: Snapshot, cause: Cause) -> State:
+    """Returns the state that the mode of others leads to.
+
+    A return above its home lands at once. Only a ground station is known so late that the landed state is surely
+    from after its mode; that of a pilot or of a failsafe may still be from a landing of UAL before it.
+    """
     control = snapshot.control.mode.value.control if snapshot.control.mode is not None else Control.OTHER
-    return {Control.LAND: State.LANDING, Control.TAKE_OFF: State.TAKING_OFF}.get(control, State.FLYING_MANUAL)
+    landed = snapshot.control.landed
+    if cause is Cause.GROUND_STATION and landed is not None and landed.value is LandedState.LANDING:
+        return State.LANDING
+    return _STATES.get(control, State.FLYING_MANUAL)
 
 
 def _way_out(state: State, cause: Cause) -> str:
-    if state is not State.FLYING_MANUAL:
-        return f"the state is {state.name}, which only the safety pilot or a ground station can end"
-    return f"recover_from_manual takes control back{' only with force' if cause.needs_force else ''}"
+    if state is State.FLYING_MANUAL:
+        return takes_back(cause)
+    if state is State.FLYING_AUTO:
+        return "the state is FLYING_AUTO, and UAL sends nothing until it is commanded anew"
+    return f"the state is {state.name}: {ONLY_OTHERS_END_IT}"
+
+
+def takes_back(cause: Cause | None) -> str:
+    """Returns how UAL gets a UAV back that others, or a failsafe, fly."""
+    needs_force = cause is not None and cause.needs_force
+    return f"recover_from_manual takes control back{' only with force' if needs_force else ''}"

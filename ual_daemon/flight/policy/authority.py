@@ -49,6 +49,15 @@ class Authority:
         self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
         self._has_flown, self.taken = True, ""
 
+    def end(self, snapshot: Snapshot, *, is_taken: bool) -> None:
+        """Notes that a manoeuvre of UAL has ended, and whether others took the UAV in it.
+
+        They may have selected a mode in which the state is FLYING_AUTO all the time (GUIDED in a landing of UAL).
+        """
+        self.is_ours = not is_taken
+        if is_taken:
+            self._note_taken(snapshot)
+
     def follow(self, state: State, snapshot: Snapshot) -> None:
         """Notes what an update shows, also while a manoeuvre is under way; before `observe`."""
         boots = snapshot.link.boots_count, snapshot.link.boots_in_frame_count

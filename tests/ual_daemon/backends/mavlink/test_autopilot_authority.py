@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from tests.conftest import LIMIT_S
-from tests.simulators import ArduPilot, Px4
-from tests.simulators.ardupilot import RTL, STABILIZE
+from tests.simulators import ArduPilot, Px4, px4
+from tests.simulators.ardupilot import GUIDED, RTL, STABILIZE
 from tests.simulators.autopilot import Sticks
 from tests.simulators.faults import GOOD
 from tests.simulators.px4 import ALTCTL
@@ -360,6 +360,48 @@ def test_a_mode_of_the_autopilot_is_the_pilots_by_the_switch_and_else_the_ground
                 task.wait(LIMIT_S)
             assert caught.value.metadata["by"] == by
             flight.uav.recover_from_manual()
+    finally:
+        flight.uav.close()
+
+
+def test_a_ground_station_that_ends_a_landing_by_guided_is_told_as_others_and_the_state_as_it_is() -> None:
+    """It was told as FLYING_MANUAL with the advice to recover, which is refused, and as a flight without commands."""
+    flight = Flight("ardupilot")
+    try:
+        autopilot, uav = flight.autopilot, flight.uav
+        assert isinstance(autopilot, ArduPilot)
+        flight.take_off()
+        task = uav.land(blocking=False)
+        flight.wait_for(lambda: uav.telemetry().flight_mode == "LAND", "its landing")
+        flight.let_pass(1.0)
+        with autopilot.lock:
+            autopilot.set_mode(GUIDED)
+        with pytest.raises(TaskAbortedError, match="a ground station took over") as caught:
+            task.wait(LIMIT_S)
+        assert caught.value.metadata["state"] == State.FLYING_AUTO.name
+        assert "recover_from_manual" not in caught.value.message
+        flight.wait_for_state(State.FLYING_AUTO)
+        reason = uav.telemetry().state_reason
+        assert reason.endswith("; others took it (mode GUIDED): UAL sends nothing until it is commanded anew")
+        uav.go_to_waypoint(flight.goal(2.0, 0.0))
+    finally:
+        flight.uav.close()
+
+
+def test_a_ground_stations_return_that_lands_at_once_is_told_as_a_landing() -> None:
+    """Above its home, PX4's AUTO.RTL lands at once. The error advised to recover, which is refused in a landing."""
+    flight = Flight("px4")
+    try:
+        flight.take_off()
+        task = flight.uav.go_to_waypoint(flight.goal(20.0, 0.0), blocking=False, max_speed_m_s=0.2)
+        flight.let_pass(1.0)
+        with flight.autopilot.lock:
+            assert px4_of(flight).request_mode(px4.RTL)
+        with pytest.raises(TaskAbortedError, match="the ground station took over") as caught:
+            task.wait(LIMIT_S)
+        assert caught.value.metadata["state"] == State.LANDING.name
+        assert "recover_from_manual" not in caught.value.message
+        assert flight.uav.state() is State.LANDING
     finally:
         flight.uav.close()
 
