@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from ual.errors import LinkLostError, NotSupportedError, WrongStateError
 from ual.types import Capability, State
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.flight import Flight
+from ual_daemon.flight.manoeuvres.manoeuvre import ONLY_OTHERS_END_IT, takes_back
 from ual_daemon.flight.refusals import only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 from ual_daemon.vehicle.refusal_log import RefusalLog
@@ -137,9 +140,20 @@ class Preconditions(RefusalLog):
         _require_link(command, found)
         needed = " or ".join(state.name for state in allowed)
         raise WrongStateError(
-            f"{command} needs the state {needed}, but it is {found.state.name}: {found.why}",
+            f"{command} needs the state {needed}, but it is {found.state.name}: {found.why}"
+            f"{_way_out(found.state, snapshot, allowed)}",
             {"state": found.state.name, "needed": needed, "command": command},
         )
+
+
+def _way_out(state: State, snapshot: Snapshot, allowed: Collection[State]) -> str:
+    """Returns what can be done where others fly the UAV; empty where they do not."""
+    held_by = snapshot.control.held_by
+    if state is State.FLYING_MANUAL and State.FLYING_AUTO in allowed:
+        return f"; {takes_back(_needing_force(held_by) or snapshot.control.failsafe)}"
+    if state in (State.LANDING, State.TAKING_OFF) and held_by not in (None, Cause.OPEN):
+        return f"; {ONLY_OTHERS_END_IT}"
+    return ""
 
 
 def _needing_force(cause: Cause | None) -> Cause | None:

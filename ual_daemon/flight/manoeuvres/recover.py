@@ -11,7 +11,16 @@ from ual.errors import TaskAbortedError, UalError
 from ual.types import Limits, State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind, with_advice
+from ual_daemon.flight.manoeuvres.manoeuvre import (
+    Handover,
+    Manoeuvre,
+    Step,
+    failed,
+    taken,
+    takes_back,
+    why_blind,
+    with_advice,
+)
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.state import Estimate
@@ -22,8 +31,6 @@ from ual_daemon.tracker.references import Hold, Reference, brake, measured_motio
 TAKES_BACK = "UAL takes the control back from its mission"
 ENTERED_S = 1.5
 """So long after a command of UAL the autopilot may still enter the mode to which that led."""
-
-_GOES_ON = "the autopilot goes on with its mission by itself: recover_from_manual takes control back"
 
 Refusal = Callable[[Snapshot], UalError | None]
 
@@ -113,7 +120,7 @@ class Recover(Manoeuvre):
             self.send()
         failure = self._command.failure(snapshot)
         if failure is not None:
-            return failed(failure if self.task is None or not self.mission else with_advice(failure, _GOES_ON))
+            return failed(failure if self.task is None or not self.mission else with_advice(failure, _stays(snapshot)))
         return self._hold(snapshot)
 
     def _is_landing_of_mission(self, state: State, snapshot: Snapshot) -> bool:
@@ -180,3 +187,9 @@ class RecoverFirst(Recover):
             return Step(handover=Handover(self._onward(snapshot)))
         except UalError as error:
             return step._replace(error=error)
+
+
+def _stays(snapshot: Snapshot) -> str:
+    """The mission may go on, or have ended in another mode: the mode says which."""
+    mode = snapshot.control.mode_text
+    return f"the autopilot stays in its mode ({mode}) and flies by itself: {takes_back(None)}"

@@ -7,9 +7,9 @@ from concurrent.futures import Future
 from typing_extensions import override
 
 from tests.ual_daemon.flight.hand_made import Autopilot, sent
-from ual.errors import RejectedByAutopilotError, TaskAbortedError
+from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Vector3
-from ual.types import Limits, State
+from ual.types import Limits, State, TaskKind
 from ual_daemon.backends.values import Control, LandedState, PositionSetpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step
@@ -50,6 +50,25 @@ def test_recovering_ends_when_the_pilot_selects_another_mode(flying: Autopilot, 
     assert step.is_taken
     assert isinstance(step.error, TaskAbortedError)
     assert step.error.metadata["by"] == "safety pilot"
+
+
+def test_a_mission_that_does_not_give_the_control_back_says_in_which_mode_the_autopilot_stays(
+    flying: Autopilot,
+) -> None:
+    """It said that the mission goes on, also where that had ended and PX4 held the UAV in AUTO.LOITER."""
+    ack, task = Future[None](), flying.task(TaskKind.MISSION)
+    flying.control, flying.mode = Control.OTHER, "AUTO.LOITER"
+    command = AutopilotCommand("take control")
+    recover = Recover(command, Limits(), lambda: ack, lambda _: None, name="mission", task=task)
+    recover.replaces(_Mission("mission", None))
+    flying.step(recover)
+    ack.set_exception(UalTimeoutError("PX4 has not answered"))
+    error = flying.step(recover).error
+    assert error is not None
+    assert error.message == (
+        "PX4 has not answered; the autopilot stays in its mode (AUTO.LOITER) and flies by itself: "
+        "recover_from_manual takes control back"
+    )
 
 
 def test_it_begins_anew_in_the_mode_to_which_a_mission_led_before_its_first_step(flying: Autopilot) -> None:
