@@ -14,7 +14,10 @@ TOLERANCE_M = 0.1
 _DOUBTS_COUNT = 2
 """So many heights in a row must contradict it: one of them may have come late."""
 _LOGGED_M = 0.5
-"""Logged is what has moved so far since it was logged last: a PX4 corrects its home for two minutes, step by step."""
+"""Logged is what lies so far outside of all that was logged: a PX4 corrects its home for two minutes, step by step. It
+goes back and forth by up to 2.3 m then, several times a second."""
+_FAR_M = 3.0
+"""Always logged is what has moved so far since it was logged last: a ground station may set home back."""
 
 
 class HomeWatch:
@@ -28,6 +31,8 @@ class HomeWatch:
         self._doubts_count = 0
         self._logged_m = math.nan
         """Where home was when its move was logged last."""
+        self._least_m, self._most_m = math.inf, -math.inf
+        """The lowest and the highest home that was logged."""
         self.is_wanted = False
         """Whether home should be requested now. The caller sets this back."""
 
@@ -46,7 +51,9 @@ class HomeWatch:
         return is_contradicted
 
     def _log_move(self, found_m: float, home_m: float) -> None:
-        if abs(found_m - self._logged_m) < _LOGGED_M:
+        is_known = self._least_m - _LOGGED_M < found_m < self._most_m + _LOGGED_M
+        if is_known and abs(found_m - self._logged_m) < _FAR_M:
             return
         self._logged_m, moved_m = found_m, round(found_m - home_m, 2)
+        self._least_m, self._most_m = min(self._least_m, found_m), max(self._most_m, found_m)
         logs.event(_log, logging.INFO, "home_moved", up_m=moved_m, why="its height above home contradicts its home")
