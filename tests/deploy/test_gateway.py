@@ -15,6 +15,7 @@ from typing import Any
 
 import grpc
 import pytest
+from click.testing import CliRunner, Result
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 import ual
@@ -30,6 +31,7 @@ from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual.wire import convert
 from ual_tools.access import certificates
+from ual_tools.main import cli
 
 GATEWAY = Path(__file__).parents[2] / "deploy" / "gateway"
 TLS = Path(__file__).parents[1] / "data" / "tls"
@@ -115,6 +117,22 @@ def test_calls_reach_the_uav_that_the_metadata_names(gateway: str) -> None:
         flies.go_to_waypoint(Pose.at(1.0, 0.0, 2.0), timeout_s=LIMIT_S)
         assert stays.state() is State.LANDED_ARMED
         flies.land(timeout_s=LIMIT_S)
+
+
+def test_the_command_flies_several_through_it(gateway: str) -> None:
+    def run(*words: str) -> Result:
+        return CliRunner().invoke(cli, ("--address", gateway, "--ns", *words))
+
+    result = run("uav_1,uav_3", "takeoff", "2")
+    assert (result.exit_code, result.stdout.count("TAKE_OFF SUCCEEDED")) == (0, 2), result.output
+    lines = run("uav_1,uav_2,uav_3", "watch", "--once").stdout.splitlines()
+    assert [line.split("\t")[:2] for line in sorted(lines)] == [
+        ["uav_1", "FLYING_AUTO"],
+        ["uav_2", "LANDED_ARMED"],
+        ["uav_3", "FLYING_AUTO"],
+    ]
+    result = run("uav_1,uav_9", "goto", "1", "0", "2")
+    assert (result.exit_code, "knows no UAV of the namespace uav_9" in result.stderr) == (1, True), result.output
 
 
 def test_an_error_of_the_daemon_comes_through_with_its_reason(gateway: str) -> None:

@@ -154,7 +154,7 @@ def test_goals_are_in_the_frame_of_each(fleet: DaemonProcess) -> None:
     [
         (("--all", "--ns", "uav_1", "land"), "leave out --ns"),
         (("--ns", "uav_1,uav_1", "land"), "name each UAV once"),
-        (("--ns", "uav_1,uav_2", "--address", "127.0.0.1:1", "land"), "--address is one UAV"),
+        (("--all", "--address", "127.0.0.1:1", "land"), "name those of a gateway: --ns uav_1,uav_2"),
         (("--all", "goto-geo", "37", "-6", "20"), "ual goto-geo is for one UAV at a time"),
         (("--all", "goto", "1", "1", "1", "--plot", "a.png"), "--plot draws one UAV"),
         (("--at", "yesterday", "land"), "is no time"),
@@ -166,6 +166,23 @@ def test_what_makes_no_sense_is_wrong_usage(fleet: DaemonProcess, words: tuple[s
     del fleet
     result = run(*words)
     assert (result.exit_code, why in result.stderr) == (2, True), result.stderr
+
+
+def test_several_at_one_address_are_those_of_a_gateway_and_never_another(fleet: DaemonProcess) -> None:
+    del fleet
+    with ual.Uav("uav_1") as uav:
+        address = uav.address  # of a daemon, not of a gateway: it is one of them
+    result = run("--ns", "uav_1,uav_2", "--address", address, "state")
+    assert result.exit_code == 1
+    assert "uav_1: LANDED_ARMED" in result.stdout
+    assert "uav_2: " in result.stderr
+    result = run("--ns", "uav_1,uav_2", "--address", address, "takeoff", "3")
+    assert result.exit_code == 1
+    assert "uav_1: DAEMON_UNREACHABLE: nothing was sent" in result.stderr
+    assert states() == [State.LANDED_ARMED] * 3
+    assert "--address (UAL_ADDRESS) is not listed" in run("--address", address, "list").stderr
+    lines = run("--ns", "uav_1,uav_2", "--address", address, "watch", "--once")
+    assert lines.stdout.count("LANDED_ARMED") == 1
 
 
 def test_no_daemon_is_said(start_daemon: StartDaemon) -> None:

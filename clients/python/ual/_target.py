@@ -240,7 +240,7 @@ def _name(ns: str | None) -> str:
     if ns is not None and not isinstance(ns, str):
         raise InvalidArgumentError(f"ns: {ns!r} is no name; pass a text as 'uav_1'", {"field": "ns"})
     if ns and ":" in ns:
-        raise InvalidArgumentError(f"ns: {ns!r} is an address; pass it as address={ns!r}", {"field": "ns"})
+        raise InvalidArgumentError(f"ns: {ns!r} is an address; pass it as address={ns!r} (--address)", {"field": "ns"})
     return ns or ""
 
 

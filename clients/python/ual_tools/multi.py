@@ -26,8 +26,11 @@ _PLACE = "{ns}"
 
 def names(session: Session) -> list[str] | None:
     """Returns the UAVs that were chosen, if they are several or may be; None for a single one."""
-    if session.is_all and (session.ns or session.address):
-        raise click.UsageError("--all is all UAVs: leave out --ns and --address")
+    if session.is_all and session.ns:
+        raise click.UsageError("--all is all UAVs: leave out --ns (UAL_NS)")
+    if session.is_all and session.address:
+        text = "an address does not tell which UAVs are behind it: leave out --address (UAL_ADDRESS) for those of this"
+        raise click.UsageError(f"--all: {text} computer, or name those of a gateway: --ns uav_1,uav_2")
     if session.is_all:
         found = [daemon.ns for daemon in session.daemons()]
         if not found:
@@ -38,8 +41,6 @@ def names(session: Session) -> list[str] | None:
     found = [name.strip() for name in session.ns.split(",")]
     if len(set(found)) < len(found) or not all(found):
         raise click.UsageError(f"--ns: {session.ns}: name each UAV once, separated by commas")
-    if session.address:
-        raise click.UsageError("--address is one UAV: name several by --ns")
     return found
 
 

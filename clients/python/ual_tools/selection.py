@@ -14,9 +14,14 @@ _PARALLEL = 16
 
 
 def chosen_daemons(session: Session) -> list[Registration]:
-    """Returns the daemons of this computer, or of the network: with ``--ns a,b`` those with these names, else all."""
-    daemons = session.daemons()
+    """Returns the daemons of this computer, or of the network: with ``--ns a,b`` those with these names, else all.
+
+    With names and an address, which is then a gateway's or that of the only one, they are behind it.
+    """
     names = multi.names(session) if session.ns else None
+    if session.ns and session.address:
+        return [Registration(name, 0, session.address, "", 0.0) for name in names or [session.ns]]
+    daemons = session.daemons()
     return daemons if names is None else [daemon for daemon in daemons if daemon.ns in names]
 
 

@@ -45,6 +45,8 @@ def list_uavs(session: Session) -> None:
 
         listing.list_uavs(session, session.joined)
         return
+    if session.address is not None:
+        session.tell("these run on this computer; --address (UAL_ADDRESS) is not listed: `ual info` asks it")
     daemons = discovery.list_daemons()
     known = [_Known(daemon, found) for daemon, found in zip(daemons, ask_all(session, daemons), strict=True)]
     known = condition.worst_first(known, lambda each: each.how, lambda each: each.daemon.ns)

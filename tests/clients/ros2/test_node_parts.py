@@ -94,6 +94,7 @@ def test_what_is_not_heard_is_not_published_but_for_the_state(
         (["uav_1", "uav_2"], "", (("uav_1", ""), ("uav_2", ""))),
         ("", "host:50051", (("", "host:50051"),)),
         (["uav_1", "uav_2"], ["a:1", "b:2"], (("uav_1", "a:1"), ("uav_2", "b:2"))),
+        (["uav_1", "uav_2"], "gateway:1", (("uav_1", "gateway:1"), ("uav_2", "gateway:1"))),
         ([""], [], ()),
     ],
 )
@@ -105,7 +106,7 @@ def test_which_uavs_are_meant(parameters: dict[str, Any], ns: object, address: o
     ("wrong", "text"),
     [
         ({"ns": ["uav_1", "uav_1"]}, "ns: .* twice"),
-        ({"ns": ["uav_1", "uav_2"], "address": "a:1"}, "address: there are 1 addresses for 2 namespaces"),
+        ({"ns": ["uav_1", "uav_2", "uav_3"], "address": ["a:1", "b:1"]}, "there are 2 addresses for 3 namespaces"),
         ({"rate_hz": 0.0}, "rate_hz"),
         ({"slow_rate_hz": float("nan")}, "slow_rate_hz"),
         ({"feedback_rate_hz": 1e9}, "feedback_rate_hz"),

@@ -195,6 +195,11 @@ def test_options_of_ual_become_parameters_of_the_node(machine: Machine, tmp_path
     ]
 
 
+def test_a_lease_that_is_taken_is_taken_by_the_node(machine: Machine) -> None:
+    words = machine.node("--take", "ros2")["words"]
+    assert {"lease:=true", "lease_take:=true"} <= set(words)
+
+
 def test_further_words_go_to_the_node(machine: Machine) -> None:
     words = ["--ros-args", "-p", "rate_hz:=100.0"]
     assert machine.node("--all", "ros2", "--", *words)["words"] == words

@@ -66,6 +66,7 @@ def _parameters(session: Session) -> list[str]:
         "tls_certificate": session.tls_certificate,
         "tls_key": session.tls_key,
         "lease": session.has_lease or session.takes_lease,
+        "lease_take": session.takes_lease,
     }
     given = {
         name: value if isinstance(value, (list, bool)) else str(value) for name, value in parameters.items() if value

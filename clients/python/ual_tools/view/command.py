@@ -91,7 +91,9 @@ def view(
     where = access(host, port, certificate, key, token_file, control=control)
     from ual_tools.view import show
 
-    fleet = show.Choice(tuple(filter(None, [session.address, *addresses])), dict(models), below)
+    # With names, it is where these are: see `chosen_daemons`.
+    given = [session.address] if session.address and not session.ns else []
+    fleet = show.Choice((*given, *addresses), dict(models), below)
     show.show(session, fleet, where, control=control)
 
 

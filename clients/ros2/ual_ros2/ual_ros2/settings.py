@@ -158,8 +158,11 @@ def _listed(value: str | list[str]) -> list[str]:
 def _pairs(names: list[str], addresses: list[str]) -> tuple[tuple[str, str], ...]:
     if len(set(names)) < len(names):
         raise _invalid("ns", f"{', '.join(names)} names a UAV twice")
+    if len(addresses) == 1:  # of the only one, or of a gateway to all of them
+        addresses = addresses * max(len(names), 1)
     if names and addresses and len(names) != len(addresses):
-        raise _invalid("address", f"there are {len(addresses)} addresses for {len(names)} namespaces")
+        text = f"there are {len(addresses)} addresses for {len(names)} namespaces; give one for each, or a gateway's"
+        raise _invalid("address", text)
     return tuple(zip_longest(names, addresses, fillvalue=""))
 
 
