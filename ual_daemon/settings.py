@@ -24,6 +24,10 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 FrameId = Annotated[str, Meta(pattern=FRAME_ID_PATTERN)]
 Angle = Annotated[float, Meta(ge=-math.tau, le=math.tau)]
 """Radians. What is more than a full turn is meant in degrees."""
+AngleWithin = Annotated[float, Meta(gt=0.0, le=math.pi)]
+"""How far a heading may be off, in radians: more than half a turn is meant in degrees."""
+TurnRate = Annotated[float, Meta(gt=0.0, le=2.0 * math.tau)]
+"""The highest rate of turn, in rad/s: more than two turns a second are meant in degrees."""
 Coordinate = Annotated[float, Meta(ge=-1e7, le=1e7)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
@@ -67,7 +71,7 @@ class LimitSettings(Settings, frozen=True, kw_only=True):
     descent_speed_m_s: Positive = math.inf
     horizontal_acceleration_m_s2: Positive = math.inf
     vertical_acceleration_m_s2: Positive = math.inf
-    yaw_rate_rad_s: Positive = math.inf
+    yaw_rate_rad_s: TurnRate = math.inf
 
 
 class ToleranceSettings(Settings, frozen=True, kw_only=True):
@@ -78,7 +82,7 @@ class ToleranceSettings(Settings, frozen=True, kw_only=True):
     """
 
     position_m: Positive = 0.5
-    heading_rad: Positive = 0.1
+    heading_rad: AngleWithin = 0.1
     speed_m_s: Positive = 0.5
     dwell_s: NotNegative = 0.3
 
@@ -226,8 +230,9 @@ def convert(values: Mapping[str, Any], kind: type[S], section: str = "") -> S:
         if "unknown field" in message:  # msgspec names the field in the message, and the path of its parent
             name = message.split("`")[1]
             key = f"{key}.{name}".lstrip(".")
-            known = (_within(section, each) for each in keys(kind))
-            message = "there is no such setting" + did_you_mean(_within(section, key), known)
+            known = [_within(section, each) for each in keys(kind)]
+            meant = did_you_mean(_within(section, key), known) or _inside(_within(section, key), known)
+            message = "there is no such setting" + meant
         else:
             message = human_readable(message, kind, key)
         raise ConfigError(message, _within(section, key)) from None
@@ -266,16 +271,30 @@ _TYPES = {
 }
 _BOUNDS = {"of length": "of length", ">=": "of at least", ">": "above", "<=": "of at most", "<": "below"}
 _LEAST_ALIKE = 0.75
+_INDEX = re.compile(r"\[[^]]*\]")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Returns the question after names that are spelled in a similar way; empty where there are none."""
+    """Returns the question after names that are spelled in a similar way; empty where there are none.
+
+    A setting that is in another section is meant by its own name, but not where the word is of a list's item: those
+    have names as common as `name`.
+    """
     import difflib  # imported late, for a faster start
 
     names = list(known)
-    alike = [name for name in names if name.split(".")[-1] == word.rsplit(".", maxsplit=1)[-1]]  # in another section
+    last = word.rsplit(".", maxsplit=1)[-1]
+    alike = [] if "[" in word else [name for name in names if name.split(".")[-1] == last]
+    word = _INDEX.sub("", word)
     alike = alike or difflib.get_close_matches(word, names, n=3, cutoff=_LEAST_ALIKE)
     return f"; did you mean {' or '.join(alike)}?" if alike else ""
+
+
+def _inside(word: str, known: Iterable[str]) -> str:
+    """Returns what there is in the section of a name; empty for one of the uppermost."""
+    section, dot, _ = _INDEX.sub("", word).rpartition(".")
+    names = [name.removeprefix(section + dot) for name in known if dot and name.startswith(section + dot)]
+    return f"; {section} has {', '.join(name for name in names if '.' not in name)}" if names else ""
 
 
 def human_readable(message: str, kind: type[Settings], key: str) -> str:
@@ -286,6 +305,10 @@ def human_readable(message: str, kind: type[Settings], key: str) -> str:
         return f"expected {_NAME}{at_most}" + (", parts joined by /" if "/" in pattern[1] else "")
     if message.endswith((f"<= {math.tau}", f">= -{math.tau}")):
         return "is more than a full turn: give radians, not degrees"
+    if message.endswith(f"<= {math.pi}"):
+        return "is more than half a turn: give radians, not degrees"
+    if message.endswith(f"<= {2.0 * math.tau}"):
+        return "is more than two turns a second: give radians a second, not degrees"
     if message.startswith("Invalid enum value"):
         known = list(_values(_type_at(kind, key)))
         return f"{message.removeprefix('Invalid enum value ')} is not one of: {', '.join(known)}"
@@ -311,7 +334,7 @@ def keys(kind: Any) -> Iterator[str]:  # noqa: ANN401 (a type, or what stands fo
 
 
 def _type_at(kind: Any, key: str) -> Any:  # noqa: ANN401 (see `keys`)
-    for name in re.sub(r"\[[^]]*\]", "", key).split("."):
+    for name in _INDEX.sub("", key).split("."):
         kind = typing.get_type_hints(_struct(kind))[name]
     return kind
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from msgspec import Meta, field
 
-from ual_daemon.settings import Positive, Settings
+from ual_daemon.settings import Positive, Settings, TurnRate
 
 SECTION = "crazyflie"
 
@@ -28,7 +28,7 @@ class CrazyflieSettings(Settings, frozen=True, kw_only=True):
     pose_rate_hz: Annotated[float, Meta(ge=5.0, le=100.0)] = 50.0
     largest_position_std_m: Positive = 0.5
     hovers_by_itself: bool = True
-    yaw_rate_rad_s: Positive = 1.0
+    yaw_rate_rad_s: TurnRate = 1.0
     sends_orientation: bool = True
     parameters: dict[str, float] = field(default_factory=dict)
     cache_directory: str | None = None

@@ -7,7 +7,16 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from ual_daemon.settings import Angle, Coordinate, GeoPosition, NotNegative, Position, Positive, Settings
+from ual_daemon.settings import (
+    Angle,
+    Coordinate,
+    GeoPosition,
+    NotNegative,
+    Position,
+    Positive,
+    Settings,
+    TurnRate,
+)
 
 Percent = Annotated[float, Meta(ge=0.0, le=100.0)]
 
@@ -99,7 +108,7 @@ class LightSettings(Settings, frozen=True, kw_only=True):
     vertical_speed_m_s: Positive = 1.2
     horizontal_acceleration_m_s2: Positive = 2.0
     vertical_acceleration_m_s2: Positive = 1.5
-    yaw_rate_rad_s: Positive = 1.0
+    yaw_rate_rad_s: TurnRate = 1.0
     takes: Literal["all", "positions", "velocities"] = "all"
     response_s: Annotated[float, Meta(ge=0.05, le=10.0)] = 0.3
     landing_speed_m_s: Positive = 0.7
