@@ -251,6 +251,12 @@ def _checked(address: str) -> str:
         raise InvalidArgumentError(
             f"address: {address!r} is not an address; write HOST:PORT or unix:PATH", {"field": "address"}
         )
+    port = address.rpartition(":")[2]
+    if not address.startswith("unix:") and not 0 < int(port) <= discovery.LAST_PORT:
+        # gRPC would go to this port modulo 65536, which may be another UAV's.
+        raise InvalidArgumentError(
+            f"address: the port of {address!r} is not from 1 to {discovery.LAST_PORT}", {"field": "address"}
+        )
     return address
 
 

@@ -22,7 +22,7 @@ LOOPBACK = "127.0.0.1"
 
 _DEFAULT_PORT = 50051
 _PORT_BEFORE_FIRST = 50050
-_LAST_PORT = 65535
+LAST_PORT = 65535
 _READABLE = 0o644
 _OWN = 0o600
 _LONGEST_FILE = 4096
@@ -66,7 +66,7 @@ def default_port(ns: str) -> int:
 def has_own_port(ns: str) -> bool:
     """Whether the namespace has a default port that no other namespace has."""
     _, number = split_number(ns)
-    return number is not None and _PORT_BEFORE_FIRST + number <= _LAST_PORT
+    return number is not None and _PORT_BEFORE_FIRST + number <= LAST_PORT
 
 
 def split_number(ns: str) -> tuple[str, int | None]:

@@ -12,6 +12,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from ual.discovery import LAST_PORT
 from ual.errors import InvalidArgumentError
 from ual.network import keys
 from ual.shared import bounded_file, extras
@@ -25,7 +26,6 @@ _ENCRYPTED = ("tls", "quic")
 _ENDPOINT = re.compile(r"(?P<protocol>[a-z]+)/(?P<address>(?:\[[0-9A-Fa-f:.]+\]|[^\s:/\[\]?#]+):(?P<port>[0-9]{1,5}))")
 _HOST = re.compile(r"[A-Za-z0-9._:-]{1,255}")
 _MOST_ENDPOINTS = 32
-_LAST_PORT = 65535
 
 
 class Scouting(Enum):
@@ -71,7 +71,7 @@ class NetworkSettings:
     def __post_init__(self) -> None:
         _require(re.fullmatch(keys.SITE_PATTERN, self.site), "site", f"{self.site!r} is no name: letters, digits, _, -")
         _require(0.0 < self.rate_hz <= MOST_RATE_HZ, "rate_hz", f"{self.rate_hz} is not between 0 and {MOST_RATE_HZ:g}")
-        _require(0 < self.scouting_port <= _LAST_PORT, "scouting_port", f"{self.scouting_port} is no port")
+        _require(0 < self.scouting_port <= LAST_PORT, "scouting_port", f"{self.scouting_port} is no port")
         _require(not self.host or _HOST.fullmatch(self.host), "host", f"{self.host!r} is no host")
         _require(len(self.connect) <= _MOST_ENDPOINTS, "connect", f"more than {_MOST_ENDPOINTS} routers")
         for endpoint in self.connect:
@@ -175,7 +175,7 @@ def _require(is_fine: object, field: str, text: str) -> None:
 def _require_endpoint(endpoint: str) -> None:
     match = _ENDPOINT.fullmatch(endpoint)
     _require(
-        match and match["protocol"] in _PROTOCOLS and 0 < int(match["port"]) <= _LAST_PORT,
+        match and match["protocol"] in _PROTOCOLS and 0 < int(match["port"]) <= LAST_PORT,
         "connect",
         f"{endpoint!r} is no router: tls/HOST:PORT, or tcp/127.0.0.1:PORT on this computer",
     )

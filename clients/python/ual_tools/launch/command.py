@@ -44,7 +44,8 @@ def launch(session: Session, file: Path, is_shown: bool, systemd: Path | None, c
     third one kills.
     """
     if session.ns or session.is_all or session.address:
-        raise click.UsageError("the UAVs of a team are those of its file: leave out --ns, --all and --address")
+        text = "the UAVs of a team are those of its file: leave out --ns, --all and --address (UAL_NS, UAL_ADDRESS)"
+        raise click.UsageError(text)
     if not hasattr(os, "killpg"):
         raise NotSupportedError("ual launch starts daemons, which run on Linux and macOS")
     team = loaded(_load, file, "ual launch", "ual-tools[launch]")
