@@ -6,6 +6,7 @@ import asyncio
 import inspect
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
@@ -188,3 +189,34 @@ def test_a_closed_team_says_so(fleet: DaemonProcess) -> None:
     team.close()
     with pytest.raises(ual.UalError, match="closed"):
         team.state()
+
+
+def test_what_runs_while_the_team_is_closed_ends_and_its_caller_hears_it(fleet: DaemonProcess) -> None:
+    del fleet
+    team, has_begun = ual.Team(TEAM), threading.Event()
+
+    async def wait_for_ever(_: str, uav: ual.aio.Uav) -> None:
+        await uav.state()
+        has_begun.set()
+        await asyncio.Event().wait()
+
+    with ThreadPoolExecutor() as pool:
+        waiting = pool.submit(team.ask, wait_for_ever)
+        assert has_begun.wait(LIMIT_S)
+        team.close()
+        with pytest.raises(ual.UalError, match="the team is closed"):
+            waiting.result(LIMIT_S)
+
+
+def test_a_team_that_would_wait_for_itself_says_so(team: ual.Team) -> None:
+    async def ask(*_: object) -> object:
+        return team.state()
+
+    with pytest.raises(ual.TeamError, match=r"on its own event loop.*await those of the ual\.aio\.Uav"):
+        team.ask(ask)
+
+
+def test_what_each_is_given_has_to_be_a_call_of_the_asyncio_uav(team: ual.Team) -> None:
+    for no_call in (lambda name, _: team[name].state(), lambda *_: None):
+        with pytest.raises(ual.InvalidArgumentError, match=r"is no coroutine: return a call of the ual\.aio\.Uav"):
+            team.each(no_call)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ import asyncio
 import os
 import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -246,6 +246,8 @@ class _Loop:
 
     def __init__(self) -> None:
         self._process_id = os.getpid()
+        self._lock = threading.Lock()
+        self._is_closed = False
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="ual team", daemon=True)
         self._thread.start()
@@ -253,7 +255,7 @@ class _Loop:
     @property
     def is_closed(self) -> bool:
         """Whether `close` was called; in a forked process there is nothing to close."""
-        return self._is_parents or self._loop.is_closed()
+        return self._is_parents or self._is_closed
 
     @property
     def _is_parents(self) -> bool:
@@ -261,23 +263,61 @@ class _Loop:
         return self._process_id != os.getpid()
 
     def run(self, coroutine: Coroutine[Any, Any, T]) -> T:
-        """Runs a coroutine to its end. An interruption (Ctrl-C) of this thread cancels it, and waits for that."""
-        if self.is_closed:
-            coroutine.close()
-            raise _forks.asyncio_lost() if self._is_parents else UalError("the team is closed")
-        future: Future[T] = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        """Runs a coroutine to its end. An interruption (Ctrl-C) of this thread cancels it.
+
+        Raises:
+            UalError: The team is or was closed, or this is the thread of the loop, which would wait for itself.
+        """
+        future = self._begin(coroutine)
         try:
             return future.result()
+        except CancelledError:
+            if self.is_closed:
+                raise _closed() from None
+            raise
         except BaseException:
             future.cancel()
             raise
 
     def close(self) -> None:
-        """Ends the thread."""
+        """Ends what still runs, and the thread."""
+        with self._lock:
+            if self._is_closed:
+                return
+            self._is_closed = True
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
+        self._loop.run_until_complete(_cancel_others())
         self._loop.run_until_complete(self._loop.shutdown_asyncgens())
         self._loop.close()
+
+    def _begin(self, coroutine: Coroutine[Any, Any, T]) -> Future[T]:
+        if self._is_parents:  # its lock may have been held in the fork
+            refusal = _forks.asyncio_lost()
+        elif threading.current_thread() is self._thread:
+            refusal = UalError(
+                "a member of a Team was called on its own event loop, which would wait for itself: in `each` and "
+                "`ask`, await those of the ual.aio.Uav that is given"
+            )
+        else:
+            with self._lock:
+                if not self._is_closed:
+                    return asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+            refusal = _closed()
+        coroutine.close()
+        raise refusal
+
+
+def _closed() -> UalError:
+    return UalError("the team is closed")
+
+
+async def _cancel_others() -> None:
+    """Cancels all tasks of this loop but this one: their callers wait on other threads."""
+    others = asyncio.all_tasks() - {asyncio.current_task()}
+    for task in others:
+        task.cancel()
+    await asyncio.gather(*others, return_exceptions=True)
 
 
 async def _made(

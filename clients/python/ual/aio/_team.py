@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -101,7 +102,7 @@ class Team(TeamMembers, TaskCommands[All[Task]]):
             TeamError: One of them refused or failed; it has the errors and the other results.
 
         """
-        calls = [call(name, uav) for name, uav in self._uavs.items()]
+        calls = [_awaitable(call(name, uav)) for name, uav in self._uavs.items()]
         outcomes = await asyncio.gather(*calls, return_exceptions=True)
         return _results(dict(zip(self._uavs, outcomes, strict=True)))
 
@@ -192,6 +193,14 @@ def _checked(uavs: Iterable[str]) -> list[str]:
     if len(set(names)) < len(names):
         raise InvalidArgumentError(f"uavs: one is named twice: {', '.join(names)}", {"field": "uavs"})
     return names
+
+
+def _awaitable(call: Coroutine[Any, Any, T]) -> Coroutine[Any, Any, T]:
+    if not inspect.isawaitable(call):
+        raise InvalidArgumentError(
+            f"call: it returned {call!r}, which is no coroutine: return a call of the ual.aio.Uav that is given"
+        )
+    return call
 
 
 def _uav(name: str, tls_ca: str | Path | None, credentials: Credentials | None, network: Network | None) -> Uav:
