@@ -23,6 +23,9 @@ MIN_SPEED_M_S = 0.01
 MAX_HOLD_S = 3600.0
 """How long a path may hold at one waypoint."""
 MAX_ANGULAR_SPEED_RAD_S = 1000.0
+"""Of what is measured."""
+MAX_TURN_RAD_S = 2.0 * math.tau
+"""Of what is commanded: more than two turns a second are meant in degrees."""
 MAX_RATE_HZ = 1e9
 MAX_STAMP_S = 253_402_300_799.0
 """The end of the year 9999, the latest time in protobuf."""
@@ -184,12 +187,22 @@ def orientation(value: Quaternion, field: str) -> Quaternion | None:
 def twist(value: Twist, field: str) -> Twist:
     """Accepts a velocity. Of its angular part only z is flown."""
     require_type(value, Twist, field)
-    if _is_valid(value.linear, MAX_SPEED_M_S) and _is_valid(value.angular, MAX_ANGULAR_SPEED_RAD_S):
+    if _is_valid(value.linear, MAX_SPEED_M_S) and _is_valid(value.angular, MAX_TURN_RAD_S):
         return value
-    return Twist(
-        vector(value.linear, f"{field}.linear", at_most=MAX_SPEED_M_S),
-        vector(value.angular, f"{field}.angular", at_most=MAX_ANGULAR_SPEED_RAD_S),
-    )
+    linear = vector(value.linear, f"{field}.linear", at_most=MAX_SPEED_M_S)
+    angular = vector(value.angular, f"{field}.angular", at_most=math.inf)
+    if angular.norm() > MAX_TURN_RAD_S:
+        words = f"({angular.x:g}, {angular.y:g}, {angular.z:g}) rad/s are more than two turns a second"
+        raise refuse(f"{field}.angular", f"{words}: give radians, not degrees")
+    return Twist(linear, angular)
+
+
+def angle(value: SupportsFloat, field: str, *, at_most: float) -> float:
+    """Accepts an angle in radians, or a rate in rad/s. What is more is meant in degrees."""
+    result = number(value, field, at_most=math.inf)
+    if abs(result) > at_most:
+        raise refuse(field, f"{result:.12g} is out of range (at most {at_most:.5g}): give radians, not degrees")
+    return result
 
 
 def latitude(value: SupportsFloat, field: str = "latitude_deg") -> float:

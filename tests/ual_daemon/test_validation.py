@@ -116,10 +116,16 @@ def test_what_is_no_vector_is_refused(value: Any) -> None:
 
 def test_a_velocity_that_nobody_can_mean_is_refused() -> None:
     fast, fastest = Vector3(0, 1000.0, 0), Vector3(0, 1000.1, 0)
-    assert validation.twist(Twist(fast, fast), "velocity.twist") == Twist(fast, fast)
+    assert validation.twist(Twist(fast, Vector3(z=12.5)), "velocity.twist") == Twist(fast, Vector3(z=12.5))
     refusal(lambda: validation.twist(Twist(fastest), "velocity.twist"), "velocity.twist.linear.y")
-    refusal(lambda: validation.twist(Twist(angular=fastest), "velocity.twist"), "velocity.twist.angular.y")
+    refusal(lambda: validation.twist(Twist(angular=Vector3(z=NAN)), "velocity.twist"), "velocity.twist.angular.z")
     refusal(lambda: validation.twist(Twist(Vector3(NAN, 0, 0)), "velocity.twist"), "velocity.twist.linear.x")
+
+
+@pytest.mark.parametrize("degrees_s", [Vector3(z=90.0), Vector3(z=-13), Vector3(y=90.0)])
+def test_a_rate_of_turn_that_is_meant_in_degrees_is_refused(degrees_s: Vector3) -> None:
+    why = refusal(lambda: validation.twist(Twist(angular=degrees_s), "velocity.twist"), "velocity.twist.angular")
+    assert why.endswith("rad/s are more than two turns a second: give radians, not degrees")
 
 
 # --- Rotations --------------------------------------------------------------------------------------------------------

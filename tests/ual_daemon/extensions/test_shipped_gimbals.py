@@ -196,7 +196,7 @@ def test_one_that_is_not_there_and_one_that_is_not_heard_are_refused(lab: Lab) -
     ("order", "words"),
     [
         (lambda it: it.set_angles(math.nan), "pitch_rad: nan is not a finite number"),
-        (lambda it: it.set_angles(4.0), "pitch_rad: 4 is out of range"),
+        (lambda it: it.set_angles(4.0), r"pitch_rad: 4 is out of range \(at most 3.1416\): give radians, not degrees"),
         (lambda it: it.set_angles("1"), "pitch_rad: '1' is not a number"),
         (
             lambda it: it.set_angles(-0.7),

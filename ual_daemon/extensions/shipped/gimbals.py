@@ -84,8 +84,8 @@ class VehicleGimbals:
 
     def set_rates(self, number: int, pitch_rad_s: float, yaw_rad_s: float) -> Future[None]:
         """See `ual.interface.Gimbal`."""
-        pitch_rad_s = validation.number(pitch_rad_s, "pitch_rad_s", at_most=LARGEST_RATE_RAD_S)
-        yaw_rad_s = validation.number(yaw_rad_s, "yaw_rad_s", at_most=LARGEST_RATE_RAD_S)
+        pitch_rad_s = validation.angle(pitch_rad_s, "pitch_rad_s", at_most=LARGEST_RATE_RAD_S)
+        yaw_rad_s = validation.angle(yaw_rad_s, "yaw_rad_s", at_most=LARGEST_RATE_RAD_S)
         gimbal = self._ordered(number, GimbalAbility.RATES, "turn the gimbal")
         _require_axes(gimbal.info, GimbalAngles(0.0, pitch_rad_s, yaw_rad_s))
         return self._give(gimbal, GimbalActivity.RATES, lambda: gimbal.set_rates(pitch_rad_s, yaw_rad_s))
@@ -279,9 +279,9 @@ def _done(future: Future[None], what: str) -> None:
 
 def _angles(angles: GimbalAngles) -> GimbalAngles:
     return GimbalAngles(
-        validation.number(angles.roll_rad, "roll_rad", at_most=LARGEST_ANGLE_RAD),
-        validation.number(angles.pitch_rad, "pitch_rad", at_most=LARGEST_ANGLE_RAD),
-        wrap_angle(validation.number(angles.yaw_rad, "yaw_rad", at_most=LARGEST_YAW_RAD)),
+        validation.angle(angles.roll_rad, "roll_rad", at_most=LARGEST_ANGLE_RAD),
+        validation.angle(angles.pitch_rad, "pitch_rad", at_most=LARGEST_ANGLE_RAD),
+        wrap_angle(validation.angle(angles.yaw_rad, "yaw_rad", at_most=LARGEST_YAW_RAD)),
     )
 
 

@@ -58,8 +58,8 @@ pilot may fly. It ends 2 s after it was kept last. Whenever a lease begins or en
 holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no lease.
 
 Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that cannot be meant (beyond
-10,000 km or 1,000 m/s) are refused with INVALID_ARGUMENT before anything moves. A request may carry the metadata
-`ual-ns: <namespace>`; a daemon of another namespace refuses it.
+10,000 km, 1,000 m/s or two turns a second) are refused with INVALID_ARGUMENT before anything moves. A request may
+carry the metadata `ual-ns: <namespace>`; a daemon of another namespace refuses it.
 """
 
 import builtins
