@@ -172,6 +172,19 @@ def test_what_is_wrong_is_named_with_its_line(file: Path, old: str, new: str, me
     assert len(result.stderr.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("uavs: {uav_1: {}}", "1: uavs: expected a list: a line that begins with '- ' for each"),
+        ("uavs: [uav_1]", "1: uavs[0]: expected 'key: value' lines (ns, count, "),
+        ("daemons: []", "1: daemons: there is no such key. There are name, at_end, land_limit_s, image, before, uavs,"),
+    ],
+)
+def test_what_is_expected_in_place_of_another_form_is_named(file: Path, text: str, message: str) -> None:
+    file.write_text(text)
+    assert f"{file}:{message}" in run("--print", str(file)).stderr
+
+
 def test_a_file_that_would_grow_without_end_is_refused(file: Path) -> None:
     levels = "".join(f"b{i}: &b{i} [{f'*b{i - 1}, ' * 50}]\n" for i in range(1, 6))
     file.write_text("b0: &b0 [" + "1, " * 50 + "]\n" + levels)

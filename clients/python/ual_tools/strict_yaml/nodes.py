@@ -52,13 +52,15 @@ class Node:
             YamlFileError: It is not a mapping, or has a key that is not `known`.
         """
         if not isinstance(self.node, yaml.MappingNode):
-            raise self.error("expected 'key: value' lines")
+            of = "" if known is None else f" ({', '.join(known)})"
+            raise self.error(f"expected 'key: value' lines{of}")
         found: dict[str, Node] = {}
         for key, value in self.node.value:
             name = str(key.value)
             entry = Node(self.path, value, f"{self.key}.{name}".lstrip("."), key.start_mark.line + 1, self.names)
             if known is not None and name not in known:
-                raise entry.error(f"there is no such key.{did_you_mean(close(name, known))}")
+                meant = did_you_mean(close(name, known)) or f" There are {', '.join(known)}."
+                raise entry.error(f"there is no such key.{meant}")
             found[name] = entry
         return found
 
@@ -69,7 +71,7 @@ class Node:
             YamlFileError: It is not a list.
         """
         if not isinstance(self.node, yaml.SequenceNode):
-            raise self.error("expected a list")
+            raise self.error("expected a list: a line that begins with '- ' for each")
         return [
             Node(self.path, value, f"{self.key}[{i}]", value.start_mark.line + 1, self.names)
             for i, value in enumerate(self.node.value)
