@@ -16,8 +16,8 @@ import pytest
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.waiting import until
-from ual import State, Twist, Vector3
-from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError, TeamError
+from ual import State, Twist, Vector3, _calls
+from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError, TeamError, UnauthenticatedError
 from ual.interface import Uav
 from ual_daemon import UAL
 
@@ -220,3 +220,70 @@ def test_in_the_process() -> None:
             uav.land()
         with uav.lease(take=True):
             uav.land()
+
+
+def test_a_lease_that_the_daemon_does_not_release_keeps_no_client_open(
+    daemon: DaemonProcess, uav: ual.Uav, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As of a token that was revoked meanwhile. Without its holder the lease ends by itself."""
+
+    def refuse(_: str) -> None:
+        raise UnauthenticatedError("the token was revoked")
+
+    monkeypatch.setattr(_calls, "release_lease", refuse)
+    with another(daemon) as holder:
+        holder.lease("survey")
+    assert repr(holder).endswith("closed>")
+    assert "the lease was not released: the token was revoked" in caplog.text
+    until(lambda: uav.lease_info() is None)
+
+    async def run() -> ual.aio.Uav:
+        async with ual.aio.Uav(address=daemon.address) as holder:
+            await holder.lease("survey")
+        return holder
+
+    assert repr(asyncio.run(run())).endswith("closed>")
+
+
+def test_a_close_that_is_cancelled_leaves_nothing_open(daemon: DaemonProcess) -> None:
+    async def run() -> None:
+        uav = ual.aio.Uav(address=daemon.address)
+        await uav.lease("survey")
+        closing = asyncio.create_task(uav.close())
+        await asyncio.sleep(0)  # it has begun, and waits for the daemon
+        closing.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await closing
+        assert repr(uav).endswith("closed>")
+
+    asyncio.run(run())
+
+
+def test_for_asyncio_a_lease_that_was_lost_can_be_acquired_again(
+    daemon: DaemonProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept: list[str] = []
+    keep = _calls.keep_lease
+
+    def keep_and_note(lease_id: str) -> _calls.Call[None]:
+        kept.append(lease_id)
+        return keep(lease_id)
+
+    monkeypatch.setattr(_calls, "keep_lease", keep_and_note)
+
+    async def run() -> None:
+        async with ual.aio.Uav(address=daemon.address) as first, ual.aio.Uav(address=daemon.address) as second:
+            lease = await first.lease("survey")
+            async with second.lease("rescue", take=True):
+                while lease.lost is None:  # noqa: ASYNC110  the lease sets no event
+                    await asyncio.sleep(0.01)
+                await lease.release()
+            await lease
+            assert lease.lost is None
+            kept.clear()
+            while not kept:  # noqa: ASYNC110  as above
+                await asyncio.sleep(0.01)
+            await lease.release()
+            assert await second.lease_info() is None
+
+    asyncio.run(asyncio.wait_for(run(), LIMIT_S))

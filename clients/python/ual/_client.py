@@ -97,11 +97,13 @@ class Uav(UavMembers):
         A task of the UAV goes on, unless there was a lease; a velocity does not.
         """
         self._setpoints.settle()
-        if self._lease is not None:
-            self._lease.release()
-        self._external_poses.settle()
-        self._subscriptions.close()
-        self._connection.close()
+        try:
+            if self._lease is not None:
+                self._lease.release()
+        finally:  # also where Ctrl-C ends the wait for the daemon: threads and connections must not stay
+            self._external_poses.settle()
+            self._subscriptions.close()
+            self._connection.close()
 
     @override
     def info(self) -> Info:

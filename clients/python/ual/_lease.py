@@ -10,7 +10,7 @@ from typing_extensions import override
 
 from ual import _calls, _forks, interface
 from ual._connection import Connection
-from ual.errors import DaemonUnreachableError, LeaseLostError, UalError
+from ual.errors import LeaseLostError, UalError
 
 KEEP_S = 0.5
 """A fourth of the time after which a lease expires."""
@@ -57,7 +57,7 @@ class Lease(interface.Lease):
         self._settle()
         try:
             self._connection.run(_calls.release_lease(self._id))
-        except DaemonUnreachableError as error:  # it ends by itself then
+        except UalError as error:  # it ends by itself then
             _log.warning("the lease was not released: %s", error)
         finally:
             self._forget()

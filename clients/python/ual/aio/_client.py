@@ -102,12 +102,14 @@ class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         A task of the UAV goes on, unless there was a lease; a velocity does not.
         """
         await self._setpoints.settle()
-        if self._lease is not None:
-            await self._lease.release()
-        await self._external_poses.settle()
-        for subscription in tuple(self._subscriptions):
-            await subscription.close()
-        await self._connection.close()
+        try:
+            if self._lease is not None:
+                await self._lease.release()
+        finally:  # also where this task is cancelled while it waits for the daemon
+            await self._external_poses.settle()  # raises on another event loop, which could not close the rest
+            for subscription in tuple(self._subscriptions):
+                await subscription.close()
+            await self._connection.close()
 
     async def __aenter__(self) -> Self:
         return self

@@ -12,7 +12,7 @@ from typing_extensions import Self
 from ual import _calls
 from ual._lease import KEEP_S
 from ual.aio._connection import Connection
-from ual.errors import DaemonUnreachableError, LeaseLostError, UalError
+from ual.errors import LeaseLostError, UalError
 
 _log = logging.getLogger(__name__)
 
@@ -48,6 +48,7 @@ class Lease:
 
         """
         await self._settle()
+        self._lost = None  # of the time before
         self._id = await self._connection.run(_calls.acquire_lease(self._holder, self._take))
         self._connection.target.lease_id = self._id
         self._keeping = asyncio.create_task(self._keep())
@@ -64,7 +65,7 @@ class Lease:
         try:
             if self._lost is None:
                 await self._connection.run(_calls.release_lease(self._id))
-        except DaemonUnreachableError as error:  # it ends by itself then
+        except UalError as error:  # it ends by itself then
             _log.warning("the lease was not released: %s", error)
         finally:
             if self._connection.target.lease_id == self._id:
