@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import grpc
@@ -24,6 +25,16 @@ def nothing_from_outside(monkeypatch: pytest.MonkeyPatch, runtime_dir: Path) -> 
     del runtime_dir
     for name in ("UAL_NS", "UAL_ADDRESS", "UAL_TOKEN", "UAL_TOKEN_FILE", "UAL_TLS_CERTIFICATE", "UAL_TLS_KEY"):
         monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.parametrize("make", [ual.Uav, ual.aio.Uav])
+def test_credentials_of_another_type_are_refused_and_not_shown(make: Callable[..., object]) -> None:
+    with pytest.raises(InvalidArgumentError, match=r"of type str; pass ual\.Credentials\(token=") as caught:
+        make(address="127.0.0.1:1", credentials="a secret")
+    assert "secret" not in str(caught.value)
+    with pytest.raises(InvalidArgumentError, match=r"token: it is of type bytes; pass text") as caught:
+        Credentials(token=b"a secret")  # type: ignore[arg-type]
+    assert "secret" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

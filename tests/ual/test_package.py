@@ -42,3 +42,11 @@ def test_a_route_is_read_by_a_name_as_by_a_path(tmp_path: Path) -> None:
     assert routes.read(str(file)) == routes.read(file)
     (waypoint,) = routes.read(str(file)).waypoints
     assert getattr(waypoint, "pose", waypoint) == Pose.at(1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    "name", ["routes.read", "network.Network", "geotag.to_jpeg", "missions.MissionPlan", "simulation.LinkLost"]
+)
+def test_what_the_manual_writes_with_dots_needs_no_second_import(name: str) -> None:
+    """In a process of its own: here, other tests have imported all of them."""
+    subprocess.run([sys.executable, "-c", f"import ual; ual.{name}"], check=True)

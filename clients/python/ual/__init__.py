@@ -70,7 +70,16 @@ from ual.types import (
 )
 
 if TYPE_CHECKING:
-    import ual.aio as aio
+    from ual import aio
+    from ual import cameras as cameras
+    from ual import conformance as conformance
+    from ual import fences as fences
+    from ual import geotag as geotag
+    from ual import gimbals as gimbals
+    from ual import missions as missions
+    from ual import network as network
+    from ual import routes as routes
+    from ual import simulation as simulation
     from ual._client import Uav
     from ual._team import Team
 
@@ -134,6 +143,21 @@ __all__ = [
 __version__ = "0.2.0"
 
 
+_MODULES = (
+    "aio",
+    "cameras",
+    "conformance",
+    "fences",
+    "geotag",
+    "gimbals",
+    "missions",
+    "network",
+    "routes",
+    "simulation",
+)
+"""Those that work after ``import ual``, without an import of their own: `ual.routes.read`."""
+
+
 if not TYPE_CHECKING:  # a type checker would take any name for one of ours
 
     def __getattr__(name: str) -> object:
@@ -142,8 +166,8 @@ if not TYPE_CHECKING:  # a type checker would take any name for one of ours
             return importlib.import_module("ual._client").Uav
         if name == "Team":
             return importlib.import_module("ual._team").Team
-        if name == "aio":
-            return importlib.import_module("ual.aio")
+        if name in _MODULES:
+            return importlib.import_module(f"ual.{name}")
         raise AttributeError(f"module 'ual' has no attribute {name!r}")
 
 

@@ -144,7 +144,7 @@ class Target:
         self._followed = None if network is None else _follow(network, self.ns, address)
         given = address or (os.environ.get(ADDRESS_VARIABLE) if network is None else None) or None
         self._fixed_address = None if given is None else _checked(given)
-        self._shown = credentials or Credentials.from_environment()
+        self._shown = Credentials.from_environment() if credentials is None else _credentials(credentials)
         self._credentials = None if tls_ca is None else _read_tls(tls_ca, self._shown)
         self.lease_id = ""
         """The lease with which its commands are given; empty where it has none."""
@@ -242,6 +242,15 @@ def _name(ns: str | None) -> str:
     if ns and ":" in ns:
         raise InvalidArgumentError(f"ns: {ns!r} is an address; pass it as address={ns!r} (--address)", {"field": "ns"})
     return ns or ""
+
+
+def _credentials(given: Credentials) -> Credentials:
+    if not isinstance(given, Credentials):  # its value is secret, and is not shown
+        raise InvalidArgumentError(
+            f"credentials: they are of type {type(given).__name__}; pass ual.Credentials(token=...)",
+            {"field": "credentials"},
+        )
+    return given
 
 
 def _checked(address: str) -> str:

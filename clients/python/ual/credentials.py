@@ -37,6 +37,9 @@ class Credentials:
     def __post_init__(self) -> None:
         if (self.tls_certificate is None) != (self.tls_key is None):
             raise InvalidArgumentError("a certificate and its key are needed together", {"field": "tls_certificate"})
+        if self.token is not None and not isinstance(self.token, str):
+            text = f"token: it is of type {type(self.token).__name__}; pass text, as Path(...).read_text() returns it"
+            raise InvalidArgumentError(text, {"field": "token"})
         if self.token is not None and not (self.token.strip().isascii() and self.token.strip().isprintable()):
             raise InvalidArgumentError("token: it is no token", {"field": "token"})
 
