@@ -35,6 +35,9 @@ def test_credentials_of_another_type_are_refused_and_not_shown(make: Callable[..
     with pytest.raises(InvalidArgumentError, match=r"token: it is of type bytes; pass text") as caught:
         Credentials(token=b"a secret")  # type: ignore[arg-type]
     assert "secret" not in str(caught.value)
+    with pytest.raises(InvalidArgumentError, match=r"one line of text, as `ual token new` prints it") as caught:
+        Credentials(token='{"secret":\n 1}')  # the daemon's file, not the caller's
+    assert "secret" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,10 @@ class Credentials:
             text = f"token: it is of type {type(self.token).__name__}; pass text, as Path(...).read_text() returns it"
             raise InvalidArgumentError(text, {"field": "token"})
         if self.token is not None and not (self.token.strip().isascii() and self.token.strip().isprintable()):
-            raise InvalidArgumentError("token: it is no token", {"field": "token"})
+            raise InvalidArgumentError(
+                "token: it is no token: one line of text, as `ual token new` prints it (--token-file, UAL_TOKEN)",
+                {"field": "token"},
+            )
 
     @classmethod
     def from_environment(cls) -> Credentials:

@@ -117,8 +117,8 @@ class Access:
     @staticmethod
     def _unknown() -> UnauthenticatedError:
         return UnauthenticatedError(
-            "this daemon wants to know who calls: show a token (metadata `authorization: Bearer ...`, UAL_TOKEN) or a "
-            "certificate (--tls-certificate, --tls-key) that it knows",
+            "this daemon wants to know who calls: show a token (metadata `authorization: Bearer ...`, --token-file, "
+            "UAL_TOKEN) or a certificate (--tls-certificate, --tls-key) that it knows",
             {"needed": "token or certificate"},
         )
 
