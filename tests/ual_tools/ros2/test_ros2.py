@@ -200,6 +200,12 @@ def test_a_lease_that_is_taken_is_taken_by_the_node(machine: Machine) -> None:
     assert {"lease:=true", "lease_take:=true"} <= set(words)
 
 
+def test_the_network_is_not_left_out_silently(machine: Machine) -> None:
+    done = machine.ual("--network", "ros2")
+    assert done.returncode == 2
+    assert "the node does not look on the network: say where the UAVs are" in done.stderr
+
+
 def test_further_words_go_to_the_node(machine: Machine) -> None:
     words = ["--ros-args", "-p", "rate_hz:=100.0"]
     assert machine.node("--all", "ros2", "--", *words)["words"] == words
