@@ -41,8 +41,8 @@ def use_asyncio() -> None:
 def asyncio_lost() -> UalError:
     """Returns the error of the asyncio of a parent."""
     return UalError(
-        "ual.aio and ual.Team were used before this process was forked, which gRPC's asyncio does not survive: use "
-        "ual.Uav here, or begin the process by multiprocessing's 'spawn'"
+        "ual.aio or ual.Team was used before this process was forked, which gRPC's asyncio does not survive: this "
+        "process may crash at any time. Begin it by multiprocessing's 'spawn', or before their first use"
     )
 
 
