@@ -329,7 +329,7 @@ def _state_of(snapshot: Snapshot, cause: Cause) -> State:
     """Returns the state that the mode of others leads to.
 
     A return above its home lands at once. Only a ground station is known so late that the landed state is surely
-    from after its mode; that of a pilot or of a failsafe may still be from a landing of UAL before it.
+    from after its mode. After a pilot or a failsafe it may still be from a landing of UAL before.
     """
     control = snapshot.control.mode.value.control if snapshot.control.mode is not None else Control.OTHER
     landed = snapshot.control.landed

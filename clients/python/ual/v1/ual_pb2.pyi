@@ -57,8 +57,8 @@ While it is held, flying calls without that id are refused with LEASE_HELD. A le
 pilot may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, what is under way is aborted, and the UAV
 holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no lease.
 
-Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that cannot be meant (beyond
-10,000 km, 1,000 m/s or two turns a second) are refused with INVALID_ARGUMENT before anything moves. A request may
+Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that cannot be meant are refused with
+INVALID_ARGUMENT before anything moves. The limits are 10,000 km, 1,000 m/s and two turns a second. A request may
 carry the metadata `ual-ns: <namespace>`; a daemon of another namespace refuses it.
 """
 
