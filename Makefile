@@ -88,8 +88,8 @@ run: $(INSTALLED)  ## Flies: a light (simulated) UAV, uav_1, armed by its simula
 	@echo 'In another terminal: . $(BIN)/activate; ual takeoff 3; ual goto 4 2 3; ual land'
 	$(BIN)/ual-daemon --backend light --ns uav_1 --auto-arm
 
-# Three workers for each processor: most tests wait for a flight. Each conformance flight keeps to one of them.
-IN_PARALLEL = -n $$((3 * $$(nproc))) --dist loadgroup
+# Four workers for each processor: most tests wait for a flight. Each conformance flight keeps to one of them.
+IN_PARALLEL = -n $$((4 * $$(nproc))) --dist loadgroup
 
 test: $(DEV)  ## The tests, but those that need a real autopilot
 	$(BIN)/python -m pytest $(IN_PARALLEL)
