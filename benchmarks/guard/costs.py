@@ -37,8 +37,9 @@ class Sink:
         self._out.close()
 
 
-def over_pymavlink(call: Callable[[int], object]) -> float:
-    """Returns how many times a plain send by pymavlink a call costs. The call gets a number.
+def over_pymavlink(call: Callable[[int], object], rest: Callable[[], object] = lambda: None) -> float:
+    """Returns how many times a plain send by pymavlink a call costs. The call gets a number. `rest` follows each burst:
+    what was called last may fly on until the next one, which a busy computer begins late.
 
     The speed of a processor changes by a third from one tenth of a second to the next. So both are measured in turn,
     and the median of the ratios of neighbours counts. Of the groups of a burst the least counts: other threads broke in
@@ -50,6 +51,7 @@ def over_pymavlink(call: Callable[[int], object]) -> float:
         for burst in range(_BURSTS):
             time.sleep(_PAUSE_S)
             cost_s = _least_s(call, burst * _GROUPS * _COUNT)
+            rest()
             ratios.append(cost_s / _least_s(plain, 0))
     return statistics.median(ratios)
 

@@ -31,7 +31,7 @@ def setpoint_ratios() -> Iterator[tuple[str, float]]:
 
 def _class_ratio(name: str, place: Place) -> float:
     with flying(name, place) as uav, Sink() as sink, _sending_to(sink):
-        return over_pymavlink(lambda number: uav.set_velocity(_TWISTS[number % 2]))
+        return over_pymavlink(lambda number: uav.set_velocity(_TWISTS[number % 2]), lambda: uav.set_velocity(Twist()))
 
 
 @contextmanager
