@@ -26,8 +26,10 @@ Angle = Annotated[float, Meta(ge=-math.tau, le=math.tau)]
 """Radians. What is more than a full turn is meant in degrees."""
 AngleWithin = Annotated[float, Meta(gt=0.0, le=math.pi)]
 """How far a heading may be off, in radians: more than half a turn is meant in degrees."""
-TurnRate = Annotated[float, Meta(gt=0.0, le=2.0 * math.tau)]
-"""The highest rate of turn, in rad/s: more than two turns a second are meant in degrees."""
+MAX_TURN_RAD_S = 2.0 * math.tau
+"""Of what is commanded: more than two turns a second are meant in degrees."""
+TurnRate = Annotated[float, Meta(gt=0.0, le=MAX_TURN_RAD_S)]
+"""The highest rate of turn, in rad/s."""
 Coordinate = Annotated[float, Meta(ge=-1e7, le=1e7)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
@@ -307,7 +309,7 @@ def human_readable(message: str, kind: type[Settings], key: str) -> str:
         return "is more than a full turn: give radians, not degrees"
     if message.endswith(f"<= {math.pi}"):
         return "is more than half a turn: give radians, not degrees"
-    if message.endswith(f"<= {2.0 * math.tau}"):
+    if message.endswith(f"<= {MAX_TURN_RAD_S}"):
         return "is more than two turns a second: give radians a second, not degrees"
     if message.startswith("Invalid enum value"):
         known = list(_values(_type_at(kind, key)))

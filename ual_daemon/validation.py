@@ -14,7 +14,7 @@ from ual import geometry
 from ual.errors import InvalidArgumentError
 from ual.geometry import KEEP_HEADING, Quaternion, Transform, Twist, Vector3
 from ual.types import AltitudeReference, GeoWaypoint, PathHeading
-from ual_daemon.settings import FRAME_ID_PATTERN
+from ual_daemon.settings import FRAME_ID_PATTERN, MAX_TURN_RAD_S
 
 MAX_DISTANCE_M = 1e7
 MAX_SPEED_M_S = 1000.0
@@ -24,8 +24,6 @@ MAX_HOLD_S = 3600.0
 """How long a path may hold at one waypoint."""
 MAX_ANGULAR_SPEED_RAD_S = 1000.0
 """Of what is measured."""
-MAX_TURN_RAD_S = 2.0 * math.tau
-"""Of what is commanded: more than two turns a second are meant in degrees."""
 MAX_RATE_HZ = 1e9
 MAX_STAMP_S = 253_402_300_799.0
 """The end of the year 9999, the latest time in protobuf."""
