@@ -29,7 +29,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist release run test coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
+.PHONY: help install dev dist release run test test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -93,6 +93,10 @@ IN_PARALLEL = -n $$((4 * $$(nproc))) --dist loadgroup
 
 test: $(DEV)  ## The tests, but those that need a real autopilot
 	$(BIN)/python -m pytest $(IN_PARALLEL)
+
+test-changed: $(DEV)  ## The tests that can see what differs from main; SINCE=REVISION, WITHIN=0: however many imports lie between
+	@tests=$$($(BIN)/python tools/changed_tests.py $(if $(SINCE),--since $(SINCE)) $(if $(WITHIN),--within $(WITHIN))) \
+		&& if [ -n "$$tests" ]; then $(BIN)/python -m pytest $(IN_PARALLEL) $$tests; else echo 'no test sees the change'; fi
 
 coverage: $(DEV)  ## The tests, and how much of each room they reach; build/coverage.json has the lines
 	$(BIN)/python -m pytest $(IN_PARALLEL) --cov --cov-report=json:build/coverage.json
@@ -188,7 +192,7 @@ wire: $(DEV)  ## Records bytes of what is new in the contract, in tests/data/wir
 bench: $(DEV) $(VENV)/.bench  ## How fast and how small UAL is beside MAVSDK; BENCH=--quick for a short look
 	$(BIN)/python -m benchmarks $(BENCH)
 
-bench-guard: $(DEV)  ## What setpoints and samples cost beside what was recorded: under 2 minutes; GUARD=--keep records
+bench-guard: $(DEV)  ## Instructions of the hot paths and resident memory, beside what was recorded; GUARD=--keep records
 	$(BIN)/python -m benchmarks.guard $(GUARD)
 
 bench-fleet: $(DEV)  ## Whether many UAVs in one daemon keep real time, and what each costs

@@ -109,7 +109,7 @@ class Vehicle:
             wait_s = self._send_due()
             for descriptor, _ in poll.poll(math.ceil(wait_s * 1000.0)):
                 if descriptor == own:
-                    self._receive()
+                    self.receive()
                     continue
                 data = os.read(sys.stdin.fileno(), 65536)
                 if not data:
@@ -137,10 +137,15 @@ class Vehicle:
         self._rest()
         self._set_fence(has_fence=has_fence)
         self._peer = ("127.0.0.1", port)
-        frames = [(time_s, frame) for time_s, frame in _frames(trace) if from_s <= time_s <= to_s]
-        begin_s = time.monotonic() - frames[0][0]
-        self._recorded = [(begin_s + time_s, frame) for time_s, frame in reversed(frames)]
-        return {"messages_per_s": len(frames) / (frames[-1][0] - frames[0][0])}
+        part = [(time_s, frame) for time_s, frame in frames(trace) if from_s <= time_s <= to_s]
+        begin_s = time.monotonic() - part[0][0]
+        self._recorded = [(begin_s + time_s, frame) for time_s, frame in reversed(part)]
+        return {"messages_per_s": len(part) / (part[-1][0] - part[0][0])}
+
+    def answer_at(self, port: int, *, has_fence: bool) -> None:
+        """Sends to a port from now on, in a process that sends what was recorded by itself."""
+        self._set_fence(has_fence=has_fence)
+        self._peer = ("127.0.0.1", port)
 
     def _set_fence(self, *, has_fence: bool) -> None:
         self._parameters = {**PARAMETERS, **OWN_FENCE} if has_fence else PARAMETERS
@@ -152,7 +157,7 @@ class Vehicle:
 
     def _take_setpoints(self) -> dict[str, Any]:
         """Returns the number of each setpoint since the last call, and when it first came."""
-        self._receive()
+        self.receive()
         first: dict[int, int] = {}
         for number, came_ns in self._setpoints:
             first.setdefault(number, came_ns)
@@ -175,7 +180,7 @@ class Vehicle:
                 heapq.heapreplace(self._due, (due_s + 1.0 / self._rates_hz[name], name))
                 self._send_position() if name == "position" else self._send(self._streams[name]())
             elif self._recorded and self._recorded[-1][0] <= now_s:
-                self._send_bytes(self._recorded.pop()[1])
+                self.send_bytes(self._recorded.pop()[1])
             else:
                 next_s = [*(due_s for due_s, _ in self._due[:1]), *(due_s for due_s, _ in self._recorded[-1:])]
                 return min(next_s, default=now_s + 1.0) - now_s
@@ -186,7 +191,7 @@ class Vehicle:
         message = mavlink.MAVLink_local_position_ned_message(self._boot_ms(), north_m, 0.0, -10.0, 0.0, 0.0, 0.0)
         data = self._pack(message)
         self._positions.append((self._position_number, time.monotonic_ns()))
-        self._send_bytes(data)
+        self.send_bytes(data)
 
     def _heartbeat(self) -> Any:  # noqa: ANN401 (pymavlink has no types)
         mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
@@ -195,14 +200,15 @@ class Vehicle:
         )
 
     def _send(self, message: Any) -> None:  # noqa: ANN401 (pymavlink has no types)
-        self._send_bytes(self._pack(message))
+        self.send_bytes(self._pack(message))
 
     def _pack(self, message: Any) -> bytes:  # noqa: ANN401 (pymavlink has no types)
         data: bytes = message.pack(self._mavlink)
         self._mavlink.seq = (self._mavlink.seq + 1) % 256
         return data
 
-    def _send_bytes(self, data: bytes) -> None:
+    def send_bytes(self, data: bytes) -> None:
+        """Sends a datagram."""
         if self._peer is not None:
             try:
                 self._socket.sendto(data, self._peer)
@@ -214,7 +220,8 @@ class Vehicle:
 
     # --- Receiving ----------------------------------------------------------------------------------------------------
 
-    def _receive(self) -> None:
+    def receive(self) -> None:
+        """Receives what has come, and answers it."""
         while True:
             try:
                 data = self._socket.recv(2048)
@@ -276,18 +283,18 @@ def number_of(setpoint: bytes) -> int:
     return marks.number_of_setpoint(speed_m_s, yaw_rate_rad_s)
 
 
-def _frames(trace: str) -> list[tuple[float, bytes]]:
-    """Yields the frames of a recorded flight: each is 8-byte big-endian unix microseconds and a MAVLink 2 frame."""
+def frames(trace: str) -> list[tuple[float, bytes]]:
+    """Returns the frames of a recorded flight: each is 8-byte big-endian unix microseconds and a MAVLink 2 frame."""
     data = gzip.decompress((_TRACES / f"{trace}.tlog.gz").read_bytes())
-    frames: list[tuple[float, bytes]] = []
+    found: list[tuple[float, bytes]] = []
     at = 0
     while at < len(data):
         (microseconds,) = struct.unpack_from(">Q", data, at)
         size = data[at + 9] + 12 + (13 if data[at + 10] & 1 else 0)
-        frames.append((microseconds / 1e6, data[at + 8 : at + 8 + size]))
+        found.append((microseconds / 1e6, data[at + 8 : at + 8 + size]))
         at += 8 + size
-    begin_s = frames[0][0]
-    return [(time_s - begin_s, frame) for time_s, frame in frames]
+    begin_s = found[0][0]
+    return [(time_s - begin_s, frame) for time_s, frame in found]
 
 
 if __name__ == "__main__":

@@ -33,7 +33,8 @@ class Way:
 
 FENCE = ((-8.0, -8.0), (13.0, -8.0), (13.0, 72.0), (-8.0, 72.0))
 """The configured fence, x and y in metres in ``uav_1/odom``: its nearest edge is 8 m beside the vehicle."""
-_FENCE_FLAGS = ("--set", f"geofence.polygon={[list(corner) for corner in FENCE]}")
+FENCE_FLAGS = ("--set", f"geofence.polygon={[list(corner) for corner in FENCE]}")
+"""The flags of ``ual-daemon`` that configure it."""
 
 RAW = Way("pymavlink", "raw")
 NATIVE = Way("mavsdk", "native")
@@ -46,8 +47,8 @@ UNARY = Way("UAL unary", "ual_unary", "tcp")
 UNARY_UNIX = Way("UAL unary, unix", "ual_unary", "unix")
 UNARY_AIO = Way("UAL unary, grpc.aio", "ual_unary", "tcp", ("--transport", "aio"))
 CLASS_FENCE = Way("UAL class, fence", "ual_class_fence", has_fence=True)
-STREAM_FENCE = Way("UAL stream, fence", "ual_stream", "tcp", _FENCE_FLAGS, has_fence=True)
-UNARY_FENCE = Way("UAL unary, fence", "ual_unary", "tcp", _FENCE_FLAGS, has_fence=True)
+STREAM_FENCE = Way("UAL stream, fence", "ual_stream", "tcp", FENCE_FLAGS, has_fence=True)
+UNARY_FENCE = Way("UAL unary, fence", "ual_unary", "tcp", FENCE_FLAGS, has_fence=True)
 BARE_STREAM = Way("gRPC alone, stream", "grpc_stream", "tcp")
 BARE_UNARY = Way("gRPC alone, unary", "grpc_unary", "tcp")
 FLOORS = {

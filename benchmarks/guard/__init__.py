@@ -1,5 +1,5 @@
-"""The guard of the speed: ratios of processor time within one run, against those that were recorded last.
+"""The guard of speed: instructions of the hot paths, counted by valgrind, and resident memory, beside their records.
 
-It needs no other program than UAL: what stands below a ratio is the same without UAL, packed by pymavlink or served by
-gRPC alone. Processor time depends little on what else runs on the computer, and of several tries the least counts.
+Instructions do not depend on what else runs on the computer: at loads of 10 to 51 they agreed within 0.6 %. They do
+depend on the version of Python, which is part of the record.
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import ual
 from benchmarks.results import Results
@@ -14,8 +15,15 @@ _SPEED_FACTOR = 10.0
 
 
 def measure_flight(results: Results) -> None:
-    """Takes off, flies a path and streamed velocities, and lands, with one telemetry subscriber."""
-    with UalDaemon(None, "--auto-arm") as daemon:
+    """Measures one flight."""
+    results.add("memory_mib", "UAL: after a flight of the light backend", [flight_mib()])
+
+
+def flight_mib(*flags: str, run: Sequence[str] = ("ual_daemon",)) -> float:
+    """Returns the resident memory of a daemon that took off, flew a path and streamed velocities, and landed, with one
+    telemetry subscriber. `flags` and `run` are those of `UalDaemon`.
+    """
+    with UalDaemon(None, "--auto-arm", *flags, run=run) as daemon:
         daemon.wait()
         with ual.Uav(address=daemon.addresses["tcp"]) as uav:
             uav.simulation.set_speed_factor(_SPEED_FACTOR)
@@ -29,7 +37,7 @@ def measure_flight(results: Results) -> None:
                     time.sleep(0.01)
                 uav.land()
                 _until(uav, State.LANDED_DISARMED, State.LANDED_ARMED)
-            results.add("memory_mib", "UAL: after a flight of the light backend", [daemon.resident_mib()])
+            return daemon.resident_mib()
 
 
 def _until(uav: ual.Uav, *states: State) -> None:
