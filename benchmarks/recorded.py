@@ -1,4 +1,4 @@
-"""The figures that were recorded last, in ``recorded.json``: of `make bench` (``--keep``) and of `make bench-guard`."""
+"""The figures that were recorded last, in ``recorded.json``: of `make bench` (``--keep``)."""
 
 from __future__ import annotations
 

@@ -93,10 +93,9 @@ def main() -> int:
     parser.add_argument("--defect", choices=defects.DEFECTS, help="install a defect that must be found")
     arguments = parser.parse_args()
     os.environ[defects.VARIABLE] = arguments.defect or ""
-    known: dict[str, Any] = (
-        json.loads(_RECORD.read_text()) if _RECORD.exists() else {"python": platform.python_version()}
-    )
-    is_comparable = known["python"] == platform.python_version()
+    version = platform.python_version()
+    known: dict[str, Any] = json.loads(_RECORD.read_text()) if _RECORD.exists() else {"python": version}
+    is_comparable = known["python"] == version
     recorded: Mapping[str, float] = known.get("figures", {}) if is_comparable else {}
     found: dict[str, Figure] = {}
     try:
@@ -110,11 +109,11 @@ def main() -> int:
     print(_table(found, recorded))
     if arguments.keep:
         figures = {**recorded, **{name: round(figure.value, 1) for name, figure in found.items()}}
-        record = {"python": platform.python_version(), "figures": dict(sorted(figures.items()))}
+        record = {"python": version, "figures": dict(sorted(figures.items()))}
         _RECORD.write_text(json.dumps(record, indent=2) + "\n")
         return 0
     if not is_comparable:
-        print(f"Recorded on Python {known['python']}, this is {platform.python_version()}: nothing is compared.")
+        print(f"Recorded on Python {known['python']}, this is {version}: nothing is compared.")
         return 0
     return _verdict(found, recorded)
 
