@@ -60,10 +60,17 @@ def in_process(counter: Counter) -> None:
                     flight.step()
                 counter.count(f"set_velocity, {text}", partial(_set_velocity, flight, number))
             counter.count(f"a second of PX4's stream, {text}", partial(_run, flight))
+            flight.unsubscribe()
+            _update(flight, 0)
+            counter.count(f"an update without a reader, {text}", partial(_update, flight), _CALLS)
 
 
 def _set_velocity(flight: ReplayedFlight, number: int, _: int) -> None:
     flight.uav.set_velocity(_TWISTS[number % 2])
+
+
+def _update(flight: ReplayedFlight, _: int) -> None:
+    flight.update()
 
 
 def _run(flight: ReplayedFlight, _: int) -> None:

@@ -67,12 +67,19 @@ class _TurnedBackend(MavlinkBackend):
         assert self._loop is not None
         self._loop.thread.turn()
 
+    def publish(self) -> None:
+        """Publishes a snapshot of what is known."""
+        assert self._loop is not None
+        self._loop.loop.publish(self.clock.now_s())
+
 
 class ReplayedFlight:
     """A UAV in OFFBOARD, and the autopilot's stream, of which each step sends one burst."""
 
     def __init__(self, *, has_fence: bool) -> None:
         port = free_port(socket.SOCK_DGRAM)
+        self.unsubscribe: Callable[[], None] = lambda: None
+        """Ends the reader."""
         self._backend = _TurnedBackend(port)
         settings = VehicleSettings(geofence=GeofenceSettings(polygon=FENCE)) if has_fence else VehicleSettings()
         self.uav = UAL(self._backend, settings=settings)
@@ -109,6 +116,10 @@ class ReplayedFlight:
         while self._bursts[self._at][0] < end_s:
             self.step(answers=answers)
 
+    def update(self) -> None:
+        """Has an update made of what is known, though nothing new has come."""
+        self._backend.publish()
+
     def until_flying(self) -> None:
         """Sends the stream until everything that is asked at the beginning is known."""
         while self.uav.state() is not State.FLYING_AUTO:
@@ -122,7 +133,7 @@ def replayed(read: Callable[[Telemetry], None], *, has_fence: bool) -> Iterator[
     flight = ReplayedFlight(has_fence=has_fence)
     try:
         flight.until_flying()
-        flight.uav.vehicle.subscribe(read)
+        flight.unsubscribe = flight.uav.vehicle.subscribe(read)
         yield flight
     finally:
         flight.uav.vehicle.close()
