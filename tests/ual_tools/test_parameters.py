@@ -140,6 +140,34 @@ def test_a_file_is_loaded_as_far_as_it_differs_and_what_needs_a_boot_comes_last(
     assert done(daemon, "param", "load", file) == "0 of 0 parameters that differed were written\n"
 
 
+def test_what_other_components_have_is_not_written_and_is_counted_and_named(
+    daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
+) -> None:
+    file = tmp_path / "two.params"
+    file.write_text(f"1\t1\t{NAME}\t0.9\t9\n1\t154\tCAL_ID\t7\t6\n1\t154\tMPC_XY_CRUISE\t3\t9\n")
+    compared = run(daemon, "param", "compare", file)
+    assert (compared.exit_code, compared.stdout) == (1, f"{NAME}\t0.9\t0.7\n")
+    left_out = "left out: 2 lines of component 154 (CAL_ID, MPC_XY_CRUISE)"
+    assert compared.stderr.startswith(f"{left_out}\n")
+    loaded = json.loads(done(daemon, "--json", "param", "load", file).splitlines()[-1])
+    assert loaded["written"] == loaded["differed"] == 1
+    assert loaded["left_out"] == [{"component": 154, "count": 2, "names": ["CAL_ID", "MPC_XY_CRUISE"]}]
+    assert vehicle.autopilot.parameters["MPC_XY_CRUISE"] == 5.0
+    assert done(daemon, "param", "load", file) == f"0 of 0 parameters that differed were written; {left_out}\n"
+
+
+def test_a_line_of_which_a_part_would_be_ignored_is_refused_and_nothing_is_written(
+    daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
+) -> None:
+    file = tmp_path / "comma.param"
+    file.write_text(f"MPC_XY_CRUISE,4\n{NAME},0,95\n")
+    loaded = run(daemon, "param", "load", file)
+    assert loaded.exit_code == 1
+    assert f"{file}, line 2: " in loaded.output
+    assert f"'{NAME},0,95'" in loaded.output
+    assert vehicle.autopilot.parameters["MPC_XY_CRUISE"] == 5.0
+
+
 def test_what_cannot_be_loaded_is_told_and_the_rest_is_written(
     daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
 ) -> None:

@@ -10,7 +10,7 @@ import click
 
 from ual.errors import InvalidArgumentError, RejectedByAutopilotError
 from ual.interface import Parameters
-from ual.parameters import Difference, Parameter, compare, range_text, read, write
+from ual.parameters import Difference, FileValues, Parameter, compare, range_text, read, write
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.session import REFUSED, Session, pass_session
@@ -112,7 +112,9 @@ def save(session: Session, file: Path) -> None:
 @pass_session
 def compare_file(session: Session, file: Path, all_names: bool) -> None:
     """Print where the parameters in FILE and those of the UAV differ. Exit status 1 where they do."""
-    in_file = read(file)
+    in_file = _read(file)
+    for each in in_file.left_out:
+        session.note(f"left out: {each.text}")
     with session.connect() as uav:
         differences = compare(in_file, uav.parameters.get_all(), all_names=all_names)
     if session.as_json:
@@ -134,9 +136,9 @@ def load(session: Session, file: Path, force: bool) -> None:
     """Write what differs in FILE from the UAV, and read each back.
 
     Those that take effect at the next boot come last. What the UAV has not, or refuses, is printed, and the exit
-    status is 1 then.
+    status is 1 then. Lines of other components (cameras, gimbals) are left out, and named.
     """
-    in_file = read(file)
+    in_file = _read(file)
     with session.connect() as uav:
         differences = compare(in_file, uav.parameters.get_all())
         results = [_loaded(session, uav.parameters, each, force) for each in sorted(differences, key=_turn)]
@@ -145,7 +147,9 @@ def load(session: Session, file: Path, force: bool) -> None:
     text = f"{len(written)} of {len(differences)} parameters that differed were written"
     boot = f"; these take effect at the next boot of the autopilot: {', '.join(later)}" if later else ""
     values = {"done": "param load", "file": str(file), "written": len(written), "differed": len(differences)}
-    session.emit({**values, "needs_reboot": later}, text + boot)
+    others = [{"component": each.component, "count": len(each.names), "names": each.names} for each in in_file.left_out]
+    left_out = "".join(f"; left out: {each.text}" for each in in_file.left_out)
+    session.emit({**values, "needs_reboot": later, "left_out": others}, text + boot + left_out)
     if len(written) < len(differences):
         raise click.exceptions.Exit(REFUSED)
 
@@ -178,6 +182,13 @@ def _range(parameter: Parameter) -> str:
 def _notes(parameter: Parameter) -> str:
     notes = ("a flight relies on it" if parameter.is_relied_on else "", "reboot" if parameter.needs_reboot else "")
     return ", ".join(filter(None, notes))
+
+
+def _read(file: Path) -> FileValues:
+    try:
+        return read(file)
+    except OSError as error:
+        raise InvalidArgumentError(f"{file} cannot be read: {error.strerror}", {"field": "file"}) from None
 
 
 def _saved(parameters: list[Parameter], file: Path) -> int:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
+import string
+import tempfile
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ual.errors import InvalidArgumentError
-from ual.parameters import Difference, Parameter, ParameterType, compare, read, write
+from ual.parameters import Difference, OtherComponent, Parameter, ParameterType, compare, read, write
 from ual.parameters.values import real32
 
 PARAMETERS = [
@@ -73,13 +78,120 @@ def test_another_ending_is_refused(tmp_path: Path) -> None:
         ("A-B,1", r"line 1: 'A-B' is no name"),
         ("A_NAME_OF_17_CHARS,1", r"is no name"),
         ("X,1\nX,2", r"line 2: X was 1 before, and is 2 here"),
+        ("# a comment\nMPC_XY_P,0,95\n", r"line 2: expected a name and a value, got 'MPC_XY_P,0,95' \(a comma"),
+        ("WPNAV_SPEED,1,000\n", r"line 1: .*'WPNAV_SPEED,1,000' \(a comma"),
+        ("X 0,95\n", r"line 1: .*'X 0,95' \(a comma"),
+        ("X\t0,95\n", r"line 1: .* \(a comma"),
+        ("X;0.95\n", r"line 1: expected a name and a value"),
+        ("X,0.95;m\n", r"line 1: X: '0.95;m' is no number"),
+        ("X,0.95 m\n", r"line 1: X: '0.95 m' is no number"),
+        ("X 1 ; slow\n", r"line 1: expected a name and a value"),
+        ("X 1 @READONLY\n", r"line 1: expected a name and a value"),
+        ("X = 1\n", r"line 1: expected a name and a value"),
+        ('"X","1"\n', r"line 1: '\"X\"' is no name"),
+        ("X,0x10\n", r"line 1: X: '0x10' is no number"),
+        ("X,1_000\n", r"line 1: X: '1_000' is no number"),
+        ("X,1\u00a0000\n", r"line 1: X: .* is no number"),
+        ("X,\u0661\n", r"line 1: X: .* is no number"),
+        ("X,infinity\n", r"line 1: X: 'infinity' is no number"),
+        ("X,1e999\n", r"line 1: X: '1e999' is no number"),
+        ("X,\n", r"line 1: X: '' is no number"),
+        ("0,95\n", r"line 1: '0' is no name"),
+        ("", r"it has no parameters of an autopilot$"),
+        ("# only comments\n", r"it has no parameters of an autopilot$"),
+        ("XY\x00,1", r"is not a text file"),
+        ('{"fileType": "Plan"}', r"line 1: .* is no name of a parameter"),
+        ("QGC WPL 110\n", r"line 1: expected a name and a value"),
+        ("1\t1\tX\t0,95\t9\n", r"line 1: expected a name and a value, got .* \(a comma"),
+        ("1,1,X,0.95,9\n", r"line 1: expected a name and a value"),
+        ("1\t1\tX\t0.95\n", r"line 1: expected a name and a value"),
+        ("1\t1\tX\t0.95\t9\t0\n", r"line 1: expected a name and a value"),
+        ("256\t1\tX\t1\t9\n", r"line 1: '256' is no system"),
+        ("1\t-1\tX\t1\t9\n", r"line 1: '-1' is no component"),
+        ("1\t1\tX\t1\t0\n", r"line 1: X: '0' is no type"),
+        ("1\t1\tX\t1\t8\n", r"line 1: X: '8' is no type"),
+        ("1\t1\tX\t3.5\t6\n", r"line 1: X: 3.5 is no value of the type INT32"),
+        ("1\t1\tX\tnan\t6\n", r"line 1: X: nan is no value of the type INT32"),
+        ("1\t1\tX\t300\t1\n", r"line 1: X: 300 is no value of the type UINT8"),
+        ("1\t1\tX\t1e39\t9\n", r"line 1: X: 1e39 is no value of the type REAL32"),
+        ("1\t1\tX\t1\t9\n2\t1\tY\t1\t9\n", r"line 2: it is of system 2, and lines before of system 1"),
+        ("1\t100\tX\t1\t9\n", r"no parameters of an autopilot: it has 1 line of component 100 \(X\)$"),
+        ("1\t1\tX\t1\t9\n1\t1\tX\t2\t9\n", r"line 2: X was 1 before, and is 2 here"),
     ],
 )
 def test_a_wrong_line_is_named(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "a.param"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     with pytest.raises(InvalidArgumentError, match=message):
         read(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-32", "latin-1", "cp1252"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("text", [QGC, MISSION_PLANNER, MAVPROXY])
+def test_each_encoding_and_end_of_line_has_the_same_values(tmp_path: Path, text: str, end: str, encoding: str) -> None:
+    path = tmp_path / "a.param"
+    path.write_bytes(f"{text}# Höhe\n".replace("\n", end).encode(encoding))
+    assert compare(read(path), PARAMETERS, all_names=True) == []
+
+
+def test_lines_of_other_components_are_left_out_and_named(tmp_path: Path) -> None:
+    path = tmp_path / "two.params"
+    path.write_text(f"{QGC}1\t154\tCAL_ID\t7\t6\n1\t154\tMPC_XY_CRUISE\t3.0\t9\n1\t100\tCAM_MODE\t2\t8\n")
+    found = read(path)
+    assert compare(found, PARAMETERS, all_names=True) == []
+    assert found.left_out == (OtherComponent(100, ("CAM_MODE",)), OtherComponent(154, ("CAL_ID", "MPC_XY_CRUISE")))
+    assert [each.text for each in found.left_out] == [
+        "1 line of component 100 (CAM_MODE)",
+        "2 lines of component 154 (CAL_ID, MPC_XY_CRUISE)",
+    ]
+
+
+LINES = [("MPC_XY_CRUISE", "5.1"), ("COM_RC_IN_MODE", "3"), ("BAT_LOW_THR", "-0.15")]
+FORMS = {
+    "QGroundControl": "\n".join(f"1\t1\t{name}\t{value}\t{6 if '.' not in value else 9}" for name, value in LINES),
+    "Mission Planner": "\n".join(",".join(each) for each in LINES),
+    "MAVProxy": "\n".join(" ".join(each) for each in LINES),
+}
+SIGNS = string.punctuation + string.whitespace + "\x00\xa0\u0661"
+
+
+@pytest.mark.parametrize("text", FORMS.values(), ids=FORMS.keys())
+@given(st.data())
+def test_a_sign_too_many_or_instead_gives_the_same_values_or_a_refusal(text: str, data: st.DataObject) -> None:
+    """No digit and no letter is changed: what is read otherwise then was never written."""
+    at = data.draw(st.integers(0, len(text) - 1).filter(lambda i: not text[i].isalnum()))
+    sign = data.draw(st.sampled_from(SIGNS).filter(lambda each: each not in "_-+.#"))
+    changed = text[:at] + sign + text[at + data.draw(st.sampled_from((0, 1))) :]
+    wanted = {name: float(value) for name, value in LINES}
+    found: dict[str, float]
+    with tempfile.NamedTemporaryFile() as file:
+        file.write(changed.encode())
+        file.flush()
+        try:
+            found, refusal = read(Path(file.name)), ""
+        except InvalidArgumentError as error:
+            found, refusal = {}, error.message
+    if refusal:
+        assert re.search(r", line \d+: |is not a text file", refusal)
+    else:
+        assert {name: abs(value) for name, value in found.items()} == {n: abs(v) for n, v in wanted.items()}
+
+
+@pytest.mark.parametrize("text", FORMS.values(), ids=FORMS.keys())
+@pytest.mark.parametrize("line", range(3))
+def test_a_column_that_is_missing_or_doubled_is_refused_with_its_line(tmp_path: Path, text: str, line: int) -> None:
+    lines = text.split("\n")
+    [separator] = {each for each in lines[line] if each in "\t, "}
+    fields = lines[line].split(separator)
+    for column in range(len(fields)):
+        for put in ([], [fields[column]] * 2):
+            changed = [*lines]
+            changed[line] = separator.join([*fields[:column], *put, *fields[column + 1 :]])
+            path = tmp_path / "a.param"
+            path.write_text("\n".join(changed))
+            with pytest.raises(InvalidArgumentError, match=f", line {line + 1}: "):
+                read(path)
 
 
 def test_a_file_that_is_a_part_differs_only_where_it_says_something() -> None:

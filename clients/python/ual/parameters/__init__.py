@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from ual.parameters.files import Difference, compare, read, write
+from ual.parameters.files import Difference, FileValues, OtherComponent, compare, read, write
 from ual.parameters.values import Description, Parameter, ParameterType, range_text
 
-__all__ = ["Description", "Difference", "Parameter", "ParameterType", "compare", "range_text", "read", "write"]
+__all__ = [
+    "Description",
+    "Difference",
+    "FileValues",
+    "OtherComponent",
+    "Parameter",
+    "ParameterType",
+    "compare",
+    "range_text",
+    "read",
+    "write",
+]

@@ -2,26 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
-from typing import Any
 
 from ual.routes._route import FaultError
 from ual.shared.numbers import shown
+from ual.shared.strict_json import NotJson, parsed
 
-
-class NotJson(str):
-    """``NaN``, ``Infinity`` or ``-Infinity``, which some programs write and JSON does not have."""
-
-    __slots__ = ()
-
-
-def parsed(text: str) -> Any:  # noqa: ANN401  whatever the file has
-    """Parses a whole document. Raises `ValueError`."""
-    try:
-        return json.loads(text, parse_int=float, parse_constant=NotJson)
-    except RecursionError:
-        raise ValueError("it is nested too deeply") from None
+__all__ = ["NotJson", "number", "optional", "parsed", "whole"]
 
 
 def number(value: object, what: str, where: str) -> float:

@@ -10,6 +10,8 @@ from typing import Any
 import yaml
 from typing_extensions import override
 
+from ual.shared.text import sure_encoding
+
 _MOST_NODES = 100_000
 _DEEPEST = 50
 
@@ -26,12 +28,12 @@ def read(data: bytes) -> yaml.Node | None:
     """Returns the nodes of a file's content; None where it is empty.
 
     Raises:
-        YamlError: It is not UTF-8 or not YAML. A key is given twice, or is no text. A value contains itself, is nested
-            too deeply, or has too many values within.
+        YamlError: It is neither UTF-8 nor UTF-16, or not YAML. A key is given twice, or is no text. A value contains
+            itself, is nested too deeply, or has too many values within.
 
     """
     try:
-        return parse(data.decode("utf-8-sig"))
+        return parse(data.decode(sure_encoding(data)))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise YamlError(f"byte {data[error.start]:#04x} is not UTF-8 text", line) from None

@@ -6,6 +6,7 @@ import codecs
 import io
 import re
 from collections.abc import Iterable
+from pathlib import Path
 
 _MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32"),
@@ -20,6 +21,21 @@ _ONE_BYTE = re.compile(r"(iso-?8859|windows-?125|cp125|latin|koi8)[-_]?[0-9a-z]{
 _NO_TEXT = "is not a text file"
 _NOT_IN_TEXT = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
 """Control characters that no text has; \\x1a ends text files of DOS."""
+
+
+def read_text(path: Path, most_bytes: int) -> str:
+    """Returns the text of a file; see `decoded`.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It is too large, or is no text.
+
+    """
+    with path.open("rb") as file:
+        data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        raise ValueError(f"is too large: it may have at most {most_bytes} bytes")
+    return decoded(data)
 
 
 def decoded(data: bytes) -> str:
@@ -37,19 +53,25 @@ def decoded(data: bytes) -> str:
     return text.removesuffix("\x1a")
 
 
-def _encoding(data: bytes) -> str:
+def sure_encoding(data: bytes) -> str:
+    """Returns the encoding that a byte-order mark or the zeros of UTF-16 show, else UTF-8."""
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             return encoding
     if data[1:2] == b"\0":
         return "utf-16-le"
-    if data[:1] == b"\0":
-        return "utf-16-be"
+    return "utf-16-be" if data[:1] == b"\0" else "utf-8"
+
+
+def _encoding(data: bytes) -> str:
+    encoding = sure_encoding(data)
+    if encoding != "utf-8":
+        return encoding
     try:
         data.decode()
     except UnicodeDecodeError:
         return _declared(data)
-    return "utf-8"
+    return encoding
 
 
 def _declared(data: bytes) -> str:

@@ -1,0 +1,82 @@
+"""Reads JSON of users' files strictly: what a reader could take in two ways is refused, with its line."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ual.shared.numbers import shown
+
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]', re.DOTALL)
+
+
+class JsonError(ValueError):
+    """The text is not accepted. `line` counts from 1."""
+
+    def __init__(self, message: str, line: int) -> None:
+        super().__init__(message)
+        self.line = line
+
+
+class AmbiguousJsonError(JsonError):
+    """The text is JSON, and an object has one key with two values."""
+
+
+class NotJson(str):
+    """``NaN``, ``Infinity`` or ``-Infinity``, which some programs write and JSON does not have."""
+
+    __slots__ = ()
+
+
+def parsed(text: str, constant: Callable[[str], object] = NotJson) -> Any:  # noqa: ANN401  whatever the file has
+    """Parses a whole document. Numbers are floats; `constant` makes what stands for NaN and infinity.
+
+    Raises:
+        JsonError: It is no JSON, or is nested too deeply.
+        AmbiguousJsonError: A key has two values.
+
+    """
+    try:
+        return json.loads(text, parse_int=float, parse_constant=constant, object_pairs_hook=_object)
+    except RecursionError:
+        raise JsonError("it is nested too deeply", 1) from None
+    except json.JSONDecodeError as error:
+        raise JsonError(error.msg, error.lineno) from None
+    except _TwoValuesError as error:
+        raise AmbiguousJsonError(f"{shown(error.key)} is given twice", _line_of_second(text, error.key)) from None
+
+
+class _TwoValuesError(Exception):
+    def __init__(self, key: str) -> None:
+        super().__init__(key)
+        self.key = key
+
+
+def _object(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    found: dict[str, object] = {}
+    for key, value in pairs:
+        if key in found and found[key] != value:
+            raise _TwoValuesError(key)
+        found[key] = value
+    return found
+
+
+def _line_of_second(text: str, key: str) -> int:
+    """Returns the line of the first key of this name that an object has twice."""
+    keys: list[set[str]] = []
+    before = ""
+    for token in _TOKEN.finditer(text):
+        mark = token[0]
+        if mark in "{[":
+            keys.append(set())
+        elif mark in "}]":
+            keys.pop()
+        elif mark == ":":
+            name = json.loads(before)
+            if name == key and name in keys[-1]:
+                return text.count("\n", 0, token.start()) + 1
+            keys[-1].add(name)
+        before = mark
+    return 1
