@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from ual.fences import FenceZone, KeptFence, RallyPoint, read
+from ual.errors import InvalidArgumentError
+from ual.fences import FencePlan, FenceZone, KeptFence, RallyPoint, read
 from ual.types import AltitudeReference
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
@@ -59,9 +60,9 @@ def upload(session: Session, file: Path | None, replace: bool, keep_disabled: bo
     They are read back first.
 
     Without FILE it is the polygon of the geofence in UAL's own configuration. FILE is a .plan of QGroundControl, or a
-    file of a fence or of rally points of Mission Planner or MAVProxy.
+    file of a fence or of rally points of Mission Planner or MAVProxy (.waypoints, .fen, .ral).
     """
-    plan = None if file is None else read(file)
+    plan = None if file is None else _read(session, file)
     with session.connect() as uav:
         _print(session, uav.fence.upload(plan, replace=replace, enable=not keep_disabled, force=force))
 
@@ -90,6 +91,16 @@ def disable(session: Session) -> None:
     """Have the autopilot no longer apply its zones."""
     with session.connect() as uav:
         _print(session, uav.fence.disable())
+
+
+def _read(session: Session, file: Path) -> FencePlan:
+    try:
+        plan = read(file)
+    except OSError as error:
+        raise InvalidArgumentError(f"{file} cannot be read: {error.strerror}", {"field": "file"}) from None
+    for what in plan.left_out:
+        session.note(f"left out: {what}")
+    return plan
 
 
 def _print(session: Session, kept: KeptFence) -> None:

@@ -1,37 +1,51 @@
-"""Files of fences: QGroundControl's plans (``.plan``), and the fences and rally points of Mission Planner.
+"""Files of fences: QGroundControl's plans (``.plan``), and the fences and rally points of Mission Planner and MAVProxy.
 
-Source: QGroundControl's plan file format
-(https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html). Mission Planner and MAVProxy save the
-items of a fence and of rally points as ``QGC WPL 110``, each with its MAV_CMD.
+Sources: QGroundControl's plan file format
+(https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html), in whose version 1 a fence was one
+polygon to stay inside. Mission Planner and MAVProxy save the items of a fence and of rally points as ``QGC WPL 110``,
+each with its MAV_CMD; older ones save a fence as ``.fen`` (the point to return to, then the corners, one
+``LATITUDE LONGITUDE`` a line), and rally points as ``.ral`` (``RALLY``, latitude, longitude, height above home, and
+three numbers for planes), as pymavlink's mavwp.py reads them.
 """
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ual.errors import InvalidArgumentError
 from ual.fences.values import FencePlan, FenceZone, RallyPoint
+from ual.shared import strict_json
+from ual.shared.numbers import parse_number, shown
+from ual.shared.text import lines_of, read_text
 from ual.types import AltitudeReference
+
+T = TypeVar("T")
 
 MOST_BYTES = 4 << 20
 """A file that is larger is not read."""
 
-_HEADER = "QGC WPL 110"
+_HEADER = ["QGC", "WPL", "110"]
 _COLUMNS = 12
 _POLYGONS = {5001: True, 5002: False}
 _CIRCLES = {5003: True, 5004: False}
 _RALLY_POINT = 5100
-_IGNORED = {16: "home", 5000: "the point to return to"}
+_LEFT_OUT = {16: "home", 5000: "the point to return to"}
 _REFERENCES = {
     0: AltitudeReference.AMSL,
     3: AltitudeReference.HOME,
     5: AltitudeReference.AMSL,
     6: AltitudeReference.HOME,
 }
+_VERSIONS = (1.0, 2.0)
+_RALLY_WORD = "rally"
+_RALLY_FIELDS = 7
+_NO_FORMAT = (
+    "it is neither a plan of QGroundControl (.plan), nor begins with 'QGC WPL 110', nor has the lines of a fence "
+    "(.fen: LATITUDE LONGITUDE) or of rally points (.ral: RALLY LATITUDE LONGITUDE HEIGHT 0 0 0)"
+)
 
 
 def read(path: Path) -> FencePlan:
@@ -42,9 +56,11 @@ def read(path: Path) -> FencePlan:
         OSError: It cannot be read.
 
     """
-    if path.stat().st_size > MOST_BYTES:
-        raise _too_large(str(path))
-    return parse(path.read_text(encoding="utf-8", errors="replace"), str(path))
+    try:
+        text = read_text(path, MOST_BYTES)
+    except ValueError as error:
+        raise InvalidArgumentError(f"{path}: {error}", {"field": "file"}) from None
+    return parse(text, str(path))
 
 
 def parse(text: str, name: str) -> FencePlan:
@@ -55,15 +71,37 @@ def parse(text: str, name: str) -> FencePlan:
 
     """
     if len(text) > MOST_BYTES:
-        raise _too_large(name)
+        raise InvalidArgumentError(f"{name}: it may have at most {MOST_BYTES} bytes", {"field": "file"})
     try:
-        return _filled(_of_items(text) if text.startswith("QGC WPL") else _of_plan(text))
+        return _filled(_parsed(text.removeprefix("\ufeff"), Path(name).suffix.lower()))
     except ValueError as error:
         raise InvalidArgumentError(f"{name}: {error}", {"field": "file"}) from None
 
 
-def _too_large(name: str) -> InvalidArgumentError:
-    return InvalidArgumentError(f"{name}: a file of a fence has at most {MOST_BYTES} bytes", {"field": "file"})
+def _parsed(text: str, ending: str) -> FencePlan:
+    if text.lstrip().startswith("{"):
+        return _of_plan(text)
+    lines = [(number, line.split()) for number, line in enumerate(lines_of(text), 1) if _has_content(line)]
+    first = lines[0][1] if lines else []
+    if first[:2] == _HEADER[:2]:
+        return _of_items(first, lines[1:])
+    if ending == ".ral" or (first[:1] and first[0].lower() == _RALLY_WORD):
+        return _of_rally_lines(lines)
+    if ending == ".fen" or (len(first) == 2 and all(map(_is_number, first))):
+        return _of_corner_lines(lines)
+    raise ValueError(_NO_FORMAT)
+
+
+def _has_content(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        parse_number(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _filled(plan: FencePlan) -> FencePlan:
@@ -72,29 +110,63 @@ def _filled(plan: FencePlan) -> FencePlan:
     return plan
 
 
+def _corner(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    if abs(latitude_deg) > 90.0 or abs(longitude_deg) > 180.0:
+        raise ValueError(f"latitude {latitude_deg:.12g}, longitude {longitude_deg:.12g} is not on Earth")
+    return latitude_deg, longitude_deg
+
+
 # --- Plans ------------------------------------------------------------------------------------------------------------
 
 
 def _of_plan(text: str) -> FencePlan:
     try:
-        document = json.loads(text)
-    except (ValueError, RecursionError):
-        raise ValueError("it is neither a plan of QGroundControl nor begins with 'QGC WPL 110'") from None
+        document = strict_json.parsed(text, float)
+    except strict_json.JsonError as error:
+        raise ValueError(f"line {error.line}: it is no plan of QGroundControl: {error}") from None
     if not isinstance(document, Mapping) or document.get("fileType") != "Plan":
         raise ValueError("it is not a plan of QGroundControl (fileType)")
-    fence, rally = _part(document, "geoFence"), _part(document, "rallyPoints")
+    fence = _part(document, "geoFence", ("polygons", "circles", "polygon", "breachReturn"))
+    rally = _part(document, "rallyPoints", ("points",))
     zones = [*_each(fence, "polygons", _polygon), *_each(fence, "circles", _circle)]
-    return FencePlan(tuple(zones), tuple(_each(rally, "points", _rally_point)))
+    if old := tuple(_each(fence, "polygon", _pair)):
+        zones.insert(0, FenceZone(True, old))
+    heights = list(_each(rally, "points", _rally_place))
+    return FencePlan(tuple(zones), tuple(map(_rounded, heights)), tuple(_left_out(document, fence, heights)))
 
 
-def _part(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+def _left_out(
+    document: Mapping[str, Any], fence: Mapping[str, Any], points: Sequence[tuple[float, float, float]]
+) -> Iterator[str]:
+    mission = document.get("mission")
+    if isinstance(mission, Mapping) and mission.get("items"):
+        yield "the mission (`ual mission upload` uploads it)"
+    if fence.get("breachReturn"):
+        yield _LEFT_OUT[5000]
+    for number, (_, _, height_m) in enumerate(points, 1):
+        yield from _about_rounding(f"rally point {number}", height_m)
+
+
+def _part(document: Mapping[str, Any], key: str, known: Sequence[str]) -> Mapping[str, Any]:
     part = document.get(key, {})
-    if isinstance(part, Mapping):
-        return part
-    raise ValueError(f"{key} is not in QGroundControl's format")
+    if not isinstance(part, Mapping):
+        raise ValueError(f"{key} is not in QGroundControl's format")  # noqa: TRY004  of a file
+    version = part.get("version", 1.0)
+    if version not in _VERSIONS:
+        raise ValueError(f"{key} is of version {shown(version)}, which UAL does not know")
+    _require_known(part, known, key)
+    return part
 
 
-def _each(part: Mapping[str, Any], key: str, convert: Any) -> Iterator[Any]:  # noqa: ANN401  of JSON
+def _require_known(part: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+    for key, value in part.items():
+        if key not in (*known, "version") and value not in (None, [], {}, ""):
+            raise ValueError(
+                f"{what} has {shown(key)}, which UAL does not know: delete it, if the zones do not need it"
+            )
+
+
+def _each(part: Mapping[str, Any], key: str, convert: Callable[[Any], T]) -> Iterator[T]:
     for number, each in enumerate(_list(part.get(key, []), key), 1):
         try:
             yield convert(each)
@@ -110,20 +182,43 @@ def _list(value: object, key: str) -> list[Any]:
 
 
 def _polygon(part: Mapping[str, Any]) -> FenceZone:
-    points = tuple((_number(each[0]), _number(each[1])) for each in part["polygon"])
-    return FenceZone(_flag(part["inclusion"]), points)
+    is_inclusion, points = _flag(part["inclusion"]), tuple(map(_pair, _list(part["polygon"], "polygon")))
+    _require_known(part, ("inclusion", "polygon"), "it")
+    return FenceZone(is_inclusion, points)
 
 
 def _circle(part: Mapping[str, Any]) -> FenceZone:
     circle = part["circle"]
-    latitude_deg, longitude_deg = map(_number, circle["center"][:2])
-    return FenceZone(_flag(part["inclusion"]), ((latitude_deg, longitude_deg),), _number(circle["radius"]))
+    zone = FenceZone(_flag(part["inclusion"]), (_pair(circle["center"]),), _number(circle["radius"]))
+    _require_known(part, ("inclusion", "circle"), "it")
+    _require_known(circle, ("center", "radius"), "its circle")
+    return zone
 
 
-def _rally_point(point: Sequence[Any]) -> RallyPoint:
-    """QGroundControl has their heights above home."""
-    latitude_deg, longitude_deg, height_m = map(_number, point[:3])
+def _pair(place: Sequence[Any]) -> tuple[float, float]:
+    return _corner(*_numbers(place, 2, "[LATITUDE, LONGITUDE]"))
+
+
+def _rally_place(point: Sequence[Any]) -> tuple[float, float, float]:
+    """Returns latitude, longitude and height; QGroundControl has the heights above home."""
+    latitude_deg, longitude_deg, height_m = _numbers(point, 3, "[LATITUDE, LONGITUDE, HEIGHT]")
+    return *_corner(latitude_deg, longitude_deg), height_m
+
+
+def _numbers(values: object, count: int, form: str) -> list[float]:
+    if not isinstance(values, list) or len(values) != count:
+        raise ValueError(f"{shown(values)} is not {form}")
+    return [_number(each) for each in values]
+
+
+def _rounded(point: tuple[float, float, float]) -> RallyPoint:
+    latitude_deg, longitude_deg, height_m = point
     return RallyPoint(latitude_deg, longitude_deg, round(height_m))
+
+
+def _about_rounding(what: str, height_m: float) -> Iterator[str]:
+    if height_m != round(height_m):
+        yield f"{what}: its height of {height_m:g} m is kept as {round(height_m)} m"
 
 
 def _flag(value: object) -> bool:
@@ -133,22 +228,24 @@ def _flag(value: object) -> bool:
 
 
 def _number(value: object) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value):  # type: ignore[arg-type]  # it is a number
+    if not isinstance(value, float) or not math.isfinite(value):
         raise ValueError(f"{value!r:.40} is not a number")
-    return float(value)  # type: ignore[arg-type]  # as above
+    return value
 
 
 # --- Items ------------------------------------------------------------------------------------------------------------
 
 
-def _of_items(text: str) -> FencePlan:
-    header, *lines = text.splitlines()
-    if header.strip() != _HEADER:
-        raise ValueError(f"it begins with {header!r:.40}, not with {_HEADER!r}")
-    items = [_item(line, number) for number, line in enumerate(lines, 2) if line.strip()]
-    rally_points = tuple(_rally_item(each) for each in items if each.command == _RALLY_POINT)
-    return FencePlan(tuple(_zones([each for each in items if each.command != _RALLY_POINT])), rally_points)
+def _of_items(header: list[str], lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
+    if header != _HEADER:
+        raise ValueError(f"it begins with {shown(' '.join(header))}, not with {' '.join(_HEADER)!r}")
+    items = [_item(fields, number) for number, fields in lines]
+    rally_points = [each for each in items if each.command == _RALLY_POINT]
+    others = [each for each in items if each.command != _RALLY_POINT]
+    left_out = [f"{each.where}: {_LEFT_OUT[each.command]}" for each in others if each.command in _LEFT_OUT]
+    for each in rally_points:
+        left_out += _about_rounding(each.where, each.height_m)
+    return FencePlan(tuple(_zones(others)), tuple(map(_rally_item, rally_points)), tuple(left_out))
 
 
 class _Item:
@@ -156,18 +253,21 @@ class _Item:
 
     def __init__(self, fields: Sequence[float], line: int) -> None:
         self.where = f"line {line}"
-        self.frame, self.command = int(fields[2]), int(fields[3])
-        self.size, self.latitude_deg, self.longitude_deg, self.height_m = fields[4], *fields[8:11]
+        _, current, frame, command, self.size, *unused, latitude_deg, longitude_deg, self.height_m, goes_on = fields
+        if not (frame.is_integer() and command.is_integer()) or {current, goes_on} - {0.0, 1.0}:
+            raise ValueError("its frame and command are whole numbers, its columns 2 and 12 are 0 or 1")
+        self.frame, self.command = int(frame), int(command)
+        self.latitude_deg, self.longitude_deg = _corner(latitude_deg, longitude_deg)
+        if self.command != 16 and (any(unused) or (self.size and self.command in (5000, _RALLY_POINT))):
+            raise ValueError("it has a parameter (columns 5 to 8) that UAL does not know for its command: set it to 0")
+        if self.command in (*_POLYGONS, *_CIRCLES) and self.frame not in _REFERENCES:
+            raise ValueError(f"a zone of frame {self.frame}, which is not on Earth")
 
 
-def _item(line: str, number: int) -> _Item:
-    fields = line.split()
+def _item(fields: list[str], number: int) -> _Item:
     if len(fields) != _COLUMNS:
         raise ValueError(f"line {number}: it has {len(fields)} columns, not {_COLUMNS}")
-    try:
-        return _Item([_number(float(each)) for each in fields], number)
-    except ValueError as error:
-        raise ValueError(f"line {number}: {error}") from None
+    return _on_line(number, fields, lambda each: _Item([parse_number(field) for field in each], number))
 
 
 def _rally_item(item: _Item) -> RallyPoint:
@@ -182,16 +282,68 @@ def _zones(items: Sequence[_Item]) -> Iterator[FenceZone]:
     while at < len(items):
         first = items[at]
         if first.command in _POLYGONS:
-            count = int(first.size)
-            corners = items[at : at + count]
-            if count < 3 or len(corners) < count or any(each.command != first.command for each in corners):
+            corners = items[at : at + max(1, int(first.size))]
+            is_alike = all((each.command, each.size) == (first.command, first.size) for each in corners)
+            if first.size != len(corners) or len(corners) < 3 or not is_alike:
                 raise ValueError(f"{first.where}: a polygon of {first.size:g} corners begins here, and has others")
             points = tuple((each.latitude_deg, each.longitude_deg) for each in corners)
             yield FenceZone(_POLYGONS[first.command], points)
-            at += count
+            at += len(corners)
             continue
         if first.command in _CIRCLES:
             yield FenceZone(_CIRCLES[first.command], ((first.latitude_deg, first.longitude_deg),), first.size)
-        elif first.command not in _IGNORED:
+        elif first.command not in _LEFT_OUT:
             raise ValueError(f"{first.where}: command {first.command} is none of a fence or of rally points")
         at += 1
+
+
+# --- Lines ------------------------------------------------------------------------------------------------------------
+
+
+def _of_corner_lines(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
+    """Reads a ``.fen``: the point to return to, then the corners, of which the last may be the first one again."""
+    places = [_on_line(number, fields, _corner_fields) for number, fields in lines]
+    if not places:
+        return FencePlan(())
+    back, *corners = places
+    if len(corners) > 1 and corners[0] == corners[-1]:
+        corners.pop()
+    if len(corners) < 3:
+        raise ValueError(f"it has {len(corners)} corners after the point to return to (its first line), not 3 at least")
+    zone = FenceZone(True, tuple(corners))
+    if back not in corners and not zone.encloses(*back):
+        raise ValueError(
+            f"line {lines[0][0]}: the point to return to, which comes before the corners in a .fen, is outside of them"
+        )
+    return FencePlan((zone,), (), (f"line {lines[0][0]}: {_LEFT_OUT[5000]}",))
+
+
+def _of_rally_lines(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
+    places = [(number, _on_line(number, fields, _rally_fields)) for number, fields in lines]
+    left_out = [each for number, place in places for each in _about_rounding(f"line {number}", place[2])]
+    return FencePlan((), tuple(_rounded(place) for _, place in places), tuple(left_out))
+
+
+def _on_line(number: int, fields: list[str], convert: Callable[[list[str]], T]) -> T:
+    try:
+        return convert(fields)
+    except ValueError as error:
+        raise ValueError(f"line {number}: {error}") from None
+
+
+def _corner_fields(fields: list[str]) -> tuple[float, float]:
+    if len(fields) != 2:
+        raise ValueError(f"{shown(' '.join(fields))} is not LATITUDE LONGITUDE")
+    return _corner(*map(parse_number, fields))
+
+
+def _rally_fields(fields: list[str]) -> tuple[float, float, float]:
+    """Returns latitude, longitude and height above home."""
+    if len(fields) != _RALLY_FIELDS or fields[0].lower() != _RALLY_WORD:
+        raise ValueError(f"{shown(' '.join(fields))} is not RALLY LATITUDE LONGITUDE HEIGHT 0 0 0")
+    latitude_deg, longitude_deg, height_m, *for_planes = map(parse_number, fields[1:])
+    if any(for_planes):
+        raise ValueError(
+            "its last three numbers (break altitude, landing direction, flags) are for planes: set them to 0"
+        )
+    return *_corner(latitude_deg, longitude_deg), height_m

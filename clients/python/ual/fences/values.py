@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ual.types import AltitudeReference
 
@@ -59,10 +59,15 @@ class RallyPoint:
 
 @dataclass(frozen=True, slots=True)
 class FencePlan:
-    """What an autopilot is to keep. Without rally points, those that it has stay."""
+    """What an autopilot is to keep. Without rally points, those that it has stay.
+
+    `left_out` lists, as human-readable text, what else is in the file that it was read from. It does not count for
+    `==`.
+    """
 
     zones: tuple[FenceZone, ...]
     rally_points: tuple[RallyPoint, ...] = ()
+    left_out: tuple[str, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True, slots=True)
