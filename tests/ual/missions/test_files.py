@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,6 +28,8 @@ from ual.missions import (
 )
 from ual.routes import RouteError
 from ual.types import AltitudeReference
+
+DATA = Path(__file__).parents[2] / "data" / "missions"
 
 
 def items(text: str, name: str = "a.plan") -> list[Item]:
@@ -77,6 +80,58 @@ def test_the_fields_of_a_plan_have_their_values() -> None:
         Land(47.3, 8.3),
     ]
     assert [each.number for each in found] == list("123456789")
+
+
+def actions(*commands: dict[str, Any]) -> list[CameraAction]:
+    found = items(plan(take_off(20.0), waypoint(), *commands))[2:]
+    return [each.action for each in found if isinstance(each, CameraTrigger)]
+
+
+@pytest.mark.parametrize(
+    ("command", "action"),
+    [
+        (do(206, 12.5, 0, 1), CameraAction.BY_DISTANCE),
+        (do(206, 12.5, 0, 0), CameraAction.BY_DISTANCE_LATER),
+        (do(206, 0, 0, 1), CameraAction.STOP_WITH_PHOTO),
+        (do(206, 0, 0, 0), CameraAction.STOP),
+        (do(206, 0, -1, None), CameraAction.STOP),
+        (do(2001), CameraAction.STOP),
+    ],
+)
+def test_a_trigger_says_whether_it_takes_a_photo_at_once(command: dict[str, Any], action: CameraAction) -> None:
+    assert actions(command) == [action]
+
+
+def test_the_end_of_one_trigger_is_not_the_end_of_another_one() -> None:
+    by_distance, by_time, no_distance, no_time = do(206, 10, 0, 1), do(2000, 0, 4, 0), do(206), do(2001)
+    both = [CameraAction.STOP] * 2
+    assert actions(no_distance, no_time) == both  # QGroundControl's "stop taking photos"
+    assert actions(by_time, no_distance, no_time) == [CameraAction.BY_INTERVAL, *both]
+    assert actions(by_distance, no_distance, no_time) == [CameraAction.BY_DISTANCE, *both]
+    for commands in ([by_time, no_distance], [by_distance, no_time], [by_distance, by_time, no_distance, no_time]):
+        assert "it ends a trigger by" in refusal(plan(take_off(20.0), waypoint(), *commands))
+
+
+def test_a_survey_of_mission_planner_is_read_as_it_is_flown() -> None:
+    mission = read(DATA / "mp_survey.waypoints")
+    found = [each for each in mission.items if isinstance(each, CameraTrigger)]
+    assert found == [CameraTrigger(CameraAction.BY_DISTANCE_LATER, 12.5), CameraTrigger(CameraAction.STOP)]
+    assert mission.left_out == ["item 0: home"]
+
+
+def test_parameters_that_multirotors_ignore_are_named() -> None:
+    text = plan(
+        item(22, [15, 0, 0, None, 0, 0, 20]),
+        item(19, [7, 1, 30, 0, 47.1, 8.1, 20]),
+        do(2000, 0, 0, 1, 7),
+        item(21, [0, 0, 0, None, 47.1, 8.1, 5]),
+    )
+    assert parse(text.encode(), "a.plan").left_out == [
+        "item 1: the pitch of the take-off, which multirotors ignore",
+        "item 2: the heading before it goes on, which multirotors ignore",
+        "item 2: the radius of the loiter, which multirotors ignore",
+        "item 4: the altitude of the landing, which multirotors ignore",
+    ]
 
 
 def test_a_take_off_at_the_planned_home_has_no_place_and_one_elsewhere_has() -> None:
@@ -132,7 +187,18 @@ def test_a_heading_is_turned_to_rep_103() -> None:
         (do(203, 0, 0, 0, 0, 1), "it has a photo by DO_DIGICAM_CONTROL"),
         (do(214, 1, 0, 0, 0), "it has a trigger by time, which ArduPilot refuses"),
         (do(206, 10, 100, 1, 0), "it sets the time of the shutter"),
-        (do(206, 10, 0, 0, 0), "it takes no photo at once"),
+        (do(206, 10, 0, 2, 0), "its parameter 3 (a photo at once) is 2, not 0 or 1"),
+        (do(206, -1, 0, 0, 0), "its distance is negative"),
+        (do(206, 10, 0, 1, 3), "it has 3 as parameter 4"),
+        (do(93, 5, 12, 0, 0), "it waits for seconds (parameter 1) and until a time of the day"),
+        (item(22, [0, 0, 0, 90, 0, 0, 20]), "it has 90 as parameter 4"),
+        (item(21, [30, 0, 0, None, 47.1, 8.1, 0]), "it has 30 as parameter 1"),
+        (item(20, [0, 0, 0, 0, 47.1, 0, 0]), "it has 47.1 as parameter 5"),
+        (item(19, [7, 0, 0, 90, 47.1, 8.1, 20]), "it has 90 as parameter 4"),
+        (item(197, [2, 0, 0, 0, 0, 0, 0]), "it has 2 as parameter 1"),
+        (item(2001, [1, 0, 0, 0, 0, 0, 0]), "it has 1 as parameter 1"),
+        (waypoint(AltitudeMode=2), "its AltitudeMode is 2, but its frame 3"),
+        (waypoint(AltitudeMode=1, Altitude=30), "its Altitude is 30, but its parameter 7 20"),
         (do(2000, 0, 1, 5, 0), "it takes a number of photos"),
         (do(2000, 2, 1, 0, 0), "it chooses one of several cameras"),
         (do(177, 9, 1), "it jumps to item 9, which there is not"),

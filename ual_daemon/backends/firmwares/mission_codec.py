@@ -349,18 +349,24 @@ def _do(
 
 
 def _camera(items: Sequence[Item], index: int, item: CameraTrigger) -> MissionItem:
-    if item.action is CameraAction.BY_DISTANCE:
-        return _do(_TRIGGER, item.value, 0.0, 1.0)
+    if item.action in _TRIGGERS:
+        return _do(_TRIGGER, item.value, 0.0, _TRIGGERS[item.action])
     if item.action is CameraAction.BY_INTERVAL:
         return _do(_START_CAPTURE, 0.0, item.value, 0.0)
     if item.action is CameraAction.ONCE:
         return _do(_START_CAPTURE, 0.0, 0.0, 1.0)
     begun = [each for each in items[:index] if isinstance(each, CameraTrigger) and each.action in _LASTING]
     is_interval = bool(begun) and begun[-1].action is CameraAction.BY_INTERVAL
-    return _do(_STOP_CAPTURE) if is_interval else _do(_TRIGGER, 0.0, 0.0, 1.0)
+    return _do(_STOP_CAPTURE) if is_interval else _do(_TRIGGER)
 
 
-_LASTING = (CameraAction.BY_DISTANCE, CameraAction.BY_INTERVAL)
+_TRIGGERS = {
+    CameraAction.BY_DISTANCE: 1.0,
+    CameraAction.BY_DISTANCE_LATER: 0.0,
+    CameraAction.STOP_WITH_PHOTO: 1.0,
+}
+"""The third parameter of DO_SET_CAM_TRIGG_DIST: whether a photo is taken at once, also where the distance is 0."""
+_LASTING = (CameraAction.BY_DISTANCE, CameraAction.BY_DISTANCE_LATER, CameraAction.BY_INTERVAL)
 _ENCODERS: Mapping[type[Item], Callable[[Any, Any], MissionItem]] = {
     Waypoint: lambda codec, item: _at(
         _WAYPOINT,

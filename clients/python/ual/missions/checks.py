@@ -152,7 +152,7 @@ def _interest(item: RegionOfInterest) -> Iterator[str]:
 def _camera(item: CameraTrigger) -> Iterator[str]:
     if not isinstance(item.action, CameraAction):
         yield f"action: {item.action!r:.40} is none"
-    elif item.action in (CameraAction.BY_DISTANCE, CameraAction.BY_INTERVAL):
+    elif item.action in (CameraAction.BY_DISTANCE, CameraAction.BY_DISTANCE_LATER, CameraAction.BY_INTERVAL):
         yield from _number(item.value, "value", 0.0, MOST_DISTANCE_M, above=True)
     elif item.value != 0.0:
         yield "value: it has one, but needs none"

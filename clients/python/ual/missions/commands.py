@@ -80,6 +80,8 @@ class _Reader:
         self._jumped_to = {found[index].number for index in self._targets()}
         self._before: neutral.TakeOff | neutral.Waypoint | None = None
         """What leads to where the next item begins; None where that is not known."""
+        self._is_begun_by_interval: list[bool] = []
+        """Of each trigger of photos so far: whether it is one by time, else by distance."""
         self.left_out: list[str] = []
         self._makers: Mapping[int, Callable[[FileItem], neutral.Item]] = {
             commands.WAYPOINT: self._waypoint,
@@ -96,11 +98,11 @@ class _Reader:
             commands.ROI_NONE: lambda item: neutral.RegionOfInterestEnd(number=item.number),
             _TRIGGER_DISTANCE: self._by_distance,
             _START_CAPTURE: self._capture,
-            _STOP_CAPTURE: lambda item: CameraTrigger(CameraAction.STOP, number=item.number),
+            _STOP_CAPTURE: lambda item: self._stop(item, by_interval=True),
         }
 
     def items(self) -> list[neutral.Item]:
-        return [self._item(each) for each in self._found]
+        return [self._item_of_file(each) for each in self._found]
 
     def items_or_others(self) -> list[neutral.Item]:
         return [self._item_or_other(each) for each in self._found]
@@ -115,6 +117,21 @@ class _Reader:
             return self._item(item)
         except FaultError as fault:
             return neutral.OtherItem(item.command, fault.text, number=item.number)
+
+    def _item_of_file(self, item: FileItem) -> neutral.Item:
+        """Reads an item with all its parameters: none of a file has no effect without a word."""
+        made = self._item(item)
+        for number in range(1, 8):
+            value = item.params[number - 1]
+            if number in _READ[item.command] or value in _NOT_GIVEN or isinstance(value, _json.NotJson):
+                continue
+            ignored = _IGNORED.get((item.command, number))
+            if ignored is None:
+                value = _json.number(value, f"parameter {number}", item.where)
+                self._require_none(item, number, f"has {value:g} as parameter {number}")
+            elif ignored:
+                self.left_out.append(f"item {item.number}: {ignored}, which multirotors ignore")
+        return made
 
     def _item(self, item: FileItem) -> neutral.Item:
         make = self._makers.get(item.command)
@@ -176,6 +193,8 @@ class _Reader:
         seconds = item.amount(1)
         if seconds <= 0.0:
             raise FaultError("it waits until a time of the day: give seconds (parameter 1)", item.where)
+        if any(item.amount(number) > 0.0 for number in (2, 3, 4)):
+            raise FaultError("it waits for seconds (parameter 1) and until a time of the day", item.where)
         return neutral.HoldTime(seconds, number=item.number)
 
     def _speed(self, item: FileItem) -> neutral.Speed:
@@ -208,14 +227,40 @@ class _Reader:
         return self._interest(item)
 
     def _by_distance(self, item: FileItem) -> CameraTrigger:
-        distance_m = item.amount(1)
-        if distance_m <= 0.0:
-            return CameraTrigger(CameraAction.STOP, number=item.number)
+        """Reads DO_SET_CAM_TRIGG_DIST. Its third parameter is whether a photo is taken at once, also at the end."""
+        distance_m, at_once = item.amount(1), item.amount(3)
+        if distance_m < 0.0:
+            raise FaultError("its distance is negative, which PX4 and ArduPilot read in two ways: 0 ends", item.where)
         if item.amount(2) > 0.0:
             raise FaultError("it sets the time of the shutter (parameter 2), which ArduPilot ignores", item.where)
-        if not item.amount(3):
-            raise FaultError("it takes no photo at once (parameter 3 is 0); UAL's trigger takes one", item.where)
-        return CameraTrigger(CameraAction.BY_DISTANCE, distance_m, number=item.number)
+        if at_once not in (0.0, 1.0):
+            raise FaultError(f"its parameter 3 (a photo at once) is {at_once:g}, not 0 or 1", item.where)
+        if distance_m == 0.0 and not at_once:
+            return self._stop(item, by_interval=False)
+        if distance_m == 0.0:
+            return CameraTrigger(CameraAction.STOP_WITH_PHOTO, number=item.number)
+        self._is_begun_by_interval.append(False)
+        action = CameraAction.BY_DISTANCE if at_once else CameraAction.BY_DISTANCE_LATER
+        return CameraTrigger(action, distance_m, number=item.number)
+
+    def _stop(self, item: FileItem, *, by_interval: bool) -> CameraTrigger:
+        """Reads the end of one kind of trigger. `CameraAction.STOP` ends the kind that has begun last.
+
+        QGroundControl ends both kinds at once, by two items in a row.
+        """
+        begun = self._is_begun_by_interval
+        is_other = bool(begun) and begun[-1] is not by_interval
+        if is_other and (by_interval in begun or not self._is_beside_stop(item, by_interval=not by_interval)):
+            ended, lasts = ("time", "distance") if by_interval else ("distance", "time")
+            raise FaultError(f"it ends a trigger by {ended}, but one by {lasts} was begun last", item.where)
+        return CameraTrigger(CameraAction.STOP, number=item.number)
+
+    def _is_beside_stop(self, item: FileItem, *, by_interval: bool) -> bool:
+        at = next(index for index, each in enumerate(self._found) if each is item)
+        beside = self._found[max(0, at - 1) : at + 2]
+        if by_interval:
+            return any(each.command == _STOP_CAPTURE for each in beside)
+        return any(each.command == _TRIGGER_DISTANCE and each.params[0] in _NOT_GIVEN for each in beside)
 
     def _capture(self, item: FileItem) -> CameraTrigger:
         self._require_none(item, 1, "chooses one of several cameras (parameter 1)")
@@ -224,6 +269,7 @@ class _Reader:
             return CameraTrigger(CameraAction.ONCE, number=item.number)
         if count or interval_s <= 0.0:
             raise FaultError("it takes a number of photos; a mission takes one, or one each interval", item.where)
+        self._is_begun_by_interval.append(True)
         return CameraTrigger(CameraAction.BY_INTERVAL, interval_s, number=item.number)
 
     def _jump(self, item: FileItem) -> neutral.Jump:
@@ -298,6 +344,32 @@ def _not_in_missions(command: int) -> str:
     return f"it {named} (MAVLink command {command}): delete it"
 
 
+_READ: Mapping[int, Sequence[int]] = {
+    commands.WAYPOINT: range(1, 8),
+    commands.LOITER_TIME: (1, 5, 6, 7),
+    commands.RETURN_TO_LAUNCH: (),
+    commands.LAND: (2, 5, 6),
+    commands.TAKEOFF: (5, 6, 7),
+    commands.DELAY: (1, 2, 3, 4),
+    commands.CHANGE_SPEED: (1, 2, 3, 4),
+    commands.CONDITION_YAW: (1, 2, 3, 4),
+    commands.JUMP: (1, 2),
+    _ROI_LOCATION: (5, 6, 7),
+    commands.SET_ROI: (1, 5, 6, 7),
+    commands.ROI_NONE: (),
+    _TRIGGER_DISTANCE: (1, 2, 3),
+    _START_CAPTURE: (1, 2, 3),
+    _STOP_CAPTURE: (),
+}
+"""The parameters of each command that are read or judged."""
+_IGNORED = {
+    (commands.TAKEOFF, 1): "the pitch of the take-off",
+    (commands.LAND, 7): "the altitude of the landing",
+    (commands.LOITER_TIME, 2): "the heading before it goes on",
+    (commands.LOITER_TIME, 3): "the radius of the loiter",
+    (_START_CAPTURE, 4): "",
+}
+"""Parameters without an effect on a multirotor; empty: not worth a word (the number of a photo)."""
 _REFUSED = {
     commands.LOITER_UNLIMITED: "a stay without an end",
     commands.CONDITION_DELAY: "a condition (a delay), which PX4 and ArduPilot execute in two ways",

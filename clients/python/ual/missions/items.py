@@ -22,7 +22,11 @@ class CameraAction(Enum):
     """One photo each `value` seconds."""
     ONCE = 3
     STOP = 4
-    """Ends what a trigger by distance or by interval has begun."""
+    """Ends what a trigger by distance or by interval has begun. Takes no photo."""
+    BY_DISTANCE_LATER = 5
+    """One photo after each `value` metres on the way, none now. (PX4 takes its first one now all the same.)"""
+    STOP_WITH_PHOTO = 6
+    """One photo now. Ends what a trigger by distance has begun, as surveys of QGroundControl do."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +109,7 @@ class RegionOfInterestEnd(Item):
 
 @dataclass(frozen=True, slots=True)
 class CameraTrigger(Item):
-    """Takes photos. `value` is in metres or in seconds, and 0 for `ONCE` and `STOP`."""
+    """Takes photos. `value` is in metres or in seconds, and 0 for `ONCE`, `STOP` and `STOP_WITH_PHOTO`."""
 
     action: CameraAction
     value: float = 0.0

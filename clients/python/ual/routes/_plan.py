@@ -18,6 +18,9 @@ _KEYS = {"fileType", "mission", "firmwareType", "MAV_AUTOPILOT"}
 _FIRMWARES = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
 _NOT_IN_THE_AIR = {10: "a rover", 11: "a boat", 12: "a submarine"}
 _CALCULATED_ABOVE_TERRAIN, _ABOVE_TERRAIN = 3, 4
+_FRAMES = {1: (3, 6), 2: (0, 5)}
+"""The frames of the modes of an altitude: above the launch position, and above mean sea level."""
+_SAME_ALTITUDE_M = 0.01
 _TERRAIN_FRAME = 10
 _MOST_DEPTH = 10
 _NO_FORMAT = "is not in QGroundControl's format"
@@ -129,11 +132,13 @@ def _simple(item: Mapping[str, object], number: str) -> Item:
     where = f"item {number}"
     command, frame = (_json.whole(item.get(key), key, where) for key in ("command", "frame"))
     jump_id = item.get("doJumpId", item.get("id"))
+    params = _params(item, where)
+    _require_one_altitude(item, frame, params[6], where)
     return Item(
         number,
         command,
         _frame(item, frame, where),
-        _params(item, where),
+        params,
         int(jump_id) if isinstance(jump_id, float) and jump_id.is_integer() else -1,
         waits=item.get("autoContinue") is False,
     )
@@ -145,6 +150,17 @@ def _frame(item: Mapping[str, object], frame: int, where: str) -> int:
     if mode == _CALCULATED_ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is None:
         raise FaultError("its altitude above the terrain was never turned into one above mean sea level", where)
     return _TERRAIN_FRAME if mode == _ABOVE_TERRAIN else frame
+
+
+def _require_one_altitude(item: Mapping[str, object], frame: int, altitude: object, where: str) -> None:
+    """Refuses an item that says in two ways what its altitude is: QGroundControl would upload another one."""
+    frames, meant = _FRAMES.get(_type(item.get("AltitudeMode"))), item.get("Altitude")
+    if frames is None or frame not in (*_FRAMES[1], *_FRAMES[2]):
+        return
+    if frame not in frames:
+        raise FaultError(f"its AltitudeMode is {_type(item['AltitudeMode'])}, but its frame {frame}", where)
+    if isinstance(meant, float) and isinstance(altitude, float) and abs(meant - altitude) > _SAME_ALTITUDE_M:
+        raise FaultError(f"its Altitude is {meant:g}, but its parameter 7 {altitude:g}", where)
 
 
 def _params(item: Mapping[str, object], where: str) -> Sequence[object]:

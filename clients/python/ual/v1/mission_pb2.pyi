@@ -37,6 +37,10 @@ class _CameraActionEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._E
     CAMERA_ACTION_ONCE: _CameraAction.ValueType  # 3
     CAMERA_ACTION_STOP: _CameraAction.ValueType  # 4
     """Ends what a trigger by distance or by interval has begun."""
+    CAMERA_ACTION_BY_DISTANCE_LATER: _CameraAction.ValueType  # 5
+    """A photo after each `value` metres, none now."""
+    CAMERA_ACTION_STOP_WITH_PHOTO: _CameraAction.ValueType  # 6
+    """A photo now. Ends what a trigger by distance has begun."""
 
 class CameraAction(_CameraAction, metaclass=_CameraActionEnumTypeWrapper): ...
 
@@ -48,6 +52,10 @@ CAMERA_ACTION_BY_INTERVAL: CameraAction.ValueType  # 2
 CAMERA_ACTION_ONCE: CameraAction.ValueType  # 3
 CAMERA_ACTION_STOP: CameraAction.ValueType  # 4
 """Ends what a trigger by distance or by interval has begun."""
+CAMERA_ACTION_BY_DISTANCE_LATER: CameraAction.ValueType  # 5
+"""A photo after each `value` metres, none now."""
+CAMERA_ACTION_STOP_WITH_PHOTO: CameraAction.ValueType  # 6
+"""A photo now. Ends what a trigger by distance has begun."""
 Global___CameraAction: typing_extensions.TypeAlias = CameraAction
 
 class _LinkLossAction:

@@ -48,6 +48,8 @@ BOTH: list[Item] = [
     CameraTrigger(CameraAction.BY_INTERVAL, 4.0),
     CameraTrigger(CameraAction.STOP),
     CameraTrigger(CameraAction.ONCE),
+    CameraTrigger(CameraAction.BY_DISTANCE_LATER, 8.0),
+    CameraTrigger(CameraAction.STOP_WITH_PHOTO),
     Jump(3, 2),
     Land(47.3, 8.3),
 ]
@@ -105,6 +107,14 @@ def test_what_both_execute_is_the_same_after_it_was_read_back(codec: MissionCode
     assert codec.digest(found) == codec.digest(kept(codec, codec.encode(read, None)))
 
 
+def test_only_a_trigger_with_a_photo_at_once_says_so() -> None:
+    """ArduCopter takes one photo for a third parameter of 1, also where the distance is 0."""
+    sent = {each.param1: each.param3 for each in COPTER.encode(BOTH[:8], HERE) if each.command == 206}
+    assert sent == {12.5: 1.0, 0.0: 0.0}
+    later = [A, *BOTH[-4:-2]]
+    assert [(each.param1, each.param3) for each in COPTER.encode(later, HERE)[2:]] == [(8.0, 0.0), (0.0, 1.0)]
+
+
 @pytest.mark.parametrize("example", [each for each in TEN if each.kinds], ids=lambda each: each.name)
 @pytest.mark.parametrize("codec", [PX4, COPTER], ids=lambda each: each.name)
 def test_a_plan_of_qgroundcontrol_is_the_same_after_it_was_read_back(codec: MissionCodec, example: Example) -> None:
@@ -135,7 +145,7 @@ def test_what_was_kept_otherwise_is_named(changed: dict[str, float], text: str) 
     found[2] = found[2]._replace(**changed)  # type: ignore[arg-type]  # of the right type for each field
     assert PX4.difference(sent, found) == text
     assert PX4.digest(found) != before
-    assert PX4.difference(sent, found[:-1]) == "it has 13 items instead of 14"
+    assert PX4.difference(sent, found[:-1]) == "it has 15 items instead of 16"
 
 
 @pytest.mark.parametrize(("yaw_rad", "yaw_deg"), [(math.pi / 2, 0.0), (0.0, 90.0), (-math.pi, 270.0), (7.0, 48.93)])
