@@ -77,10 +77,10 @@ def _of_commands(data: bytes, ending: str) -> Mission | None:
         return None  # the routes refuse or unpack it
     text = _text(data)
     if text.lstrip().startswith(_wpl.HEADER) or ending == ".waypoints":
-        items, firmware, has_home = _wpl.items_of(text.lstrip())
+        items, firmware, has_home = _wpl.items_of(text)
         found, left_out = commands.items_of_file(items, firmware, None)
         return Mission(found, [_wpl.HOME, *left_out] if has_home else left_out)
-    document = _document(text)
+    document = _document(text, ending)
     if not (_plan.is_plan(document) or ending in _PLANS):
         return None
     items, firmware = _plan.items_of(document)

@@ -39,6 +39,7 @@ _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
 """How zip files begin; the second one has nothing in it."""
 _PLANS = (".plan", ".mission")
 _GEOJSON = (".geojson", ".json")
+_ONE_DOCUMENT = {**dict.fromkeys(_PLANS, "a plan of QGroundControl"), ".geojson": "GeoJSON"}
 
 
 def read(
@@ -107,8 +108,8 @@ def _line_of_places(text: str, ending: str, heights: Heights) -> Route | None:
     if text.lstrip().startswith("<") or ending in (".kml", ".gpx"):
         root = _xml.parsed(text)
         return _gpx.read(root, heights) if root.name == "gpx" else _kml.read(root, heights)
-    document = _document(text)
-    if _geojson.is_geojson(document) or (ending in _GEOJSON and document is None):
+    document = _document(text, ending)
+    if _geojson.is_geojson(document) or ending == ".geojson" or (ending in _GEOJSON and document is None):
         return _geojson.read(document, heights)
     return None
 
@@ -116,16 +117,20 @@ def _line_of_places(text: str, ending: str, heights: Heights) -> Route | None:
 def _mission(text: str, ending: str) -> Route | None:
     """Returns the route of a mission; None if the text is no mission."""
     if text.lstrip().startswith(_wpl.HEADER) or ending == ".waypoints":
-        return _wpl.read(text.lstrip())
-    document = _document(text)
+        return _wpl.read(text)
+    document = _document(text, ending)
     return _plan.read(document) if _plan.is_plan(document) or ending in _PLANS else None
 
 
-def _document(text: str) -> object:
+def _document(text: str, ending: str) -> object:
     """Returns the JSON object that the whole text is; None if it is none."""
     if not text.lstrip().startswith("{"):
         return None
     try:
         return _json.parsed(text)
-    except ValueError:
-        return None
+    except _json.AmbiguousJsonError as error:
+        raise FaultError(str(error), f"line {error.line}") from None
+    except _json.JsonError as error:
+        if ending in _ONE_DOCUMENT:
+            raise FaultError(f"is not {_ONE_DOCUMENT[ending]}: no JSON in line {error.line}: {error}") from None
+        return None  # waypoints, one a line

@@ -33,7 +33,10 @@ def read(document: object, heights: Heights) -> Route:
     if not isinstance(line, Sequence) or not line:
         raise FaultError("has a line without coordinates")
     places = [_place(position, f"position {index}") for index, position in enumerate(line, start=1)]
-    return route(places, None, heights, [others] if others else [])
+    left_out = [others] if others else []
+    if any(isinstance(position, list) and len(position) > 3 for position in line):
+        left_out.append("what follows the altitude in a position")
+    return route(places, None, heights, left_out)
 
 
 class _Finder:
@@ -44,8 +47,12 @@ class _Finder:
         self.others: Counter[str] = Counter()
 
     def find(self, shape: object, name: str, depth: int) -> None:
-        if not isinstance(shape, Mapping) or depth > _MOST_DEPTH:
+        if depth > _MOST_DEPTH:
+            raise FaultError("is nested too deeply")
+        if shape is None:  # a feature without a geometry
             return
+        if not isinstance(shape, Mapping):
+            raise FaultError(f"has {shown(shape)}, which is no GeoJSON")
         _require_degrees(shape)
         kind = shape.get("type")
         if kind == "Feature":
@@ -59,10 +66,14 @@ class _Finder:
             self.lines += [(name, each) for each in _list(shape.get("coordinates"))]
         elif kind in _SHAPES:
             self.others[str(kind).lower().removeprefix("multi")] += 1
+        else:
+            raise FaultError(f"has a shape of the type {shown(kind)}, which is none of GeoJSON")
 
 
 def _list(value: object) -> list[object]:
-    return value if isinstance(value, list) else []
+    if isinstance(value, list):
+        return value
+    raise FaultError(f"has {shown(value)} instead of a list")
 
 
 def _name(properties: object) -> str:

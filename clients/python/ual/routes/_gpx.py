@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ual.routes import _xml
 from ual.routes._places import Heights, Place, counted, number, route, the_one
-from ual.routes._route import Route
+from ual.routes._route import FaultError, Route
 
 
 def read(root: _xml.Element, heights: Heights) -> Route:
@@ -30,5 +30,7 @@ def _place(point: _xml.Element) -> Place:
     latitude_deg = number(point.attributes.get("lat"), "latitude (lat)", where)
     longitude_deg = number(point.attributes.get("lon"), "longitude (lon)", where)
     elevation = point.own("ele")
+    if len(elevation) > 1:
+        raise FaultError("it has more than one elevation (ele)", where)
     altitude_m = number(elevation[0].text, "elevation (ele)", where) if elevation else None
     return Place(where, latitude_deg, longitude_deg, altitude_m)

@@ -6,9 +6,9 @@ import math
 
 from ual.routes._route import FaultError
 from ual.shared.numbers import shown
-from ual.shared.strict_json import NotJson, parsed
+from ual.shared.strict_json import AmbiguousJsonError, JsonError, NotJson, parsed
 
-__all__ = ["NotJson", "number", "optional", "parsed", "whole"]
+__all__ = ["AmbiguousJsonError", "JsonError", "NotJson", "number", "optional", "parsed", "whole"]
 
 
 def number(value: object, what: str, where: str) -> float:

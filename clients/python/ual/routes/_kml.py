@@ -35,7 +35,9 @@ def read(root: _xml.Element, heights: Heights) -> Route:
     lines = list(_lines(root))
     others = counted([(sum(1 for _ in root.all(tag)), name) for tag, name in _OTHERS])
     line = the_one(lines, "lines (LineString)", others)
-    mode = line.value("altitudeMode", "clampToGround")
+    mode = _one(line, "altitudeMode") or "clampToGround"
+    if (offset := _one(line, "altitudeOffset")) and number(offset, "altitudeOffset", f"line {line.line}"):
+        raise FaultError(f"has a line with an altitudeOffset of {shown(offset)}: add it to its altitudes instead")
     reference = _ABOVE.get(mode)
     if reference is None and heights.altitude_m is None:
         raise FaultError(f"has a line with altitudeMode {shown(mode)}, which is no height to fly at: {HOW}")
@@ -58,11 +60,19 @@ def _lines(root: _xml.Element) -> Iterator[tuple[str, _xml.Element]]:
         yield within.get(id(line), ""), line
 
 
+def _one(line: _xml.Element, name: str) -> str:
+    """Returns the text of the only child of this name, or empty where there is none. Raises `FaultError`."""
+    texts = {child.text for child in line.own(name)}
+    if len(texts) > 1:
+        raise FaultError(f"has a line with {len(texts)} different {name}: keep one of them", f"line {line.line}")
+    return texts.pop() if texts else ""
+
+
 def _places(line: _xml.Element) -> Iterator[Place]:
     if line.name == "Track":
         places = [(each.text.split(), each.text) for each in line.own("coord")]
     else:
-        places = [(parts, ",".join(parts)) for parts in _tuples(line.value("coordinates"))]
+        places = [(parts, ",".join(parts)) for parts in _tuples(_one(line, "coordinates"))]
     for index, (parts, text) in enumerate(places, start=1):
         where = f"place {index}"
         if len(parts) not in (2, 3):

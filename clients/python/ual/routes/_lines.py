@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from ual.geometry import Pose, PoseStamped, wrap_angle
 from ual.routes import _json
 from ual.routes._route import FaultError, Route, naming
-from ual.shared.numbers import parse_number, shown
+from ual.shared.numbers import are_commas_decimal, parse_number, shown, with_point
 from ual.shared.text import lines_of
 
 _COLUMNS = (("x", "y", "z"), ("x", "y", "z", "yaw"))
@@ -39,9 +39,10 @@ def parse_list(text: str, name: str, frame_id: str = "") -> Route:
 
 def _lines(lines: Iterable[str], frame_id: str) -> Iterator[tuple[PoseStamped, float]]:
     """Yields each waypoint, and how long to hold there."""
+    texts = [line.partition("#")[0].strip() for line in lines]
+    is_decimal = are_commas_decimal(field for line in texts if not line.startswith("{") for field in _fields(line))
     is_first = True
-    for number, raw in enumerate(lines, start=1):
-        line = raw.partition("#")[0].strip()
+    for number, line in enumerate(texts, start=1):
         if not line or (is_first and is_header(line, f"line {number}", _COLUMNS)):
             is_first = is_first and not line
             continue
@@ -49,7 +50,7 @@ def _lines(lines: Iterable[str], frame_id: str) -> Iterator[tuple[PoseStamped, f
         if line.startswith("{"):
             yield _from_json(line, frame_id, f"line {number}")
         else:
-            yield PoseStamped(_from_fields(line, f"line {number}"), frame_id), 0.0
+            yield PoseStamped(_from_fields(line, f"line {number}", is_decimal=is_decimal), frame_id), 0.0
 
 
 def is_header(line: str, where: str, known: Sequence[Sequence[str]]) -> bool:
@@ -63,9 +64,13 @@ def is_header(line: str, where: str, known: Sequence[Sequence[str]]) -> bool:
     return True
 
 
-def _from_fields(line: str, where: str) -> Pose:
+def _from_fields(line: str, where: str, *, is_decimal: bool) -> Pose:
     try:
-        return _waypoint(_fields(line))
+        fields = [with_point(field, is_decimal=is_decimal) for field in _fields(line)]
+    except ValueError as error:
+        raise FaultError(str(error), where) from None
+    try:
+        return _waypoint(fields)
     except BareAngleError as error:
         raise FaultError(str(error), where) from None
     except ValueError:
@@ -74,16 +79,14 @@ def _from_fields(line: str, where: str) -> Pose:
 
 def _fields(line: str) -> list[str]:
     """Splits a line at its commas, or at its semicolons or tabs: then a comma may be the decimal one."""
-    separator = next((each for each in (";", "\t") if each in line), ",")
-    fields = line.split(separator)
-    if separator == ",":
-        return fields
-    return [field if "." in field else field.replace(",", ".", 1) for field in fields]
+    return line.split(next((each for each in (";", "\t") if each in line), ","))
 
 
 def _from_json(line: str, frame_id: str, where: str) -> tuple[PoseStamped, float]:
     try:
         values = _json.parsed(line)
+    except _json.AmbiguousJsonError as error:
+        raise FaultError(str(error), where) from None
     except ValueError:
         raise FaultError(f"{shown(line)} is not a waypoint: {_HOW}", where) from None
     if unknown := [key for key in values if key not in _KEYS]:
@@ -93,8 +96,11 @@ def _from_json(line: str, frame_id: str, where: str) -> tuple[PoseStamped, float
     if yaw_rad is not None and abs(yaw_rad) > math.tau:
         raise FaultError(f"yaw_rad is {yaw_rad:g}, more than a full turn: give it in radians", where)
     pose = Pose.at(x, y, z, yaw_rad)
+    named = values.get("frame_id") or frame_id
+    if not isinstance(named, str):
+        raise FaultError(f"frame_id is {shown(named)}, not a text", where)
     hold_s = _json.optional(values.get("hold_s"), "hold_s", where) or 0.0
-    return PoseStamped(pose, str(values.get("frame_id") or frame_id)), hold_s
+    return PoseStamped(pose, named), hold_s
 
 
 def parse_waypoint(text: str) -> Pose:

@@ -32,9 +32,10 @@ def parse_plan(text: str, name: str) -> Route:
     """
     with naming(name):
         try:
-            return read(_json.parsed(text))
-        except ValueError:
-            return read(None)
+            document = _json.parsed(text)
+        except _json.JsonError as error:
+            raise FaultError(f"is not a plan of QGroundControl: line {error.line}: {error}") from None
+        return read(document)
 
 
 def is_plan(document: object) -> bool:

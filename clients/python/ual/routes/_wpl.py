@@ -12,7 +12,7 @@ from dataclasses import replace
 from ual.routes import _commands as commands
 from ual.routes._mission import Firmware, Item, fly
 from ual.routes._route import FaultError, Route
-from ual.shared.numbers import parse_number, shown
+from ual.shared.numbers import are_commas_decimal, parse_number, shown, with_point
 from ual.shared.text import lines_of
 
 HEADER = "QGC WPL"
@@ -32,11 +32,12 @@ def items_of(text: str) -> tuple[list[Item], Firmware, bool]:
     """Returns the items of a file without its home, for whose autopilot it was made, and whether it has a home.
     Raises `FaultError`.
     """
-    header, *lines = map(str.strip, lines_of(text or "\n"))
+    lines = [(number, line.strip()) for number, line in enumerate(lines_of(text), start=1) if line.strip()]
+    header = lines[0][1] if lines else ""
     version = header.removeprefix(HEADER).strip()
     if not header.startswith(HEADER) or version not in _FIRMWARES:
         raise FaultError(f"begins with {shown(header)}, not with 'QGC WPL 110'")
-    items = list(_items(lines))
+    items = list(_items(lines[1:]))
     firmware = _FIRMWARES[version]
     if any(None in item.params for item in items):
         firmware = Firmware.PX4  # which tells a heading that is not given from 0, north
@@ -52,10 +53,11 @@ def _is_home(item: Item, version: str) -> bool:
     return version == "110" and item.jump_id == 0 and item.command == commands.WAYPOINT
 
 
-def _items(lines: list[str]) -> Iterator[Item]:
-    for number, line in enumerate(lines, start=2):
-        if line and not line.startswith("#"):
-            yield _item(line, f"line {number}")
+def _items(lines: list[tuple[int, str]]) -> Iterator[Item]:
+    is_decimal = are_commas_decimal(field for _, line in lines if not line.startswith("#") for field in line.split())
+    for number, line in lines:
+        if not line.startswith("#"):
+            yield _item(line, f"line {number}", is_decimal=is_decimal)
 
 
 def _optional(field: str) -> float | None:
@@ -63,18 +65,20 @@ def _optional(field: str) -> float | None:
     return None if field.lower().lstrip("-") == "nan" else parse_number(field)
 
 
-def _item(line: str, where: str) -> Item:
+def _item(line: str, where: str, *, is_decimal: bool) -> Item:
     fields = line.split()
     if len(fields) != _COLUMNS:
         raise FaultError(f"{shown(line)} has {len(fields)} columns, not {_COLUMNS}", where)
-    if "," in line and "." not in line:  # the decimal comma of the computer's language
-        fields = [field.replace(",", ".", 1) for field in fields]
     try:
-        index, _, frame, command = map(parse_number, fields[:4])
+        if "." not in line:  # the decimal comma of the computer's language
+            fields = [with_point(field, is_decimal=is_decimal) for field in fields]
+        index, current, frame, command = map(parse_number, fields[:4])
         params = [*map(_optional, fields[4:8]), *map(parse_number, fields[8:11])]
         goes_on = parse_number(fields[11])
     except ValueError as error:
         raise FaultError(str(error), where) from None
     if not (index.is_integer() and frame.is_integer() and command.is_integer()):
         raise FaultError(f"{shown(line)} has fractions in its number, frame or command", where)
+    if {current, goes_on} - {0.0, 1.0}:
+        raise FaultError(f"{shown(line)} has neither 0 nor 1 in its second or last column", where)
     return Item(str(int(index)), int(command), int(frame), params, int(index), waits=not goes_on, line=f"{where}, ")

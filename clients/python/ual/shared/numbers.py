@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
+_GROUPS = re.compile(r"[-+]?[1-9][0-9]{0,2}(?:,[0-9]{3})+")
+"""What may be thousands, as ``1,000``, and with a decimal comma is 1."""
 _DECIMAL = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
@@ -19,6 +22,25 @@ def parse_number(text: str) -> float:
     if math.isinf(value):
         raise ValueError(f"{shown(text)} is too large")
     return value
+
+
+def are_commas_decimal(fields: Iterable[str]) -> bool:
+    """Whether the commas in the numbers of a file are decimal ones: at least one of them cannot separate thousands."""
+    return any("," in field and not _GROUPS.fullmatch(field.strip()) for field in fields)
+
+
+def with_point(field: str, *, is_decimal: bool) -> str:
+    """Returns a number with a point instead of a decimal comma.
+
+    Raises:
+        ValueError: It has a comma, and those of its file may separate thousands.
+
+    """
+    if "," not in field:
+        return field
+    if not is_decimal:
+        raise ValueError(f"{shown(field.strip())} may be a decimal comma, or thousands: write it with a point")
+    return field if "." in field else field.replace(",", ".", 1)
 
 
 def shown(value: object) -> str:
