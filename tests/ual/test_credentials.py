@@ -73,6 +73,11 @@ def test_they_are_read_from_the_environment(monkeypatch: pytest.MonkeyPatch, tmp
     file.write_text("ual_file\n")
     monkeypatch.setenv("UAL_TOKEN_FILE", str(file))
     assert Credentials.from_environment() == Credentials("ual_file")
+    file.write_bytes("ual_windows\r\n".encode("utf-16"))
+    assert Credentials.from_environment() == Credentials("ual_windows")
+    file.write_bytes(b"ual\x01")
+    with pytest.raises(InvalidArgumentError, match=f"UAL_TOKEN_FILE: {file} is not a text file"):
+        Credentials.from_environment()
     monkeypatch.setenv("UAL_TOKEN", "ual_direct")
     monkeypatch.setenv("UAL_TLS_CERTIFICATE", "c.pem")
     monkeypatch.setenv("UAL_TLS_KEY", "k.pem")

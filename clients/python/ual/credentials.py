@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ual.errors import InvalidArgumentError
+from ual.shared.text import decoded
 
 TOKEN_VARIABLE = "UAL_TOKEN"  # noqa: S105  a name
 TOKEN_FILE_VARIABLE = "UAL_TOKEN_FILE"  # noqa: S105  a name
@@ -57,7 +58,7 @@ class Credentials:
         token = os.environ.get(TOKEN_VARIABLE) or None
         file = os.environ.get(TOKEN_FILE_VARIABLE)
         if token is None and file:
-            token = read(file, TOKEN_FILE_VARIABLE).decode(errors="replace").strip()
+            token = read_token(file, TOKEN_FILE_VARIABLE)
         certificate, key = (os.environ.get(name) or None for name in (CERTIFICATE_VARIABLE, KEY_VARIABLE))
         return cls(token, certificate, key)
 
@@ -87,6 +88,19 @@ def is_this_computer(address: str) -> bool:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+def read_token(file: str | Path, field_name: str) -> str:
+    """Returns the token in a file, as Windows writes it, too.
+
+    Raises:
+        InvalidArgumentError: It cannot be read, or is no text.
+
+    """
+    try:
+        return decoded(read(file, field_name)).strip()
+    except ValueError as error:
+        raise InvalidArgumentError(f"{field_name}: {file} {error}", {"field": field_name}) from None
 
 
 def read(file: str | Path, field_name: str) -> bytes:

@@ -113,8 +113,8 @@ def save(session: Session, file: Path) -> None:
 def compare_file(session: Session, file: Path, all_names: bool) -> None:
     """Print where the parameters in FILE and those of the UAV differ. Exit status 1 where they do."""
     in_file = _read(file)
-    for each in in_file.left_out:
-        session.note(f"left out: {each.text}")
+    for other in in_file.left_out:
+        session.note(f"left out: {other.text}")
     with session.connect() as uav:
         differences = compare(in_file, uav.parameters.get_all(), all_names=all_names)
     if session.as_json:

@@ -123,11 +123,11 @@ class Session:
     @property
     def credentials(self) -> Credentials:
         """What shows a daemon who calls: the options, and the environment where there are none."""
-        from ual.credentials import Credentials, read
+        from ual.credentials import Credentials, read_token
 
         if self.token_file is None and self.tls_certificate is None and self.tls_key is None:
             return Credentials.from_environment()
-        token = None if self.token_file is None else read(self.token_file, "--token-file").decode(errors="replace")
+        token = None if self.token_file is None else read_token(self.token_file, "--token-file")
         return Credentials(token, self.tls_certificate, self.tls_key)
 
     def _lease(self, uav: Uav) -> None:

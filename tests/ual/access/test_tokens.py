@@ -78,6 +78,33 @@ def test_what_is_no_file_of_tokens_is_refused(data: bytes) -> None:
         tokens.read(data)
 
 
+ONE = '{"name": "a", "role": "pilot", "sha256": "' + "0" * 64
+ONE += '", "created": "2026-01-01T00:00:00+00:00", "expires": null}'
+TWIN = ONE.replace('"name": "a"', '"name": "b"')
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        (ONE.replace('"role"', '"role": "commander",\n"role"'), "line 2: .* 'role' is given twice"),
+        (ONE.replace('"role"', '"revoked": true, "role"'), "there is no key 'revoked'"),
+        (f"{ONE}, {ONE.replace('000', '111')}", "two different tokens have the name 'a'"),
+        (f"{ONE}, {ONE.replace('pilot', 'observer')}", "two different tokens have the name 'a'"),
+        (f"{ONE}, {TWIN}", "two different tokens have the sha256"),
+        ("{", "line 1: it is no file of tokens: Expecting"),
+    ],
+)
+def test_a_token_that_is_there_in_two_ways_is_refused(entries: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        tokens.read(f'{{"tokens": [{entries}]}}'.encode())
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_the_file_is_read_as_windows_writes_it(encoding: str) -> None:
+    [token] = tokens.read(f'{{"tokens": [{ONE}]}}'.replace(" ", "\r\n").encode(encoding))
+    assert (token.name, token.role) == ("a", Role.PILOT)
+
+
 @pytest.mark.parametrize("text", ["", "Pilot", "PILOT", "admin"])
 def test_a_role_has_its_name_only(text: str) -> None:
     with pytest.raises(ValueError, match="one of none, observer, pilot, commander"):

@@ -17,6 +17,11 @@ def test_values_are_those_of_yaml_1_2() -> None:
     assert strict_yaml.value(node) == {"a": 1000.0, "b": "12:30", "c": "on", "d": [16, None, True], "e": 10.0}
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-32"])
+def test_it_is_read_as_windows_writes_it(encoding: str) -> None:
+    assert strict_yaml.value(strict_yaml.read("a: 1\r\nb: ü\r\n".encode(encoding))) == {"a": 1, "b": "ü"}
+
+
 def test_an_empty_text_has_no_value() -> None:
     assert strict_yaml.read(b"# nothing\n") is None
     assert strict_yaml.value(None) is None

@@ -170,6 +170,15 @@ class Caster:
 
 
 @pytest.mark.parametrize("vehicle", ["ardupilot"], indirect=True)
+@pytest.mark.parametrize("told", [b"", b"x", b"2"])
+def test_a_table_that_does_not_say_what_the_caster_wants_is_refused(daemon: DaemonProcess, told: bytes) -> None:
+    with closing(Caster()) as near:
+        near.TABLE = near.TABLE.replace(b";1;0;", b";%s;0;" % told)
+        refused = ual_rtcm(daemon, "--ntrip", f"ntrip://127.0.0.1:{near.port}/NEAR")
+    assert refused.exit_code == 1
+    assert f"has '{told.decode()}' where it is to say whether NEAR wants to know the position" in refused.output
+
+
 def test_a_caster_that_wants_to_know_is_told_where_the_uav_is(daemon: DaemonProcess, vehicle: Vehicle) -> None:
     with closing(Caster()) as near, ual.Uav(address=daemon.address) as uav:
         place = until(lambda: uav.telemetry().position_geo, "its place on Earth")

@@ -10,13 +10,14 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from typing import Any
 
 from ual.access import roles
 from ual.access.roles import Role
+from ual.shared import strict_json, text
 
 PREFIX = "ual_"
 """By this a token is recognized, also by programs that search for secrets in files."""
@@ -80,12 +81,31 @@ def read(data: bytes) -> tuple[Token, ...]:
 
     """
     try:
-        values = json.loads(data)
-        return tuple(_read_one(each) for each in values["tokens"])
-    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
+        values = strict_json.parsed(text.decoded(data))
+        _require_known(values, ("tokens",))
+        found = tuple(_read_one(each) for each in values["tokens"])
+    except strict_json.JsonError as error:
+        raise ValueError(f"line {error.line}: it is no file of tokens: {error}") from None
+    except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(
             f"it is no file of tokens, as `ual token new` writes it ({type(error).__name__}: {error})"
         ) from None
+    _require_twins_alike(found)
+    return found
+
+
+def _require_twins_alike(found: Sequence[Token]) -> None:
+    for what in ("name", "sha256"):
+        values = [getattr(token, what) for token in found]
+        for index, value in enumerate(values):
+            if found[values.index(value)] != found[index]:
+                raise ValueError(f"two different tokens have the {what} {value!r}")
+
+
+def _require_known(values: Mapping[str, object], known: Sequence[str]) -> None:
+    for key in values:
+        if key not in known:
+            raise ValueError(f"there is no key {key!r:.80} in a file of tokens ({', '.join(known)})")
 
 
 def write(tokens: Iterable[Token]) -> bytes:
@@ -104,6 +124,7 @@ def write(tokens: Iterable[Token]) -> bytes:
 
 
 def _read_one(entry: dict[str, Any]) -> Token:
+    _require_known(entry, ("name", "role", "sha256", "created", "expires"))
     name, expires = entry["name"], entry["expires"]
     if not (isinstance(name, str) and re.fullmatch(NAME_PATTERN, name)):
         raise ValueError(f"{name!r:.80} is no name of a token")
@@ -118,8 +139,8 @@ def _read_one(entry: dict[str, Any]) -> Token:
     )
 
 
-def _time(text: str) -> datetime:
-    time = datetime.fromisoformat(text)
+def _time(written: str) -> datetime:
+    time = datetime.fromisoformat(written)
     if time.tzinfo is None:
-        raise ValueError(f"{text!r} has no time zone")
+        raise ValueError(f"{written!r} has no time zone")
     return time.astimezone(timezone.utc)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ual.joystick._errors import MappingError
 from ual.joystick._state import Axis, Button
+from ual.shared.text import decoded, lines_of
 
 _GUID = re.compile(r"[0-9a-f]{32}")
 _BINDING = re.compile(r"[+-]?a\d+~?|b\d+|h\d+\.[1248]")
@@ -73,13 +74,13 @@ def read_mappings(directory: Path) -> list[str]:
 
 def _lines(file: Path) -> Iterable[str]:
     try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = decoded(file.read_bytes())
+    except (OSError, ValueError) as error:
         raise MappingError(f"{file} cannot be read: {error}") from None
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(lines_of(text), 1):
         if line.strip() and not line.startswith("#"):
-            _check(line, f"{file}, line {number}")
-            yield line
+            _check(line.strip(), f"{file}, line {number}")
+            yield line.strip()
 
 
 def _check(line: str, where: str) -> None:
@@ -88,8 +89,12 @@ def _check(line: str, where: str) -> None:
     name, _, fields = rest.partition(",")
     if not (_GUID.fullmatch(guid) and name):
         raise MappingError(f"{where}: it does not begin with the device's GUID (32 hexadecimal digits) and name")
+    bound: set[str] = set()
     for field in filter(None, fields.split(",")):
         key, _, binding = field.partition(":")
+        if key in bound:
+            raise MappingError(f"{where}: {key} is bound twice, of which SDL takes one")
+        bound.add(key)
         if key in _OTHER_FIELDS:
             continue
         if key.lstrip("+-") not in _NAMES:

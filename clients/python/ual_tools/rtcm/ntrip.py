@@ -82,13 +82,20 @@ class NtripSource(Source):
 
 
 def _is_wanted(table: list[list[str]], caster: Caster) -> bool:
-    lines = {line[0]: line for line in table if line}
-    if caster.mountpoint not in lines:
-        known = ", ".join(sorted(lines)[:10]) or "none"
+    lines = [line for line in table if line and line[0] == caster.mountpoint]
+    if not lines:
+        known = ", ".join(sorted({line[0] for line in table if line})[:10]) or "none"
         text = f"ntrip: {caster.host}:{caster.port} has no mount point {caster.mountpoint} (it has {known})"
         raise InvalidArgumentError(text, {"field": "ntrip"})
-    line = lines[caster.mountpoint]
-    return len(line) > _WANTS_POSITION and line[_WANTS_POSITION] == "1"
+    told = {line[_WANTS_POSITION].strip() if len(line) > _WANTS_POSITION else "" for line in lines}
+    if told not in ({"0"}, {"1"}):
+        has = " and ".join(map(repr, sorted(told)))
+        text = (
+            f"ntrip: the table of {caster.host}:{caster.port} has {has} where it is to say whether {caster.mountpoint} "
+            "wants to know the position (0 or 1): say so by --gga"
+        )
+        raise InvalidArgumentError(text, {"field": "ntrip"})
+    return told == {"1"}
 
 
 class _Connection:

@@ -9,6 +9,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ual.errors import InvalidArgumentError
+from ual.shared.text import decoded
 from ual_tools.view.guard import Guard, is_loopback
 
 _SHORTEST_TOKEN = 20
@@ -63,10 +64,10 @@ def _token(file: Path | None) -> str:
 
 def _read_token(file: Path) -> str:
     try:
-        token = file.read_text("ascii").strip()
-    except (OSError, UnicodeDecodeError) as error:
+        token = decoded(file.read_bytes()).strip()
+    except (OSError, ValueError) as error:
         raise _refused(f"--token-file {file}: {error}", "token") from None
-    if len(token) < _SHORTEST_TOKEN or not token.isalnum():
+    if len(token) < _SHORTEST_TOKEN or not (token.isascii() and token.isalnum()):
         raise _refused(f"--token-file {file}: letters and digits, at least {_SHORTEST_TOKEN}", "token")
     return token
 
