@@ -66,6 +66,21 @@ def done(daemon: DaemonProcess, *words: str | Path) -> str:
     return result.stdout
 
 
+def test_a_fence_of_mission_planner_is_uploaded_and_what_it_is_not_is_named(
+    daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
+) -> None:
+    corners = zone(vehicle).points
+    back = [(corners[0][0] + corners[2][0]) / 2.0, (corners[0][1] + corners[2][1]) / 2.0]
+    file = tmp_path / "field.fen"
+    file.write_text("".join(f"{latitude:.7f} {longitude:.7f}\n" for latitude, longitude in (back, *corners)), "utf-16")
+    result = run(daemon, "fence", "upload", file)
+    assert (result.exit_code, result.stderr) == (0, "left out: line 1: the point to return to\n")
+    assert "inclusion polygon of 4 corners" in result.stdout
+    file.write_text(file.read_text("utf-16").replace(" ", ", ", 1))
+    refused = run(daemon, "fence", "upload", file)
+    assert (refused.exit_code, f"{file}: line 1: " in refused.output) == (1, True)
+
+
 def test_the_command_shows_uploads_replaces_switches_and_clears(
     daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
 ) -> None:

@@ -10,7 +10,7 @@ import click
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageFormat, ImageKind, Photo
 from ual.errors import InvalidArgumentError
 from ual.geometry import PoseStamped
-from ual_tools import fetched
+from ual_tools import fetched, values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.session import Session, pass_session
@@ -78,7 +78,7 @@ def photo(session: Session, number: int) -> None:
 
 
 @camera.command("interval", cls=UalCommand, examples=("ual camera interval 2", "ual camera interval 0.5 --count 10"))
-@click.argument("seconds", type=float)
+@click.argument("seconds", type=values.number)
 @click.option("--count", type=click.IntRange(1), help="End after so many.")
 @_camera
 @pass_session
@@ -90,7 +90,7 @@ def interval(session: Session, seconds: float, count: int | None, number: int) -
 
 
 @camera.command("distance", cls=UalCommand, examples=("ual camera distance 5",))
-@click.argument("metres", type=float)
+@click.argument("metres", type=values.number)
 @_camera
 @pass_session
 def distance(session: Session, metres: float, number: int) -> None:
@@ -149,7 +149,7 @@ def mode(session: Session, mode: str, number: int) -> None:
 
 
 @camera.command("zoom", cls=UalCommand, examples=("ual camera zoom 50",))
-@click.argument("percent", type=float)
+@click.argument("percent", type=values.number)
 @_camera
 @pass_session
 def zoom(session: Session, percent: float, number: int) -> None:
@@ -160,7 +160,7 @@ def zoom(session: Session, percent: float, number: int) -> None:
 
 
 @camera.command("focus", cls=UalCommand, examples=("ual camera focus", "ual camera focus 100"))
-@click.argument("percent", type=float, required=False)
+@click.argument("percent", type=values.number, required=False)
 @_camera
 @pass_session
 def focus(session: Session, percent: float | None, number: int) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import click
 
 from ual.gripper import Equipment, GripperInfo, RelayInfo, ServoInfo, WinchAction, WinchInfo
+from ual_tools import values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.session import Session, pass_session
@@ -75,8 +76,8 @@ def release(session: Session, name: str) -> None:
     examples=("ual gripper winch length --length 2", "ual gripper winch rate --rate -0.5", "ual gripper winch hold"),
 )
 @click.argument("action", type=click.Choice([each.name.lower().replace("_", "-") for each in WinchAction]))
-@click.option("--length", "length_m", type=float, help="For length: how much to let out, m; negative takes in.")
-@click.option("--rate", "rate_m_s", type=float, help="How fast, m/s; negative takes in.")
+@click.option("--length", "length_m", type=values.number, help="For length: how much to let out, m; negative takes in.")
+@click.option("--rate", "rate_m_s", type=values.number, help="How fast, m/s; negative takes in.")
 @_name
 @pass_session
 def winch(session: Session, action: str, length_m: float | None, rate_m_s: float | None, name: str) -> None:

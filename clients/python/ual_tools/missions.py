@@ -14,6 +14,7 @@ from ual.missions.items import Item, words_of
 from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress
 from ual.routes import RouteError
 from ual.types import AltitudeReference
+from ual_tools import values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.session import Session, pass_session
@@ -47,7 +48,7 @@ def mission() -> None:
 def _reading(command: C) -> C:
     """Adds the file of a mission, and what says how its altitudes are meant."""
     command = click.option(
-        "--altitude", "altitude_m", type=float, help="Fly all of a line (KML, GPX, GeoJSON) so high above home."
+        "--altitude", "altitude_m", type=values.number, help="Fly all of a line (KML, GPX, GeoJSON) so high above home."
     )(command)
     command = click.option(
         "--reference", type=click.Choice(list(_REFERENCES)), help="What the altitudes of GPX and GeoJSON count from."
@@ -63,7 +64,7 @@ def plan(session: Session, file: Path, altitude_m: float | None, reference: str 
 
     It tells the length and the time, and whether the UAV may fly it.
     """
-    items = _read(file, altitude_m, reference)
+    items = _read(file, altitude_m, reference).items
     with session.connect() as uav:
         found = uav.mission.plan(items)
     session.emit(found, _plan_text(found))
@@ -74,10 +75,15 @@ def plan(session: Session, file: Path, altitude_m: float | None, reference: str 
 @pass_session
 def upload(session: Session, file: Path, altitude_m: float | None, reference: str | None) -> None:
     """Upload the mission in FILE, and read it back."""
-    items = _read(file, altitude_m, reference)
+    read = _read(file, altitude_m, reference)
     with session.connect() as uav:
-        found = uav.mission.upload(items)
-    done = {"done": "mission upload", "items": len(found.items), "digest": found.digest}
+        found = uav.mission.upload(read.items)
+    done = {
+        "done": "mission upload",
+        "items": len(found.items),
+        "digest": found.digest,
+        "left_out": read.left_out,
+    }
     session.emit(done, f"{len(found.items)} items are on the autopilot, and were read back")
 
 
@@ -159,7 +165,7 @@ def _do(session: Session, name: str, act: Callable[[interface.Mission], None], t
     session.emit({"done": f"mission {name}"}, text)
 
 
-def _read(file: Path, altitude_m: float | None, reference: str | None) -> list[Item]:
+def _read(file: Path, altitude_m: float | None, reference: str | None) -> missions.Mission:
     above = None if reference is None else _REFERENCES[reference]
     try:
         found = missions.read(file, altitude_m=altitude_m, altitude_reference=above)
@@ -167,7 +173,7 @@ def _read(file: Path, altitude_m: float | None, reference: str | None) -> list[I
         raise InvalidArgumentError(str(error), {"field": "file"}) from None
     for what in found.left_out:
         click.echo(f"left out: {what}", err=True)
-    return list(found.items)
+    return found
 
 
 def _plan_text(found: MissionPlan) -> str:

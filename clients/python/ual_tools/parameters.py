@@ -11,6 +11,7 @@ import click
 from ual.errors import InvalidArgumentError, RejectedByAutopilotError
 from ual.interface import Parameters
 from ual.parameters import Difference, FileValues, Parameter, compare, range_text, read, write
+from ual_tools import values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.session import REFUSED, Session, pass_session
@@ -76,7 +77,7 @@ def get(session: Session, name: str) -> None:
 
 @param.command("set", cls=UalCommand, examples=("ual param set MPC_XY_CRUISE 5",))
 @click.argument("name")
-@click.argument("value", type=float)
+@click.argument("value", type=values.number)
 @click.option(
     "--force",
     is_flag=True,
@@ -146,10 +147,10 @@ def load(session: Session, file: Path, force: bool) -> None:
     later = [each.name for each in written if each.needs_reboot]
     text = f"{len(written)} of {len(differences)} parameters that differed were written"
     boot = f"; these take effect at the next boot of the autopilot: {', '.join(later)}" if later else ""
-    values = {"done": "param load", "file": str(file), "written": len(written), "differed": len(differences)}
+    told = {"done": "param load", "file": str(file), "written": len(written), "differed": len(differences)}
     others = [{"component": each.component, "count": len(each.names), "names": each.names} for each in in_file.left_out]
     left_out = "".join(f"; left out: {each.text}" for each in in_file.left_out)
-    session.emit({**values, "needs_reboot": later, "left_out": others}, text + boot + left_out)
+    session.emit({**told, "needs_reboot": later, "left_out": others}, text + boot + left_out)
     if len(written) < len(differences):
         raise click.exceptions.Exit(REFUSED)
 

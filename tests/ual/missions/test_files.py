@@ -119,6 +119,13 @@ def test_a_survey_of_mission_planner_is_read_as_it_is_flown() -> None:
     assert mission.left_out == ["item 0: home"]
 
 
+def test_the_fence_of_an_old_plan_is_named_as_left_out() -> None:
+    text = plan(take_off(20.0), waypoint(), geoFence={"version": 1, "polygon": [[47.0, 8.0], [47.1, 8.0], [47.1, 8.1]]})
+    assert parse(text.encode(), "a.plan").left_out == [
+        "the geofence and rally points (`ual fence upload` uploads them)"
+    ]
+
+
 def test_parameters_that_multirotors_ignore_are_named() -> None:
     text = plan(
         item(22, [15, 0, 0, None, 0, 0, 20]),

@@ -57,7 +57,7 @@ def other_parts(document: object) -> list[str]:
     """Returns what a plan has beside its mission."""
     parts = document if isinstance(document, Mapping) else {}
     fence, rally = parts.get("geoFence"), parts.get("rallyPoints")
-    if any(_holds(part, key) for part, key in ((fence, "polygons"), (fence, "circles"), (rally, "points"))):
+    if any(_holds(fence, key) for key in ("polygons", "circles", "polygon")) or _holds(rally, "points"):
         return ["the geofence and rally points (`ual fence upload` uploads them)"]
     return []
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ual.errors import InvalidArgumentError
+from ual.shared.numbers import parse_number
 from ual_tools.view.earth import Place, Tile
 
 ZOOM, MOST_ZOOM = 17, 22
@@ -79,7 +80,7 @@ def ground(tiles: str | None, zoom: int, picture: Path | None, corners: Sequence
 
 def _place(text: str) -> Place:
     try:
-        latitude_deg, longitude_deg = map(float, text.split(","))
+        latitude_deg, longitude_deg = map(parse_number, text.split(","))
     except ValueError:
         raise InvalidArgumentError(f"--map-corners {text}: LAT,LON in degrees", {"field": "map_corners"}) from None
     if not (-90.0 <= latitude_deg <= 90.0 and -180.0 <= longitude_deg <= 180.0):

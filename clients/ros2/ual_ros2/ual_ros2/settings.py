@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import ual
+from ual.credentials import read_token
 from ual_ros2.messages import Entity
 
 DEFAULTS: dict[str, tuple[Any, str]] = {
@@ -172,14 +173,7 @@ def _credentials(given: Mapping[str, Any]) -> ual.Credentials:
     if not any(given[name] for name in names):
         return ual.Credentials.from_environment()
     token_file, certificate, key = (given[name] or None for name in names)
-    return ual.Credentials(token_file and _token(token_file), certificate, key)
-
-
-def _token(file: str) -> str:
-    try:
-        return Path(file).read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        raise _invalid("token_file", f"cannot read {file}: {error}") from None
+    return ual.Credentials(token_file and read_token(token_file, "token_file"), certificate, key)
 
 
 def _directory(path: str) -> Path | None:
