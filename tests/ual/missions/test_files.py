@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -120,7 +121,8 @@ def test_a_survey_of_mission_planner_is_read_as_it_is_flown() -> None:
 
 
 def test_the_fence_of_an_old_plan_is_named_as_left_out() -> None:
-    text = plan(take_off(20.0), waypoint(), geoFence={"version": 1, "polygon": [[47.0, 8.0], [47.1, 8.0], [47.1, 8.1]]})
+    fence = {"version": 1, "polygon": [[47.0, 8.0], [47.1, 8.0], [47.1, 8.1]]}
+    text = json.dumps({**json.loads(plan(take_off(20.0), waypoint())), "geoFence": fence})
     assert parse(text.encode(), "a.plan").left_out == [
         "the geofence and rally points (`ual fence upload` uploads them)"
     ]

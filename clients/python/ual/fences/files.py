@@ -1,11 +1,13 @@
 """Files of fences: QGroundControl's plans (``.plan``), and the fences and rally points of Mission Planner and MAVProxy.
 
-Sources: QGroundControl's plan file format
-(https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html), in whose version 1 a fence was one
-polygon to stay inside. Mission Planner and MAVProxy save the items of a fence and of rally points as ``QGC WPL 110``,
-each with its MAV_CMD; older ones save a fence as ``.fen`` (the point to return to, then the corners, one
-``LATITUDE LONGITUDE`` a line), and rally points as ``.ral`` (``RALLY``, latitude, longitude, height above home, and
-three numbers for planes), as pymavlink's mavwp.py reads them.
+QGroundControl's plan file format
+(https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html): in its version 1 a fence was one polygon
+to stay inside.
+
+Mission Planner and MAVProxy save the items of a fence and of rally points as ``QGC WPL 110``, each with its MAV_CMD.
+Older ones save a fence as ``.fen``: the point to return to, then the corners, one ``LATITUDE LONGITUDE`` a line. They
+save rally points as ``.ral``: ``RALLY``, latitude, longitude, height above home, three numbers for planes. (Source:
+pymavlink's mavwp.py.)
 """
 
 from __future__ import annotations
