@@ -1003,6 +1003,8 @@ def test_poses_are_read_as_windows_writes_them(daemon: DaemonProcess, tmp_path: 
         assert (result.exit_code, result.output) == (0, "1 poses given\n")
     file.write_bytes(b"\0\1\2\3")
     assert f"{file} is not a text file" in run("extpose", "--file", str(file)).stderr
+    file.write_text("# none\n")
+    assert f"{file} has no poses" in run("extpose", "--file", str(file)).stderr
 
 
 @pytest.mark.parametrize("line", ["1,2,0", "1,2,0,0,1", "1,2,x,0", "1_0,2,0,0", "1,2,0,0,0,0,1_0", "1,2,nan,0"])

@@ -64,8 +64,10 @@ def _poses(file: Path, *, repeat: bool) -> Iterator[Pose]:
     except OSError as error:
         raise InvalidArgumentError(f"cannot read {file}: {error.strerror}", {"field": "file"}) from None
     poses = list(_parsed(lines_of(_text(data, str(file))), str(file)))
+    if not poses:
+        raise InvalidArgumentError(f"{file} has no poses", {"field": "file"})
     yield from poses
-    while repeat and poses:
+    while repeat:
         yield from poses
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +118,21 @@ def test_a_column_that_is_missing_or_doubled_is_refused_with_its_line(tmp_path: 
                     read(file)
 
 
+WRITTEN = json.dumps(PLAN)
+
+
+@pytest.mark.parametrize("at", [each.start() for each in re.finditer(r"[A-Za-z]", WRITTEN)])
+def test_a_letter_that_is_another_one_gives_the_same_fence_or_a_refusal(tmp_path: Path, at: int) -> None:
+    wanted = read(written(tmp_path, WRITTEN))
+    for other in ("x", WRITTEN[at].swapcase(), ""):
+        text = WRITTEN[:at] + other + WRITTEN[at + 1 :]
+        try:
+            found = read(written(tmp_path, text))
+        except InvalidArgumentError:
+            continue
+        assert found == wanted, text[at - 10 : at + 10]
+
+
 def changed(**parts: object) -> str:
     return json.dumps({**PLAN, **parts})
 
@@ -174,6 +190,7 @@ def changed(**parts: object) -> str:
             "line 3: it is no plan of QGroundControl: 'geoFence'",
         ),
         (changed(geoFence={**PLAN["geoFence"], "maxAltitude": 30}), "geoFence has 'maxAltitude'"),
+        (json.dumps(PLAN).replace("geoFence", "geoFance"), "'geoFance' is not known: is 'geoFence' meant?"),
         (changed(geoFence={**PLAN["geoFence"], "version": 3}), "geoFence is of version '3.0'"),
         (changed(geoFence={"polygon": [[47.0, 8.0, 1.0]]}), "polygon, number 1: '[47.0, 8.0, 1.0]' is not [LATITUDE"),
         (changed(geoFence={"polygons": [{"inclusion": True, "polygon": [], "group": 1}]}), "number 1: it has 'group'"),

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +121,22 @@ def test_a_survey_of_mission_planner_is_read_as_it_is_flown() -> None:
     assert mission.left_out == ["item 0: home"]
 
 
+WRITTEN = plan(take_off(20.0), waypoint(autoContinue=True, AltitudeMode=1, Altitude=20), firmware=ARDUPILOT)
+
+
+@pytest.mark.parametrize(("at", "letter"), [(each.start(), each[0]) for each in re.finditer(r"[A-Za-z]", WRITTEN)])
+def test_a_letter_that_is_another_one_gives_the_same_mission_or_a_refusal(at: int, letter: str) -> None:
+    """A key that is misspelled has no other effect than a key that is right."""
+    wanted = items(WRITTEN)
+    for other in ("x", letter.swapcase(), ""):
+        text = WRITTEN[:at] + other + WRITTEN[at + 1 :]
+        try:
+            found = items(text)
+        except RouteError:
+            continue
+        assert found == wanted, text[at - 10 : at + 10]
+
+
 def test_the_fence_of_an_old_plan_is_named_as_left_out() -> None:
     fence = {"version": 1, "polygon": [[47.0, 8.0], [47.1, 8.0], [47.1, 8.1]]}
     text = json.dumps({**json.loads(plan(take_off(20.0), waypoint())), "geoFence": fence})
@@ -206,6 +223,9 @@ def test_a_heading_is_turned_to_rep_103() -> None:
         (item(19, [7, 0, 0, 90, 47.1, 8.1, 20]), "it has 90 as parameter 4"),
         (item(197, [2, 0, 0, 0, 0, 0, 0]), "it has 2 as parameter 1"),
         (item(2001, [1, 0, 0, 0, 0, 0, 0]), "it has 1 as parameter 1"),
+        (waypoint(autoContinue="false"), "autoContinue is 'false', neither true nor false"),
+        (waypoint(autocontinue=False), "has a key that is none: 'autocontinue' is not known: is 'autoContinue' meant?"),
+        (waypoint(AltitudeMode="2"), "AltitudeMode is '2', not a number"),
         (waypoint(AltitudeMode=2), "its AltitudeMode is 2, but its frame 3"),
         (waypoint(AltitudeMode=1, Altitude=30), "its Altitude is 30, but its parameter 7 20"),
         (do(2000, 0, 1, 5, 0), "it takes a number of photos"),

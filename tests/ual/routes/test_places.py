@@ -371,3 +371,12 @@ def test_a_position_of_a_geojson_that_is_none_is_refused(position: list[float]) 
 def test_the_geojson_of_the_issue_is_read() -> None:
     route = routes.read(DATA / "geojson.geojson", altitude_m=20.0)
     assert route.waypoints == [GeoWaypoint(37.41180000000001, -6.0013, 20.0), GeoWaypoint(37.4117, -6.0012, 20.0)]
+
+
+def test_the_points_between_those_of_a_route_are_named() -> None:
+    """Garmin's planners write them as an extension, and its receivers follow them."""
+    between = '<extensions><rpt lat="47.2" lon="8.2"/></extensions>'
+    text = f'<gpx><rte><rtept lat="47.1" lon="8.1">{between}</rtept><rtept lat="47.3" lon="8.1"/></rte></gpx>'
+    found = routes.parse(text.encode(), "a.gpx", altitude_m=20.0)
+    assert len(found.waypoints) == 2
+    assert found.left_out == ["the points between those of the route (Garmin's rpt)"]

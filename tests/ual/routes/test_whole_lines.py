@@ -136,7 +136,7 @@ def test_another_sign_gives_the_same_way_or_a_refusal(name: str, data: st.DataOb
     at = data.draw(
         st.integers(0, len(text) - 1).filter(lambda i: not text[i].isalnum() and text[i] not in f"{decimal}\n")
     )
-    changed = text[:at] + data.draw(st.sampled_from(SIGNS)) + text[at + 1 :]
+    changed = text[:at] + data.draw(st.sampled_from(SIGNS.replace(decimal, ""))) + text[at + 1 :]
     try:
         found, message = routes.parse(changed.encode(), name), ""
     except RouteError as error:

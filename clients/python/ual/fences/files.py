@@ -1,8 +1,7 @@
 """Files of fences: QGroundControl's plans (``.plan``), and the fences and rally points of Mission Planner and MAVProxy.
 
-QGroundControl's plan file format
-(https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html): in its version 1 a fence was one polygon
-to stay inside.
+Plans: https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html. In version 1 of their fences a
+fence was one polygon to stay inside.
 
 Mission Planner and MAVProxy save the items of a fence and of rally points as ``QGC WPL 110``, each with its MAV_CMD.
 Older ones save a fence as ``.fen``: the point to return to, then the corners, one ``LATITUDE LONGITUDE`` a line. They
@@ -128,6 +127,7 @@ def _of_plan(text: str) -> FencePlan:
         raise ValueError(f"line {error.line}: it is no plan of QGroundControl: {error}") from None
     if not isinstance(document, Mapping) or document.get("fileType") != "Plan":
         raise ValueError("it is not a plan of QGroundControl (fileType)")
+    strict_json.require_spelled(document, strict_json.PLAN_KEYS)
     fence = _part(document, "geoFence", ("polygons", "circles", "polygon", "breachReturn"))
     rally = _part(document, "rallyPoints", ("points",))
     zones = [*_each(fence, "polygons", _polygon), *_each(fence, "circles", _circle)]

@@ -22,6 +22,8 @@ def read(root: _xml.Element, heights: Heights) -> Route:
     left_out = [waypoints] if waypoints else []
     if line.name == "trkseg":
         left_out.append("the times of the track")
+    if any(line.all("rpt")):
+        left_out.append("the points between those of the route (Garmin's rpt)")
     return route(places, None, heights, left_out)
 
 

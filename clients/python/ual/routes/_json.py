@@ -3,12 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 
 from ual.routes._route import FaultError
+from ual.shared import strict_json
 from ual.shared.numbers import shown
-from ual.shared.strict_json import AmbiguousJsonError, JsonError, NotJson, parsed
+from ual.shared.strict_json import PLAN_KEYS, AmbiguousJsonError, JsonError, NotJson, parsed
 
-__all__ = ["AmbiguousJsonError", "JsonError", "NotJson", "number", "optional", "parsed", "whole"]
+__all__ = [
+    "PLAN_KEYS",
+    "AmbiguousJsonError",
+    "JsonError",
+    "NotJson",
+    "number",
+    "optional",
+    "parsed",
+    "require_spelled",
+    "whole",
+]
+
+
+def require_spelled(values: Mapping[str, object], known: Collection[str], where: str = "") -> None:
+    """Refuses a key that looks like a known one that is missing. Raises `FaultError`."""
+    try:
+        strict_json.require_spelled(values, known)
+    except ValueError as error:
+        raise FaultError(f"has a key that is none: {error}", where) from None
 
 
 def number(value: object, what: str, where: str) -> float:

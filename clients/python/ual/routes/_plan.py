@@ -15,6 +15,12 @@ from ual.routes._route import FaultError, Route, naming
 from ual.shared.numbers import shown
 
 _KEYS = {"fileType", "mission", "firmwareType", "MAV_AUTOPILOT"}
+_MISSION_KEYS = ("items", "firmwareType", "vehicleType", "plannedHomePosition", "complexItems")
+_ITEM_KEYS = (
+    *("type", "command", "frame", "params", "doJumpId", "autoContinue", "Altitude", "AltitudeMode"),
+    *("AMSLAltAboveTerrain", "coordinate", "id", "param1", "param2", "param3", "param4"),
+)
+"""Those that have an effect, of older versions, too."""
 _FIRMWARES = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
 _NOT_IN_THE_AIR = {10: "a rover", 11: "a boat", 12: "a submarine"}
 _CALCULATED_ABOVE_TERRAIN, _ABOVE_TERRAIN = 3, 4
@@ -79,11 +85,15 @@ def items_of(document: object) -> tuple[list[Item], Firmware]:
     items = mission.get("items")
     if not isinstance(document, Mapping) or not isinstance(items, list):
         raise FaultError("is not a plan of QGroundControl (no mission with items)")
+    if document.get("fileType") == "Plan":
+        _json.require_spelled(document, _json.PLAN_KEYS)
+    _json.require_spelled(mission, _MISSION_KEYS)
     if mission.get("complexItems"):
         raise FaultError("has a survey of an old QGroundControl: open the file in a current one, and save it")
-    if (vehicle := _type(mission.get("vehicleType"))) in _NOT_IN_THE_AIR:
+    if (vehicle := _type(mission, "vehicleType")) in _NOT_IN_THE_AIR:
         raise FaultError(f"is a plan for {_NOT_IN_THE_AIR[vehicle]}")
-    firmware = _FIRMWARES.get(_type(mission.get("firmwareType", mission.get("MAV_AUTOPILOT"))), Firmware.OTHER)
+    made_for = _type(mission, "firmwareType" if "firmwareType" in mission else "MAV_AUTOPILOT")
+    firmware = _FIRMWARES.get(made_for, Firmware.OTHER)
     return list(_items(items, "")), firmware
 
 
@@ -97,9 +107,9 @@ def _mission(document: object) -> Mapping[str, object]:
     return document if document.keys() & {"MAV_AUTOPILOT", "firmwareType"} else {}
 
 
-def _type(value: object) -> int:
-    """Returns a number of MAV_AUTOPILOT or MAV_TYPE; 0 (generic) where there is none."""
-    return int(value) if isinstance(value, float) and value.is_integer() else 0
+def _type(values: Mapping[str, object], key: str, where: str = "") -> int:
+    """Returns a number of MAV_AUTOPILOT, MAV_TYPE or an altitude's mode; 0 (generic) where there is none."""
+    return 0 if values.get(key) is None else _json.whole(values[key], key, where)
 
 
 def _holds(part: object, key: str) -> bool:
@@ -131,9 +141,13 @@ def _parts(item: Mapping[str, object], number: str) -> Sequence[object]:
 
 def _simple(item: Mapping[str, object], number: str) -> Item:
     where = f"item {number}"
+    _json.require_spelled(item, _ITEM_KEYS, where)
     command, frame = (_json.whole(item.get(key), key, where) for key in ("command", "frame"))
     jump_id = item.get("doJumpId", item.get("id"))
     params = _params(item, where)
+    goes_on = item.get("autoContinue", True)
+    if not isinstance(goes_on, bool):
+        raise FaultError(f"autoContinue is {shown(goes_on)}, neither true nor false", where)
     _require_one_altitude(item, frame, params[6], where)
     return Item(
         number,
@@ -141,7 +155,7 @@ def _simple(item: Mapping[str, object], number: str) -> Item:
         _frame(item, frame, where),
         params,
         int(jump_id) if isinstance(jump_id, float) and jump_id.is_integer() else -1,
-        waits=item.get("autoContinue") is False,
+        waits=not goes_on,
     )
 
 
@@ -155,11 +169,12 @@ def _frame(item: Mapping[str, object], frame: int, where: str) -> int:
 
 def _require_one_altitude(item: Mapping[str, object], frame: int, altitude: object, where: str) -> None:
     """Refuses an item that says in two ways what its altitude is: QGroundControl would upload another one."""
-    frames, meant = _FRAMES.get(_type(item.get("AltitudeMode"))), item.get("Altitude")
+    mode, meant = _type(item, "AltitudeMode", where), item.get("Altitude")
+    frames = _FRAMES.get(mode)
     if frames is None or frame not in (*_FRAMES[1], *_FRAMES[2]):
         return
     if frame not in frames:
-        raise FaultError(f"its AltitudeMode is {_type(item['AltitudeMode'])}, but its frame {frame}", where)
+        raise FaultError(f"its AltitudeMode is {mode}, but its frame {frame}", where)
     if isinstance(meant, float) and isinstance(altitude, float) and abs(meant - altitude) > _SAME_ALTITUDE_M:
         raise FaultError(f"its Altitude is {meant:g}, but its parameter 7 {altitude:g}", where)
 

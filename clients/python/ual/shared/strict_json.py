@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from ual.shared.numbers import shown
 
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]', re.DOTALL)
+
+
+PLAN_KEYS = ("fileType", "version", "groundStation", "mission", "geoFence", "rallyPoints")
+"""The keys of QGroundControl's plans."""
+_ALIKE = 0.8
 
 
 class JsonError(ValueError):
@@ -46,6 +52,24 @@ def parsed(text: str, constant: Callable[[str], object] = NotJson) -> Any:  # no
         raise JsonError(error.msg, error.lineno) from None
     except _TwoValuesError as error:
         raise AmbiguousJsonError(f"{shown(error.key)} is given twice", _line_of_second(text, error.key)) from None
+
+
+def require_spelled(values: Mapping[str, object], known: Collection[str]) -> None:
+    """Refuses a key that is not known and looks like one that is missing, or differs from one by its case only.
+
+    Others may have keys of their own.
+
+    Raises:
+        ValueError: There is such a key.
+
+    """
+    by_lower = {key.lower(): key for key in known}
+    missing = [lower for lower, key in by_lower.items() if key not in values]
+    for key in values:
+        lower = key.lower()
+        alike = [lower] if lower in by_lower else difflib.get_close_matches(lower, missing, 1, _ALIKE)
+        if key not in known and alike:
+            raise ValueError(f"{shown(key)} is not known: is {shown(by_lower[alike[0]])} meant?")
 
 
 class _TwoValuesError(Exception):
