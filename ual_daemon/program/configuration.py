@@ -49,6 +49,7 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
     tokens: str | None = None
     roles: str | None = None
     audit: str | None = None
+    audit_required: bool = False
     network: str | None = None
     allow_arming: bool = False
     auto_arm: bool = False

@@ -15,11 +15,13 @@ from ual_daemon import logs, traces
 from ual_daemon.backends.base import SafetyPilot
 from ual_daemon.program import ending, heap
 from ual_daemon.program.auto_arm import auto_arm
+from ual_daemon.program.checks import DaemonChecks
 from ual_daemon.program.namespace import Namespace
 from ual_daemon.program.supervision import Supervision, Unsupervised
 from ual_daemon.server import shipped
 from ual_daemon.server.addresses import Address, ListenError
 from ual_daemon.server.call_log import Observer
+from ual_daemon.server.motion_gate import MotionGate
 from ual_daemon.server.server import Server
 from ual_daemon.server.telemetry_stream import LoopCalls
 from ual_daemon.server.transport import selection
@@ -86,6 +88,7 @@ class Daemon:
         is_auto_arming: bool = False,
         recording: Recording | None = None,
         audit: Audit | None = None,
+        is_audit_required: bool = False,
         metrics: ProcessMetrics | None = None,
         supervision: Supervision | None = None,
         network: Publisher | None = None,
@@ -95,6 +98,7 @@ class Daemon:
         self._is_of_many = len(uavs) > 1 or supervision is not None
         self._recording = recording
         self._audit = audit
+        self._motion_gate = None if audit is None or not is_audit_required else MotionGate(lambda: audit.trouble)
         self._metrics = metrics
         self._uavs = uavs
         self._callers = callers or Callers()
@@ -113,6 +117,7 @@ class Daemon:
         stop = asyncio.Event()
         traces.tracer = tracing.of_environment()
         self._supervision.watch(stop.set)
+        self._watch_checks()
         if self._is_of_many:
             for uav in self._uavs:
                 uav.vehicle.log_name = uav.vehicle.ns
@@ -127,6 +132,7 @@ class Daemon:
                 is_auto_arming=self._is_auto_arming,
                 observers=self._observers(uav.vehicle),
                 time_of=self._supervision.time_of,
+                motion_gate=self._motion_gate,
             )
             for uav in self._uavs
         ]
@@ -187,6 +193,17 @@ class Daemon:
             gc.unfreeze()
         return are_safe
 
+    def _watch_checks(self) -> None:
+        """Has the health of the UAVs tell which checks of the daemon fail."""
+        audit = self._audit
+        sources = [] if audit is None else [lambda: audit.report.checks]
+        checks = DaemonChecks([uav.vehicle for uav in self._uavs], sources)
+        checks.watch_threads()
+        if audit is not None:
+            audit.on_change = checks.refresh
+            self._supervision.watch_audit(audit.on_report_above)
+        checks.refresh()
+
     def _observers(self, vehicle: ServedVehicle) -> list[Observer]:
         """Returns what observes the calls for a UAV."""
         observers = [] if self._recording is None else [self._recording.observer(vehicle.ns)]
@@ -206,6 +223,7 @@ class _Served:
         is_auto_arming: bool,
         observers: Sequence[Observer],
         time_of: Callable[[Simulation], SimulatedTime],
+        motion_gate: MotionGate | None,
     ) -> None:
         self._vehicle, self._namespace, self._listen, self._interface = uav
         self._credentials = callers.credentials
@@ -223,6 +241,7 @@ class _Served:
             [*shipped.services(self._vehicle), *self._interface.extensions.services],
             time_of,
             tracing.of_environment(),
+            motion_gate,
         )
 
     def listen(self) -> None:

@@ -171,6 +171,13 @@ class BackgroundHandler(logging.Handler):
                 finally:
                     self.release()
 
+    def _write_line(self, line: str) -> None:
+        """Writes a line; with escapes where the stream's encoding does not have a character, such as a file name's."""
+        try:
+            self._stream.write(line + self._end)
+        except UnicodeError:
+            self._stream.write(line.encode("ascii", "backslashreplace").decode() + self._end)
+
     def _write(self) -> None:
         failed_count, why = 0, ""  # since the last line that was written
         while True:
@@ -183,7 +190,7 @@ class BackgroundHandler(logging.Handler):
                 if line is None:
                     self._stream.flush()
                     return
-                self._stream.write(line + self._end)
+                self._write_line(line)
                 if self._lines.empty():
                     self._stream.flush()
             except ValueError:

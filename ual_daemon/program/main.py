@@ -172,6 +172,11 @@ def _printing() -> Iterator[None]:
 @click.option("--tokens", metavar="FILE", help="Callers may show a token of this file (`ual token new`).")
 @click.option("--roles", metavar="FILE", help="What each certificate and token may do, YAML.")
 @click.option("--audit", metavar="FILE", help="Append a line to this file for each call that changes something.")
+@click.option(
+    "--audit-required/--no-audit-required",
+    default=None,
+    help="Accept no motion while the audit cannot be written; landing, aborting and disarming are always accepted.",
+)
 @click.option("--metrics", metavar="HOST:PORT", help="Serve metrics for Prometheus there, over HTTP.")
 @click.option(
     "--network",
@@ -334,6 +339,8 @@ def _fly(
         opening.address_of(settings)
         network = _network(configuration)
         _refuse_arming_while_watching(settings)
+        if settings.audit_required and settings.audit is None:
+            raise ConfigError("which file? Give --audit FILE, too", "audit_required")  # noqa: TRY301
         if settings.auto_arm and uavs[0].vehicle.safety_pilot() is None:
             where = f" at {settings.url}" if settings.url else ""
             raise ConfigError(  # noqa: TRY301
@@ -461,7 +468,8 @@ def _serve(
             audit = _audit(settings, worker)
             if audit is not None:
                 held.callback(audit.close)
-            metrics = _metrics(settings, worker, [interface.ns for interface in interfaces], recording, held)
+            names = [interface.ns for interface in interfaces]
+            metrics = _metrics(settings, worker, names, recording, audit, held)
             daemon = Daemon(
                 uavs,
                 callers,
@@ -469,6 +477,7 @@ def _serve(
                 is_auto_arming=settings.auto_arm,
                 recording=recording,
                 audit=audit,
+                is_audit_required=settings.audit_required,
                 metrics=metrics,
                 supervision=worker,
                 network=network,
@@ -521,6 +530,7 @@ def _metrics(
     worker: Worker | None,
     names: Sequence[str],
     recording: Recording | None,
+    audit: Audit | None,
     held: ExitStack,
 ) -> ProcessMetrics | None:
     """Returns the metrics of this process, if they are wanted. They are served until `held` ends."""
@@ -529,7 +539,7 @@ def _metrics(
     from ual_daemon.program.metrics import opening
     from ual_daemon.program.metrics.gathering import ProcessMetrics
 
-    metrics = ProcessMetrics(names[0], recording)
+    metrics = ProcessMetrics(names[0], recording, audit)
     if worker is not None:
         worker.metrics = metrics.samples  # the supervisor serves them
     elif (exporter := opening.exporter(settings)) is not None:

@@ -13,6 +13,7 @@ from ual_daemon.program import signals
 
 if TYPE_CHECKING:
     from ual.interface import Simulation
+    from ual_daemon.program.recording.audit_writer import AuditReport
     from ual_daemon.server.simulation_service import SimulatedTime
 
 _log = logging.getLogger(__name__)
@@ -32,6 +33,10 @@ class Supervision(Protocol):
 
     def time_of(self, simulation: Simulation) -> SimulatedTime:
         """Returns the time of a simulated UAV of this process, as callers change it."""
+
+    def watch_audit(self, on_report: Callable[[AuditReport], object]) -> None:
+        """Calls back, on the event loop, when the audit of who started this process stands in another way."""
+        return
 
     def ended(self) -> None:
         """Takes note of a clean end."""
@@ -56,6 +61,10 @@ class Unsupervised(Supervision):
     @override
     def time_of(self, simulation: Simulation) -> SimulatedTime:
         return simulation
+
+    @override
+    def watch_audit(self, on_report: Callable[[AuditReport], object]) -> None:
+        return None
 
     @override
     def ended(self) -> None:

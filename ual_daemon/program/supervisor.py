@@ -13,17 +13,21 @@ import json
 import logging
 import os
 import signal
+import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from ual.shared import guard
 from ual_daemon import logs
 from ual_daemon.program import fleet_time, log_output, signals
+from ual_daemon.program.metrics.catalogue import Sample
+from ual_daemon.program.metrics.threads import audit_samples, guard_samples
 from ual_daemon.program.metrics.workers import WorkersMetrics
 from ual_daemon.program.pipes import Pipe
 from ual_daemon.program.supervision import log_serving, span
-from ual_daemon.program.worker import BOUND, END, END_OF_LINE, FAILED, GO, SERVING, Channels, Worker
+from ual_daemon.program.worker import AUDIT, BOUND, END, END_OF_LINE, FAILED, GO, SERVING, Channels, Worker
 
 if TYPE_CHECKING:
     from ual_daemon.program.metrics.exporter import Exporter
@@ -34,6 +38,7 @@ _log = logging.getLogger(__name__)
 
 _END_LIMIT_S = 75.0
 """Longer than the workers need, which end within 70 s."""
+_LABELS = {"process": "supervisor"}
 _CANNOT_START = 1
 _LEFT_IN_MOTION = 3
 
@@ -167,6 +172,7 @@ class Supervisor:
         """
         gc.enable()
         self._handler = log_output.setup(level, format)
+        threading.excepthook = guard.on_ended_thread
         with ExitStack() as held:
             if self._audit_file is not None:
                 from ual_daemon.program.recording.audit_writer import AuditWriter
@@ -195,7 +201,10 @@ class Supervisor:
         for process in self._processes:
             for pipe, _ in self._taking(process):
                 loop.add_reader(pipe.reads, self._read, process)
-        self._metrics = WorkersMetrics(self._processes)
+        self._metrics = WorkersMetrics(self._processes, self._own_samples)
+        if self._audit is not None:
+            self._audit.on_change = partial(_soon, loop, self._tell_of_audit)
+            self._tell_of_audit()
         if self._exporter is not None:
             self._exporter.start(self._metrics.samples)
         self._reap()  # who has ended before this
@@ -240,7 +249,16 @@ class Supervisor:
     def _add_to_audit(self, lines: Sequence[bytes]) -> None:
         for line in lines:
             assert self._audit is not None
-            self._audit.put(partial(json.loads, line))
+            self._audit.put(partial(json.loads, line), len(line))
+
+    def _tell_of_audit(self) -> None:
+        if self._audit is not None:
+            for process in self._processes:
+                process.tell(AUDIT, *self._audit.report)
+
+    def _own_samples(self) -> list[Sample]:
+        audit = [] if self._audit is None else audit_samples(_LABELS, self._audit.figures)
+        return [*guard_samples(_LABELS), *audit]
 
     def _reap(self) -> None:
         for process in self._processes:
@@ -294,3 +312,9 @@ class Supervisor:
     def _kill(self) -> None:
         for each in self._processes:
             each.kill()
+
+
+def _soon(loop: asyncio.AbstractEventLoop, call: Callable[[], object]) -> None:
+    """Has the loop call it, unless it is closed: the fleet has ended."""
+    with suppress(RuntimeError):
+        loop.call_soon_threadsafe(call)

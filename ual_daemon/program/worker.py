@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from typing_extensions import override
 
+from ual.shared.guard import WorkGuard
 from ual_daemon import logs
 from ual_daemon.program import log_output, signals
 from ual_daemon.program.fleet_time import MAKE, FleetTime
@@ -30,14 +31,15 @@ from ual_daemon.program.supervision import Supervision
 
 if TYPE_CHECKING:
     from ual.interface import Simulation
+    from ual_daemon.program.recording.audit_writer import AuditReport
     from ual_daemon.server.simulation_service import SimulatedTime
 
 _log = logging.getLogger(__name__)
 
 BOUND, SERVING, FAILED = "bound", "serving", "failed"
 """The worker's words: all its addresses are open; all its UAVs are served; it cannot start, and why."""
-GO, END = "go", "end"
-"""The supervisor's: serve; end as by a signal."""
+GO, END, AUDIT = "go", "end", "audit"
+"""The supervisor's: serve; end as by a signal; how the audit stands."""
 END_OF_LINE = "\0"
 """Ends each line of a worker's log, which may have several lines of text."""
 
@@ -71,6 +73,9 @@ class Worker(Supervision):
         self.metrics: Callable[[], Sequence[Sample]] | None = None
         """Returns the metrics of its UAVs, if they are wanted."""
         self._is_answering = False
+        self._guard = WorkGuard("metrics")
+        self._on_audit: Callable[[AuditReport], object] = _ignoring
+        self._audit: tuple[str, list[str]] = ("", [])
         # A terminal sends these to all processes of the command; the supervisor is told, and tells its workers.
         for number in (signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
@@ -101,6 +106,17 @@ class Worker(Supervision):
     @override
     def serves(self, names: Sequence[str]) -> None:
         self._tell(SERVING)
+
+    @override
+    def watch_audit(self, on_report: Callable[[AuditReport], object]) -> None:
+        self._on_audit = on_report
+        self._on_audit_report(*self._audit)
+
+    def _on_audit_report(self, trouble: str, checks: list[str]) -> None:
+        from ual_daemon.program.recording.audit_writer import AuditReport
+
+        self._audit = trouble, checks
+        self._on_audit(AuditReport(trouble, tuple(checks)))
 
     @override
     def ended(self) -> None:
@@ -135,6 +151,8 @@ class Worker(Supervision):
             self._end()
         elif word == METRICS:
             self._on_metrics(*rest)
+        elif word == AUDIT:
+            self._on_audit_report(*rest)
         elif self._time is not None:
             answer: Callable[..., None] = self._time.on_make if word == MAKE else self._time.on_made
             answer(*rest)
@@ -146,11 +164,12 @@ class Worker(Supervision):
             threading.Thread(target=self._answer, args=(number, self.metrics), name="metrics", daemon=True).start()
 
     def _answer(self, number: int, gather: Callable[[], Sequence[Sample]]) -> None:
-        try:
+        def answer() -> None:
             with suppress(BrokenPipeError), open(self.channels.metrics, "wb", closefd=False) as pipe:
                 pipe.write(packed(number, gather()) + b"\n")
-        finally:
-            self._is_answering = False
+
+        self._guard.contain(answer)
+        self._is_answering = False
 
     def _on_alone(self) -> None:
         asyncio.get_running_loop().remove_reader(self.channels.orders)
@@ -163,6 +182,10 @@ class Worker(Supervision):
         self._may_serve = False
         self._decided.set()
         self._stop()
+
+
+def _ignoring(_: object) -> None:
+    pass
 
 
 def _nothing() -> None:

@@ -12,11 +12,12 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import grpc
 from typing_extensions import override
 
+from ual.shared.guard import WorkGuard
 from ual_daemon.server.transport.base import Call, Metadata
 
 _USER_AGENT = "user-agent"
@@ -61,6 +62,7 @@ class Observer(Protocol):
 
 
 _numbers = itertools.count(1)
+_guard: Final = WorkGuard("calls")
 
 
 def observed(take: Callable[[Call], None], observers: Sequence[Observer]) -> Callable[[Call], None]:
@@ -138,14 +140,14 @@ class ObservedCall(Call):
         is_first = self._requests_count == 1 and message is not None
         if is_first:
             self._request = message
-            self._before = [observer.on_request(self.method) for observer in self._observers]
+            self._before = [_guard.run(partial(each.on_request, self.method), _nothing) for each in self._observers]
         then(message)
         if is_first and not self._has_ended:
             self._observe(self._record(has_ended=False))
 
     def _observe(self, record: CallRecord) -> None:
         for observer, before in zip(self._observers, self._before, strict=True):
-            observer.on_call(record, before)
+            _guard.contain(partial(observer.on_call, record, before))
 
     def _end(self, response: bytes | None, code: str, details: str, metadata: Metadata) -> None:
         if self._has_ended:
@@ -178,3 +180,7 @@ class ObservedCall(Call):
             self._requests_count,
             **outcome,
         )
+
+
+def _nothing(_: str) -> None:
+    """Returns what a record has where an observer could not tell the state before the call."""

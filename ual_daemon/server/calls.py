@@ -27,6 +27,7 @@ from ual_daemon.server.access.caller import OF_THIS_COMPUTER, Caller
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.access.policy import Access
 from ual_daemon.server.dispatch import SHUTTING_DOWN, Answer, Handler, Method, StatusError
+from ual_daemon.server.motion_gate import MotionGate
 from ual_daemon.server.standstill import BEAT_S, Standstill
 from ual_daemon.server.transport.base import Call
 
@@ -72,9 +73,12 @@ class Calls:
         shutdown_keeps: frozenset[str] = frozenset(),
         access: Access | None = None,
         standstill: Standstill | None = None,
+        motion_gate: MotionGate | None = None,
     ) -> None:
         self.standstill = standstill or Standstill()
         """Refuses what may have waited unread, where it moves something."""
+        self.motion_gate = motion_gate
+        """Refuses motions, where something is needed for them."""
         self._ns = ns
         self._log_name = log_name
         self._has_ended_waiting = False

@@ -20,7 +20,7 @@ from functools import partial
 from typing import Any, Protocol, TypeAlias, TypeVar, cast
 
 import grpc
-from google.protobuf.message import DecodeError
+from google.protobuf.message import DecodeError, Message
 from typing_extensions import override
 
 from ual.errors import TaskAbortedError, UalError
@@ -28,6 +28,8 @@ from ual.wire import rpc_errors
 from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
+from ual_daemon.server.door import require_times
+from ual_daemon.server.motion_gate import FLIES, MotionGate
 from ual_daemon.server.standstill import MOVES, Standstill
 from ual_daemon.server.transport.base import Call
 
@@ -76,6 +78,7 @@ class Register(Protocol):
     """Where the answers under way are known (`ual_daemon.server.calls.Calls`)."""
 
     standstill: Standstill
+    motion_gate: MotionGate | None
 
     def join(self, answer: Answer) -> None:
         """Adds an answer that is under way. Raises `ResourceExhaustedError` where there are too many."""
@@ -125,6 +128,7 @@ class Answer:
         self._calls = calls
         self._method = method
         self._standstill = calls.standstill if call.method in MOVES else None
+        self._motion_gate = calls.motion_gate if call.method in FLIES else None
         self.call = call
 
     def begin(self) -> None:
@@ -167,10 +171,15 @@ class Answer:
     def _decoded(self, message: bytes) -> Any:  # noqa: ANN401  each method has its own
         if self._standstill is not None:
             self._standstill.require_running(self.method_name)
+        if self._motion_gate is not None:
+            self._motion_gate.require_open(self.method_name)
         try:
-            return self._method.decode(message)
+            request = self._method.decode(message)
         except DecodeError as error:
             raise StatusError(grpc.StatusCode.INTERNAL, f"{self.call.method}: no such message: {error}") from None
+        if isinstance(request, Message):
+            require_times(request)
+        return request
 
     def _shutdown(self) -> Exception:
         if self.is_stream:

@@ -20,6 +20,7 @@ from ual_daemon.server.access.policy import Access
 from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.call_log import Observer, observed
 from ual_daemon.server.calls import CallFigures, Calls
+from ual_daemon.server.motion_gate import MotionGate
 from ual_daemon.server.planning import PlanFigures
 from ual_daemon.server.simulation_service import SimulatedTime, SimulationServicer
 from ual_daemon.server.telemetry_stream import LoopCalls, Updates
@@ -107,10 +108,11 @@ class Server:
         more: Sequence[AddedService] = (),
         time_of: Callable[[Simulation], SimulatedTime] | None = None,
         tracing: Tracing | None = None,
+        motion_gate: MotionGate | None = None,
     ) -> None:
         """`observers` observe each call; see `call_log`. `access` says who calls; None: any caller on this computer.
         `more` are the services of extensions. `time_of` returns the time that callers change for a simulation, if that
-        is not its own. `tracing` traces each call.
+        is not its own. `tracing` traces each call. `motion_gate` refuses motions.
         """
         self._simulation: SimulationServicer | None = None
         simulation = _simulation(vehicle)
@@ -123,6 +125,7 @@ class Server:
             shutdown_refuses=(f"/{_UAL_SERVICE}/",),
             shutdown_keeps=NEEDED_TO_LAND | {health.WATCH},  # who watches hears of the shutdown
             access=access,
+            motion_gate=motion_gate,
         )
         self._health = health.HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)

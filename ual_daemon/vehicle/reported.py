@@ -40,6 +40,8 @@ class ReportedVehicle(ABC):
         self.clock = clock
         self.log_name = ""
         """The name of this UAV in the log, if there are several in the process."""
+        self.daemon_checks: tuple[str, ...] = ()
+        """The checks of this daemon that fail, as health tells them: `ual_daemon.program.checks`."""
         self.frame_editor = FrameEditor(resolver, clock)
         """Adds and removes frames."""
         self._resolver = resolver

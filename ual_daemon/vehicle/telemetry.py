@@ -48,11 +48,13 @@ def make_telemetry(
     sequence: int,
     *,
     is_late: bool = False,
+    daemon_checks: tuple[str, ...] = (),
 ) -> Telemetry:
     """Returns a sample, with its poses in `pose_frame_id`.
 
     They are in ``<ns>/odom`` if that is None, or as long as it is not known where that frame is. With `is_late`, what
     few read is computed when it is first read, by the thread that reads it, from what is known now.
+    `daemon_checks` are the checks of this daemon that fail, as health tells them.
     """
     tree = resolver.tree
     control, motion, condition = snapshot.control, snapshot.motion, snapshot.condition
@@ -88,20 +90,23 @@ def make_telemetry(
         "odometry": partial(_odometry, body if odom_loss is None else None, twist, tree.odom, tree.body, stamp_s),
         "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
         "position_geo": snapshot.position_geo,
-        "health": partial(_health, snapshot),
+        "health": partial(_health, snapshot, daemon_checks),
     }
     if is_late:
         return Telemetry.late(lambda name: late[name](), **known)
     return Telemetry(**known, **{name: make() for name, make in late.items()})
 
 
-def _health(snapshot: Snapshot) -> Health | None:
-    """Returns the autopilot's health, with the failsafe and who holds the control."""
+def _health(snapshot: Snapshot, daemon_checks: tuple[str, ...]) -> Health | None:
+    """Returns the autopilot's health, with the failsafe, who holds the control, and what fails in the daemon."""
     failsafe, held_by = snapshot.control.failsafe, snapshot.control.held_by
-    if failsafe is None and held_by is None:
-        return snapshot.condition.health
+    health = snapshot.condition.health
+    if failsafe is None and held_by is None and not daemon_checks:
+        return health
+    health = health or Health()
     return replace(
-        snapshot.condition.health or Health(),
+        health,
+        failing_checks=(*health.failing_checks, *daemon_checks),
         failsafe="" if failsafe is None else failsafe.value,
         held_by="" if held_by is None else held_by.value,
     )

@@ -279,7 +279,14 @@ class Vehicle(ReportedVehicle):
     def _sample(self, snapshot: Snapshot, found: Estimate, *, is_late: bool = False) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
         return make_telemetry(
-            snapshot, found, self._resolver, self._flight, self._pose_frame_id, sequence, is_late=is_late
+            snapshot,
+            found,
+            self._resolver,
+            self._flight,
+            self._pose_frame_id,
+            sequence,
+            is_late=is_late,
+            daemon_checks=self.daemon_checks,
         )
 
     def observe_setpoints(self, callback: Callable[[Setpoint], None]) -> None:

@@ -38,11 +38,30 @@ def verify(session: Session, file: Path, head: str | None) -> None:
             f"{file}: it ends with {found.head}, not with the given hash: its end is missing, or all of it was written "
             "anew"
         )
-    torn = f", {found.torn_count} of them incomplete (the daemon was killed)" if found.torn_count else ""
     session.emit(
-        {"lines": found.lines_count, "torn": found.torn_count, "head": found.head},
-        f"whole: {found.lines_count} lines{torn}; the last hash is {found.head}",
+        {
+            "lines": found.lines_count,
+            "torn": found.torn_count,
+            "lost": found.lost_count,
+            "untold": found.untold_count,
+            "interruptions": found.interruptions,
+            "losses": found.losses,
+            "head": found.head,
+        },
+        f"whole: {found.lines_count} lines{_gaps(found)}; the last hash is {found.head}",
     )
+
+
+def _gaps(found: chain.Verified) -> str:
+    """Returns what the lines say of what is missing."""
+    of_them = {"incomplete (its daemon ended amid it)": found.torn_count, "without content": found.untold_count}
+    text = "".join(f", {count} of them {what}" for what, count in of_them.items() if count)
+    if found.interruptions:
+        why = ", ".join(dict.fromkeys(found.interruptions))
+        text += f"; it could not be written {len(found.interruptions)} time(s): {why}"
+    if found.losses:
+        text += f"; it begins after another file of the same name: that one {', '.join(dict.fromkeys(found.losses))}"
+    return text + f"; {found.lost_count} LINES ARE MISSING, as the daemon says itself" * bool(found.lost_count)
 
 
 audit.add_command(verify)

@@ -135,4 +135,4 @@ def test_a_last_line_that_a_killed_daemon_has_left_is_counted(tmp_path: Path) ->
     file.write_bytes(LINES[0] + b"\n" + LINES[1][:30])
     result = CliRunner().invoke(cli, ["audit", "verify", str(file)])
     assert result.exit_code == 0
-    assert result.output.startswith("whole: 2 lines, 1 of them incomplete (the daemon was killed); the last hash is")
+    assert result.output.startswith("whole: 2 lines, 1 of them incomplete (its daemon ended amid it); the last hash is")

@@ -78,6 +78,13 @@ _PROCESS = {
     "ual_recorder_queue_entries": Metric("gauge", "", "Entries that wait for the disk."),
     "ual_recorder_queue_bytes": Metric("gauge", "bytes", "About how many bytes wait for the disk."),
     "ual_recorder_lost_entries": Metric("counter", "", "Entries that were dropped because the disk is too slow."),
+    "ual_worker_failures": Metric("counter", "", "Entries that a worker thread could not process, by its name."),
+    "ual_threads_ended": Metric("counter", "", "Threads of a process that have ended by a defect."),
+    "ual_audit_writable": Metric("gauge", "", "Whether lines of the audit can be written."),
+    "ual_audit_queue_entries": Metric("gauge", "", "Lines of the audit that wait for the disk."),
+    "ual_audit_queue_bytes": Metric("gauge", "bytes", "Bytes of requests and answers that wait for the audit's disk."),
+    "ual_audit_lost_lines": Metric("counter", "", "Lines of the audit that were dropped because too much waited."),
+    "ual_audit_file_losses": Metric("counter", "", "How often the audit's file was removed, moved or replaced."),
 }
 CATALOGUE: Mapping[str, Metric] = {**_UAV, **_LINK, **_FLIGHT, **_CALLS, **_PROCESS}
 """All metrics, by name, in the order in which they are served."""

@@ -19,8 +19,8 @@ import prometheus_client
 from prometheus_client.core import Metric
 from typing_extensions import override
 
+from ual.shared.guard import WorkGuard
 from ual_daemon import logs
-from ual_daemon.backends.engine.loop import OnceLog
 from ual_daemon.program.metrics.catalogue import CATALOGUE, Sample
 from ual_daemon.server.addresses import Address
 
@@ -34,6 +34,8 @@ FRESH_S = 0.5
 _REQUEST_S = 2.0
 """A client that sends nothing for so long is left, as the next one waits."""
 _END_S = 5.0
+_AFTER_DEFECT_S = 0.1
+"""The pause after a request that ended in an exception: without one it could take all of a core."""
 
 
 class Collected(prometheus_client.registry.Collector):
@@ -67,13 +69,13 @@ def families(samples: Iterable[Sample]) -> list[Metric]:
 
 def _guarded(app: Application) -> Application:
     """Returns the application with its defects in the log, instead of on stderr."""
-    failures = OnceLog("the metrics could not be gathered; this is a defect of UAL, please report it")
+    guard = WorkGuard("metrics")
 
     def answer(environ: dict[str, Any], start_response: Any) -> Iterable[bytes]:  # noqa: ANN401  as WSGI has it
         try:
             return app(environ, start_response)
         except Exception as error:  # noqa: BLE001  a defect concerns the metrics only
-            failures.log(error)
+            guard.note(error)
             start_response("500 Internal Server Error", [])
             return ()
 
@@ -119,6 +121,7 @@ class Exporter:
         self._server = _Server(address)
         self.address = Address(address.host, self._server.server_port)
         self._is_closing = False
+        self._guard = WorkGuard("metrics")
         self._thread = threading.Thread(target=self._run, name="metrics", daemon=True)
 
     def start(self, gather: Callable[[], Iterable[Sample]]) -> None:
@@ -144,4 +147,5 @@ class Exporter:
 
     def _run(self) -> None:
         while not self._is_closing:
-            self._server.handle_request()
+            if not self._guard.contain(self._server.handle_request):
+                time.sleep(_AFTER_DEFECT_S)

@@ -14,11 +14,13 @@ from ual_daemon._version import __version__
 from ual_daemon.backends.values import LinkReport
 from ual_daemon.program.metrics.catalogue import Sample
 from ual_daemon.program.metrics.setpoint_meter import BOUNDS_S, SetpointMeter
+from ual_daemon.program.metrics.threads import audit_samples, guard_samples
 from ual_daemon.server.server import ServerFigures
 from ual_daemon.vehicle.figures import Figures
 
 if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle
+    from ual_daemon.program.recording.audit_writer import AuditFigures
 
 _SETPOINTS_DUE = (State.FLYING_AUTO, State.TAKING_OFF, State.UNINITIALIZED)
 """In UNINITIALIZED it is not known where the UAV is: setpoints are due as before."""
@@ -39,6 +41,15 @@ class Recorded(Protocol):
     @property
     def figures(self) -> QueueFigures:
         """What waits to be written."""
+        ...
+
+
+class Audited(Protocol):
+    """The audit of all UAVs of the process."""
+
+    @property
+    def figures(self) -> AuditFigures:
+        """How it stands."""
         ...
 
 
@@ -155,8 +166,9 @@ class UavMetrics:
 class ProcessMetrics:
     """The metrics of one process and of all its UAVs. `process` is its name: that of its first UAV."""
 
-    def __init__(self, process: str, recording: Recorded | None = None) -> None:
+    def __init__(self, process: str, recording: Recorded | None = None, audit: Audited | None = None) -> None:
         self._labels = {"process": process}
+        self._audit = audit
         self._recording = recording
         self._uavs: tuple[UavMetrics, ...] = ()
 
@@ -166,7 +178,12 @@ class ProcessMetrics:
 
     def samples(self) -> list[Sample]:
         """Returns all values, as they are now. From any thread."""
-        return [*self._of_process(), *self._of_recorder(), *(each for uav in self._uavs for each in uav.samples())]
+        of_uavs = (each for uav in self._uavs for each in uav.samples())
+        return [*self._of_process(), *self._of_recorder(), *self._of_workers(), *of_uavs]
+
+    def _of_workers(self) -> list[Sample]:
+        audit = [] if self._audit is None else audit_samples(self._labels, self._audit.figures)
+        return [*guard_samples(self._labels), *audit]
 
     def _of_process(self) -> Iterator[Sample]:
         used = resource.getrusage(resource.RUSAGE_SELF)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotInTimeError  # Python 3.10 has two of them
 from typing import Protocol
@@ -40,8 +40,10 @@ def packed(number: int, samples: Sequence[Sample]) -> bytes:
 class WorkersMetrics:
     """Asks the workers. `samples` is for the exporter's thread, the rest belongs to the event loop that runs now."""
 
-    def __init__(self, workers: Sequence[Worker]) -> None:
+    def __init__(self, workers: Sequence[Worker], own: Callable[[], Sequence[Sample]] = tuple) -> None:
+        """`own` returns the values of the supervisor itself."""
         self._workers = workers
+        self._own = own
         self._loop = asyncio.get_running_loop()
         self._number = 0
         self._found: dict[int, list[Sample]] = {}
@@ -81,4 +83,4 @@ class WorkersMetrics:
             return
         silent = [name for i, worker in enumerate(self._workers) if i not in self._found for name in worker.names]
         down = [Sample("ual_up", "", {"ns": name}, 0.0) for name in silent]
-        asked.set_result([*(each for found in self._found.values() for each in found), *down])
+        asked.set_result([*(each for found in self._found.values() for each in found), *down, *self._own()])

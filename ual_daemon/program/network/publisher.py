@@ -12,6 +12,8 @@ import secrets
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 
 from ual.errors import UalError
 from ual.network import computer
@@ -19,6 +21,7 @@ from ual.network.keys import Source
 from ual.network.publishing import Publication
 from ual.network.settings import NetworkSettings
 from ual.network.values import Report, Teller, UavReport
+from ual.shared.guard import WorkGuard
 from ual_daemon import logs
 from ual_daemon._version import __version__
 from ual_daemon.program.network.told import Told
@@ -50,6 +53,7 @@ class Publisher:
         self._host = settings.host or computer.host()
         self._uavs: Sequence[Told] = ()
         self._is_closing = threading.Event()
+        self._guard = WorkGuard("network")
         self._is_connected: bool | None = None
         self._thread = threading.Thread(target=self._run, name="network", daemon=True)
 
@@ -93,7 +97,10 @@ class Publisher:
                 return Publication(self._settings, self._source, _JOIN_S)
             except UalError as error:
                 self._note(is_connected=False, why=str(error))
-                self._is_closing.wait(_RETRY_S)
+            except Exception as error:  # noqa: BLE001  such as a router's answer that the library does not know
+                self._guard.note(error)
+                self._note(is_connected=False, why=self._guard.last_cause)
+            self._is_closing.wait(_RETRY_S)
         return None
 
     def _publish(self, publication: Publication) -> None:
@@ -102,9 +109,15 @@ class Publisher:
         while not self._is_closing.is_set():
             self._note(is_connected=publication.is_connected, why="no router is reached")
             for report in self.reports(period_s):
-                publication.put(report)
+                self._put(publication, report)
             due_s = max(due_s + period_s, time.monotonic())
             self._is_closing.wait(due_s - time.monotonic())
+
+    def _put(self, publication: Publication, report: Report) -> None:
+        """Tells of UAVs, and where that fails of each by itself: one of them must not silence the others."""
+        if not self._guard.contain(partial(publication.put, report)):
+            for uav in report.uavs:
+                self._guard.contain(partial(publication.put, replace(report, uavs=(uav,))))
 
     def reports(self, period_s: float) -> Iterator[Report]:
         """Makes what is told at once, in pieces, and leaves time to others between two UAVs."""
@@ -112,7 +125,8 @@ class Publisher:
         for begin in range(0, len(self._uavs), _MOST_IN_REPORT):
             told: list[UavReport] = []
             for uav in self._uavs[begin : begin + _MOST_IN_REPORT]:
-                told.append(uav.report(self._host))
+                found = self._guard.run(partial(uav.report, self._host), _nothing)
+                told += [] if found is None else [found]
                 time.sleep(pause_s)  # a flight's thread runs meanwhile
             yield Report(self._teller, tuple(told))
 
@@ -127,3 +141,7 @@ class Publisher:
             logs.event(_log, logging.INFO, "network_joined", site=self._settings.site, at=where, publisher=publisher)
         else:
             logs.event(_log, logging.WARNING, "network_lost", site=self._settings.site, at=where, why=why)
+
+
+def _nothing(_: str) -> None:
+    """Returns what is told of a UAV whose report cannot be made."""

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from typing_extensions import override
 
+from ual.access import audit
 from ual.access.roles import Role
+from ual.shared.guard import WorkGuard
 from ual_daemon.program.recording.audit_file import time_text
 from ual_daemon.program.recording.audit_writer import AuditWriter
 from ual_daemon.program.recording.call_json import to_json
@@ -47,7 +49,9 @@ class Audit(AuditWriter):
 
     def put_call(self, vehicle: ServedVehicle, record: CallRecord, before: object) -> None:
         """Writes the line of a call, soon. From any thread."""
-        self.put(partial(_entry, _Waiting(vehicle, record, before, vehicle.state().name, self._now())))
+        size_bytes = len(record.request or b"") + len(record.response or b"")
+        waiting = _Waiting(vehicle, record, before, vehicle.state().name, self._now())
+        self.put(partial(_entry, waiting, self.guard), size_bytes)
 
 
 class _UavAudit(Observer):
@@ -65,8 +69,18 @@ class _UavAudit(Observer):
             self._audit.put_call(self._vehicle, record, before)
 
 
-def _entry(waiting: _Waiting) -> dict[str, Any]:
-    values = to_json(waiting.record)
-    call = {name: values.pop(name) for name in ("event", "id", "identity", "caller", "agent", "method")}
-    states = {"state_before": waiting.before, "state_after": waiting.after}
-    return {"time": time_text(waiting.utc), "ns": waiting.vehicle.ns, **call, **values, **states}
+def _entry(waiting: _Waiting, guard: WorkGuard) -> dict[str, Any]:
+    """Returns the line of a call; one without its content where that cannot be told."""
+    record = waiting.record
+    call = {
+        "time": time_text(waiting.utc),
+        "ns": waiting.vehicle.ns,
+        "event": "ended" if record.has_ended else "began",
+        "id": record.number,
+        "identity": record.identity,
+        "caller": record.caller,
+        "agent": record.agent,
+        "method": record.method,
+    }
+    content = guard.run(lambda: to_json(record), lambda why: {audit.UNTOLD: why})
+    return {**call, **content, "state_before": waiting.before, "state_after": waiting.after}

@@ -14,18 +14,25 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from typing_extensions import override
 
 from ual import __version__
 from ual.access import audit
+from ual.shared import output_file
 from ual_daemon import logs
 
 _log = logging.getLogger(__name__)
 
 _MODE = 0o600
 _LONGEST_LINE = 8 << 20
+"""In bytes: so far from its end the last whole line of a file is looked for."""
+_LONGEST_ADDED = 4 << 20
+_LEAST_SPACE_BYTES = 64 << 10
+"""What a disk needs to take further lines."""
+_OUTLINE = frozenset({"event", "time", "ns", "id", "identity", "caller", "agent", "method"})
+"""What is written of an entry that is too long."""
 
 
 class AuditError(Exception):
@@ -51,15 +58,35 @@ class Lines(ABC):
     def __init__(self, file: int) -> None:
         self._file = file
         self._unwritten = b""
+        self._begun_bytes = 0  # of the first unwritten line: these are in the file
 
     @property
     def has_unwritten(self) -> bool:
         """Whether something was added that is not written."""
         return bool(self._unwritten)
 
+    @property
+    def unwritten_bytes(self) -> int:
+        """How much was added that is not written."""
+        return len(self._unwritten)
+
     @abstractmethod
     def add(self, entry: dict[str, Any]) -> None:
         """Adds a line, to be written."""
+
+    def look(self, now: datetime) -> str:
+        """Returns what has become of the file since the last time, human-readable; empty if it is there. One that is
+        lost is begun anew, with what is not written.
+
+        Raises:
+            AuditError: It is lost, and cannot be begun anew now.
+
+        """
+        return ""
+
+    def has_space(self) -> bool:
+        """Returns whether the disk has space for further lines, as far as it says so."""
+        return True
 
     def write(self) -> None:
         """Writes what was added.
@@ -68,8 +95,25 @@ class Lines(ABC):
             OSError: It cannot be written now; what is left is written the next time.
 
         """
-        while self._unwritten:
-            self._unwritten = self._unwritten[os.write(self._file, self._unwritten) :]
+        written = self._begun_bytes
+        try:
+            while written < len(self._unwritten):
+                written += os.write(self._file, self._unwritten[written:])
+        except OSError:
+            self._keep(written)
+            raise
+        self._unwritten, self._begun_bytes = b"", 0
+
+    def _keep(self, written: int) -> None:
+        """Keeps what is not written, from the beginning of its first line."""
+        begin = self._unwritten.rfind(b"\n", 0, written) + 1
+        self._unwritten, self._begun_bytes = self._unwritten[begin:], written - begin
+        if self._begun_bytes and self._takes_back(self._unwritten[: self._begun_bytes]):
+            self._begun_bytes = 0
+
+    def _takes_back(self, begun: bytes) -> bool:
+        """Returns whether the beginning of a line is not in the file any more."""
+        return False
 
     def close(self) -> None:
         """Ends it, once everything is written."""
@@ -85,33 +129,80 @@ class AuditFile(Lines):
     """
 
     def __init__(self, path: Path, now: Callable[[], datetime] = utc_now) -> None:
-        super().__init__(_opened(path))
+        opened = _open(path)
+        super().__init__(opened.file)
         self._path = path
         self.name = str(path)
-        self._head, torn = _head(self._file, path)
-        self._unwritten = b"" if torn is None else b"\n"
-        self._begin(torn, now())
-
-    def _begin(self, torn: bytes | None, now: datetime) -> None:
-        entry: dict[str, Any] = {"event": audit.OPENED, "time": time_text(now), "version": __version__}
-        if torn is not None:
-            entry[audit.TORN] = hashlib.sha256(torn).hexdigest()
-        self.add(entry)
+        self._added: list[dict[str, Any]] = []  # what is not written, as entries: another file has another chain
+        self._is_synced = True
+        self._begin(opened, now())
         try:
             self.write()
         except OSError as error:
-            raise AuditError(f"cannot write the audit {self._path}: {error.strerror}") from None
+            os.close(self._file)
+            raise AuditError(f"cannot write the audit {path}: {error.strerror}") from None
+
+    def _begin(self, opened: _Opened, now: datetime, **why: str) -> None:
+        """Begins to write to a file that was opened."""
+        self._file, self._head, self._begun_bytes = opened.file, opened.head, 0
+        self._unwritten = b"" if opened.torn is None else b"\n"
+        entry: dict[str, Any] = {"event": audit.OPENED, "time": time_text(now), "version": __version__, **why}
+        if opened.torn is not None:
+            entry[audit.TORN] = hashlib.sha256(opened.torn).hexdigest()
+        self.add(entry)
 
     @override
     def add(self, entry: dict[str, Any]) -> None:
-        text, self._head = audit.line(entry, self._head)
+        text, head = audit.line(entry, self._head)
+        if len(text) > _LONGEST_ADDED:
+            outline = {name: value for name, value in entry.items() if name in _OUTLINE}
+            entry = {**outline, audit.UNTOLD: f"{len(text)} bytes, and a line has at most {_LONGEST_ADDED}"}
+            text, head = audit.line(entry, self._head)
+        self._head = head
         self._unwritten += text + b"\n"
+        self._added.append(entry)
+
+    @override
+    def look(self, now: datetime) -> str:
+        loss = output_file.loss_of(self._path, self._file)
+        if loss:
+            opened = _open(self._path)
+            os.close(self._file)
+            added, self._added = self._added, []
+            self._begin(opened, now, **{audit.AFTER: loss, "previous_hash": self._head})
+            for entry in added:
+                self.add(entry)
+        return loss
+
+    @override
+    def has_space(self) -> bool:
+        return output_file.has_space(self._file, _LEAST_SPACE_BYTES)
 
     @override
     def write(self) -> None:
         if self._unwritten:
+            self._is_synced = False
             super().write()
+            self._added.clear()
+        if not self._is_synced:
             os.fdatasync(self._file)
+            self._is_synced = True
+
+    @override
+    def _keep(self, written: int) -> None:
+        del self._added[: self._unwritten.count(b"\n", 0, written)]
+        super()._keep(written)
+
+    @override
+    def _takes_back(self, begun: bytes) -> bool:
+        try:
+            begin = os.fstat(self._file).st_size - len(begun)
+            is_last = begin >= 0 and os.pread(self._file, len(begun), begin) == begun
+            if is_last:
+                os.ftruncate(self._file, begin)
+        except OSError:  # it may only be appended to
+            return False
+        return is_last
 
     @override
     def close(self) -> None:
@@ -133,7 +224,15 @@ class AuditPipe(Lines):
         self._unwritten += json.dumps(entry).encode() + b"\n"
 
 
-def _opened(path: Path) -> int:
+class _Opened(NamedTuple):
+    """A file to append to: the hash of its last whole line, and what an incomplete line after it has."""
+
+    file: int
+    head: str
+    torn: bytes | None
+
+
+def _open(path: Path) -> _Opened:
     """Opens the file, which no other daemon may write at the same time."""
     try:
         file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, _MODE)
@@ -141,10 +240,16 @@ def _opened(path: Path) -> int:
         raise AuditError(f"cannot write the audit {path}: {error.strerror}") from None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return _Opened(file, *_head(file, path))
     except BlockingIOError:
         os.close(file)
         raise AuditError(f"another daemon writes the audit {path}: each needs a file of its own") from None
-    return file
+    except AuditError:
+        os.close(file)
+        raise
+    except OSError as error:
+        os.close(file)
+        raise AuditError(f"cannot read the audit {path}: {error.strerror}") from None
 
 
 def _head(file: int, path: Path) -> tuple[str, bytes | None]:

@@ -2,22 +2,54 @@
 
 from __future__ import annotations
 
+import errno
 import logging
+import os
 import threading
 from collections import deque
 from collections.abc import Callable
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 
+from ual.access import audit
+from ual.shared.guard import WorkGuard
 from ual_daemon import logs
-from ual_daemon.program.recording.audit_file import Lines, time_text, utc_now
+from ual_daemon.program.recording.audit_file import AuditError, Lines, time_text, utc_now
 
 _log = logging.getLogger(__name__)
 
 _MOST_WAITING = 10_000
 """So many lines wait at most for a disk that takes none."""
+_MOST_BYTES = 64 << 20
+"""So many bytes of requests and answers wait at most."""
+_PIECE_BYTES = 1 << 20
+"""So much is made ready to be written at once: a line takes many times the memory of its request."""
+_LOOK_S = 0.5
+"""How often it is looked whether the file and the space for it are there, at least."""
 _RETRY_S = 1.0
 _CLOSE_LIMIT_S = 5.0
+
+
+class AuditReport(NamedTuple):
+    """How an audit stands: why it cannot be written now (empty: it can), and what of it is to be told."""
+
+    trouble: str = ""
+    checks: tuple[str, ...] = ()
+
+
+class AuditFigures(NamedTuple):
+    """Whether lines can be written, what waits for that, how many lines were lost, and how often the file was."""
+
+    is_writable: bool
+    entries_count: int
+    size_bytes: int
+    lost_count: int
+    file_losses_count: int
+
+
+class _Entry(NamedTuple):
+    make: Callable[[], dict[str, Any]]
+    size_bytes: int
 
 
 class AuditWriter:
@@ -26,22 +58,66 @@ class AuditWriter:
     def __init__(self, lines: Lines, now: Callable[[], datetime] = utc_now) -> None:
         self._lines = lines
         self._now = now
-        self._waiting: deque[Callable[[], dict[str, Any]]] = deque()
-        self._lost_count = 0
-        self._is_failing = False
+        self.guard = WorkGuard("audit")
+        self.on_change: Callable[[], object] = bool
+        """Called when `report` returns something else, on the thread that writes."""
+        self._above = AuditReport()
+        self._waiting: deque[_Entry] = deque()
+        self._waiting_bytes = 0
+        self._untold_loss_count = self._lost_count = 0
+        self._file_losses_count, self._last_loss = 0, ""
+        self._failure = ""
+        self._failing_since = ""
+        self._has_space = True
+        self._reported = AuditReport()
         self._has_more = threading.Condition()
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name="audit", daemon=True)
         self._thread.start()
 
-    def put(self, entry: Callable[[], dict[str, Any]]) -> None:
-        """Writes the line that `entry` makes, soon. From any thread."""
+    @property
+    def trouble(self) -> str:
+        """Why lines cannot be written now, human-readable; empty if they can."""
+        if self._failure or self._above.trouble:
+            return self._failure or self._above.trouble
+        if not self._has_space:
+            return os.strerror(errno.ENOSPC)
+        return "" if self._thread.is_alive() else "its thread has ended"
+
+    @property
+    def report(self) -> AuditReport:
+        """How it stands now. From any thread."""
+        trouble, found = self.trouble, []
+        if trouble:
+            found.append(f"the audit {self._lines.name} cannot be written: {trouble}")
+        if self._file_losses_count:
+            found.append(f"the file of the audit {self._last_loss} (losses since the start: {self._file_losses_count})")
+        if self._lost_count:
+            found.append(f"lines of the audit were lost since the start: {self._lost_count}")
+        return AuditReport(trouble, tuple(dict.fromkeys((*self._above.checks, *found))))
+
+    @property
+    def figures(self) -> AuditFigures:
+        """What is measured of it. From any thread."""
+        counts = len(self._waiting), self._waiting_bytes, self._lost_count, self._file_losses_count
+        return AuditFigures(not self.trouble, *counts)
+
+    def on_report_above(self, report: AuditReport) -> None:
+        """Takes note of how the audit of the supervisor stands, to which these lines go."""
+        self._above = report
+        self._tell()
+
+    def put(self, entry: Callable[[], dict[str, Any]], size_bytes: int = 0) -> None:
+        """Writes the line that `entry` makes of so many bytes, soon. From any thread."""
         with self._has_more:
-            if len(self._waiting) < _MOST_WAITING:
-                self._waiting.append(entry)
+            if len(self._waiting) < _MOST_WAITING and self._waiting_bytes + size_bytes <= _MOST_BYTES:
+                self._waiting.append(_Entry(entry, size_bytes))
+                self._waiting_bytes += size_bytes
             else:
+                self._untold_loss_count += 1
                 self._lost_count += 1
-            self._has_more.notify()
+            if not self._failure:
+                self._has_more.notify()
 
     def close(self) -> None:
         """Writes what waits, and ends. The log has the last hash, by which `ual audit verify --head` finds a cut."""
@@ -49,43 +125,79 @@ class AuditWriter:
             self._is_closing = True
             self._has_more.notify()
         self._thread.join(_CLOSE_LIMIT_S)
-        if self._waiting or self._lines.has_unwritten or self._thread.is_alive():
-            logs.event(_log, logging.ERROR, "audit_incomplete", file=self._lines.name, lines=len(self._waiting))
+        lines_count = len(self._waiting) + self._untold_loss_count
+        if lines_count or self._lines.has_unwritten or self._thread.is_alive():
+            why = self._failure or "the disk is too slow"
+            logs.event(_log, logging.ERROR, "audit_incomplete", file=self._lines.name, lines=lines_count, why=why)
             return
         self._lines.close()
 
     def _run(self) -> None:
-        while self._take():
-            try:
-                self._lines.write()
-            except OSError as error:
-                self._fail(error)
-            else:
-                self._recover()
+        has_ended = False
+        while not has_ended:
+            with self._has_more:
+                if not self._is_closing and (self._failure or not self._waiting):
+                    self._has_more.wait(_RETRY_S if self._failure else _LOOK_S)
+                is_closing = self._is_closing
+            self._turn()
+            has_ended = is_closing and (bool(self._failure) or not self._waiting)
 
-    def _take(self) -> bool:
-        """Waits for lines, and makes them ready to be written. Returns False at the end."""
+    def _turn(self) -> None:
+        """Writes a piece of what waits, and finds out what cannot be done now."""
+        try:
+            self._look()
+            if not self._failure:
+                self._take_piece()
+            self._lines.write()
+            self._resume()
+            self._has_space = self._lines.has_space()
+        except OSError as error:
+            self._fail(error.strerror or str(error))
+        except AuditError as error:
+            self._fail(str(error))
+        except Exception as error:  # noqa: BLE001  whatever it is, the thread goes on and tries again
+            self.guard.note(error)
+            self._fail(f"{type(error).__name__}: {error}")
+        self._tell()
+
+    def _look(self) -> None:
+        loss = self._lines.look(self._now())
+        if loss:
+            self._file_losses_count, self._last_loss = self._file_losses_count + 1, loss
+            logs.event(_log, logging.ERROR, "audit_file_lost", file=self._lines.name, why=loss, remedy="begun anew")
+
+    def _take_piece(self) -> None:
+        """Makes ready to be written what waits: some of it, if that is much."""
+        while self._waiting and self._lines.unwritten_bytes < _PIECE_BYTES:
+            entry = self._waiting[0]
+            if not self.guard.contain(lambda entry=entry: self._lines.add(entry.make())):  # type: ignore[misc]
+                self._lines.add({"event": audit.UNTOLD, "time": time_text(self._now()), "why": self.guard.last_cause})
+            with self._has_more:
+                self._waiting.popleft()
+                self._waiting_bytes -= entry.size_bytes
+
+    def _resume(self) -> None:
+        """Tells in the file and in the log that lines are written again, and how many were lost."""
         with self._has_more:
-            if not (self._waiting or self._is_closing):
-                self._has_more.wait()
-            if self._is_failing and not self._is_closing:
-                self._has_more.wait(_RETRY_S)
-            taken = [] if self._is_failing else list(self._waiting)
-            if not self._is_failing:
-                self._waiting.clear()
-            is_end = self._is_closing and not taken and (self._is_failing or not self._lines.has_unwritten)
-        for each in taken:
-            self._lines.add(each())
-        return not is_end
-
-    def _fail(self, error: OSError) -> None:
-        if not self._is_failing:
-            self._is_failing = True
-            logs.event(_log, logging.ERROR, "audit_fails", file=self._lines.name, why=error.strerror, retry_s=_RETRY_S)
-
-    def _recover(self) -> None:
-        self._is_failing = False
-        if self._lost_count:
-            count, self._lost_count = self._lost_count, 0
+            count, self._untold_loss_count = self._untold_loss_count, 0
+            why, self._failure = self._failure, ""
+        if why:
+            since = self._failing_since
+            logs.event(_log, logging.INFO, "audit_resumes", file=self._lines.name, since=since, why=why, lost=count)
+            self._lines.add({"event": audit.RESUMED, "time": time_text(self._now()), "since": since, "why": why})
+        if count:
             logs.event(_log, logging.ERROR, "audit_lost", file=self._lines.name, lines=count)
-            self._lines.add({"event": "lost", "time": time_text(self._now()), "lines": count})
+            self._lines.add({"event": audit.LOST, "time": time_text(self._now()), "lines": count})
+        self._lines.write()
+
+    def _fail(self, why: str) -> None:
+        if not self._failure:
+            self._failing_since = time_text(self._now())
+            logs.event(_log, logging.ERROR, "audit_fails", file=self._lines.name, why=why, retry_s=_RETRY_S)
+        self._failure = why
+
+    def _tell(self) -> None:
+        report = self.report
+        if report != self._reported:
+            self._reported = report
+            self.guard.contain(self.on_change)

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.json_format import MessageToDict
-from google.protobuf.message import DecodeError, Message
+from google.protobuf.message import Message
 
+from ual.shared import guard
 from ual.wire import rpc_errors
 from ual_daemon.server.call_log import CallRecord
 
@@ -48,14 +49,14 @@ def to_json(call: CallRecord) -> dict[str, Any]:
 
 
 def _message(kind: type[Message] | None, data: bytes | None) -> dict[str, Any] | None:
-    """Returns a packed message as JSON has it; what cannot be read as its number of bytes."""
+    """Returns a packed message as JSON has it; what JSON cannot express as its number of bytes, and why."""
     if data is None:
         return None
     try:
         if kind is not None:
             return _without_secrets(MessageToDict(kind.FromString(data), preserving_proto_field_name=True))
-    except (DecodeError, ValueError):
-        pass
+    except Exception as error:  # noqa: BLE001  a caller chose the bytes, and protobuf raises errors of many kinds
+        return {"unreadable_bytes": len(data), "why": guard.cause(error)}
     return {"unreadable_bytes": len(data)}
 
 

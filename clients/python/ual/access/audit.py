@@ -20,6 +20,15 @@ OPENED = "opened"
 """The event of the line with which a daemon begins to write."""
 TORN = "torn_sha256"
 """The field of such a line that has the hash of the incomplete line before it, which a killed daemon has left."""
+LOST = "lost"
+"""The event of a line that says how many lines are missing before it, in the field `lines`."""
+UNTOLD = "untold"
+"""The event of a line in place of one that could not be made, or the field of a line without its request and answer."""
+RESUMED = "resumed"
+"""The event of the first line after a time in which the file could not be written."""
+AFTER = "after"
+"""The field of the line `OPENED` that says what became of the file before."""
+_GAP = re.compile(rb'"(?:lost|untold|resumed|after)"')
 _BEGIN = b'{"'
 _LINE = re.compile(rb'(\{.*),"hash":"([0-9a-f]{64})"\}')
 
@@ -30,11 +39,26 @@ class BrokenChainError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """A whole chain: how many lines, how many of them incomplete (a daemon was killed), and the last hash."""
+    """A whole chain, and what its lines themselves say of what is missing.
+
+    Args:
+        lines_count: How many lines it has.
+        torn_count: How many of them are incomplete: their daemon was killed, or could not write on.
+        head: The last hash.
+        lost_count: How many lines a daemon could not keep until they could be written.
+        untold_count: How many calls have a line without their content.
+        interruptions: Why the file could not be written, once for each time.
+        losses: What became of the file before this one, once for each time.
+
+    """
 
     lines_count: int
     torn_count: int
     head: str
+    lost_count: int = 0
+    untold_count: int = 0
+    interruptions: tuple[str, ...] = ()
+    losses: tuple[str, ...] = ()
 
 
 def line(entry: dict[str, Any], previous: str) -> tuple[bytes, str]:
@@ -59,6 +83,7 @@ def verify(lines: Iterable[bytes]) -> Verified:
     """
     previous, count, torn_count = START, 0, 0
     torn: bytes | None = None
+    gaps = _Gaps()
     ends = False
     for number, line_text in enumerate(lines, start=1):
         count, ends, text = number, line_text.endswith(b"\n"), line_text.rstrip(b"\n")
@@ -74,11 +99,40 @@ def verify(lines: Iterable[bytes]) -> Verified:
         if digest != _digest(body, previous):
             raise BrokenChainError(f"line {number} was changed, or lines before it were removed, added or swapped")
         previous, torn = digest, None
+        try:
+            gaps.add(body)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):  # no daemon wrote it
+            raise BrokenChainError(f"line {number} is no line of an audit") from None
     if previous == START:
         raise BrokenChainError("it has no whole line of an audit")
     if torn is not None and (ends or not torn.startswith(_BEGIN)):  # a killed daemon ends amid a line
         raise BrokenChainError(f"line {count} is no line of an audit")
-    return Verified(count, torn_count, previous)
+    gap_texts = tuple(gaps.interruptions), tuple(gaps.losses)
+    return Verified(count, torn_count, previous, gaps.lost_count, gaps.untold_count, *gap_texts)
+
+
+class _Gaps:
+    """What lines say of what is missing beside them."""
+
+    def __init__(self) -> None:
+        self.lost_count = self.untold_count = 0
+        self.interruptions: list[str] = []
+        self.losses: list[str] = []
+
+    def add(self, body: bytes) -> None:
+        """Takes note of a line whose hash is right."""
+        if not _GAP.search(body):
+            return
+        entry = json.loads(body)  # as a daemon has made it
+        event = entry.get("event")
+        if event == LOST:
+            self.lost_count += int(entry["lines"])
+        elif event == RESUMED:
+            self.interruptions.append(str(entry["why"]))
+        elif event == OPENED and AFTER in entry:
+            self.losses.append(str(entry[AFTER]))
+        elif event == UNTOLD or UNTOLD in entry:
+            self.untold_count += 1
 
 
 def _torn_hash(body: bytes) -> str | None:

@@ -8,6 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from ual.network.roster import Roster
 from ual.network.session import close_session, has_router, open_session, queue, require, ring
 from ual.network.settings import LOOPBACK, NetworkSettings
 from ual.network.values import NetworkUav
+from ual.shared.guard import WorkGuard
 from ual.wire import network as wire
 
 if TYPE_CHECKING:
@@ -70,6 +72,7 @@ class Network:
         self._roster = Roster(self._drop)
         self._is_closed = False
         self._closing = threading.Event()
+        self._guard = WorkGuard("listener")
         self._readers: list[threading.Thread] = []
         self._session = open_session(self.settings, timeout_s)
         self._since_s = time.monotonic()
@@ -199,11 +202,14 @@ class Network:
         """Asks who is there where signs of life and reports contradict each other."""
         links = LostLinks(self._session.info.links)
         while not self._closing.wait(_ASK_S):
-            links.look()
-            with self._changed:
-                is_doubtful = self._roster.is_doubtful(time.monotonic())
-            if is_doubtful:
-                self._ask()
+            self._guard.contain(partial(self._look, links))
+
+    def _look(self, links: LostLinks) -> None:
+        links.look()
+        with self._changed:
+            is_doubtful = self._roster.is_doubtful(time.monotonic())
+        if is_doubtful:
+            self._ask()
 
     def _ask(self) -> None:
         import zenoh
@@ -219,7 +225,7 @@ class Network:
 
     def _on_tokens(self, samples: Sequence[zenoh.Sample]) -> None:
         for sample in samples:
-            self._on_token(sample)
+            self._guard.contain(partial(self._on_token, sample))
 
     def _on_samples(self, samples: Sequence[zenoh.Sample]) -> None:
         """Takes the newest reports of each process: a listener that is too slow must not show old ones as new."""
@@ -231,7 +237,7 @@ class Network:
             with self._changed:
                 newest = self._roster.pieces(source) or len(waiting)
             for sample in waiting[-newest:]:
-                self._on_sample(source, sample)
+                self._guard.contain(partial(self._on_sample, source, sample))
 
     def _on_sample(self, source: keys.Source, sample: zenoh.Sample) -> None:
         now_s = time.monotonic()

@@ -16,6 +16,7 @@ from ual.interface import Gimbals, Gripper
 from ual.recording.recorder import Entry, Output, Recorder
 from ual.recording.telemetry import stamp_of, transform_of
 from ual.recording.topics import of_protobuf
+from ual.shared.guard import WorkGuard
 from ual.types import Frame
 from ual.v1 import gripper_pb2 as pb
 from ual.wire import gripper as convert
@@ -81,6 +82,7 @@ class Carried:
         self._equipment: Equipment | None = None
         self._watched: set[int] = set()
         self._closing = threading.Event()
+        self._guard = WorkGuard("carried")
         self._lock = threading.Lock()
         self._threads: list[threading.Thread] = []
         """Those that were started."""
@@ -115,6 +117,8 @@ class Carried:
                 return
             except UalError:  # what cannot be had now is asked for again
                 continue
+            except Exception as error:  # noqa: BLE001  nor does what a device tells end its thread
+                self._guard.note(error)
 
     # --- Gimbals ------------------------------------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ from ual.interface import Cameras
 from ual.recording.recorder import Entry, Output, Recorder
 from ual.recording.telemetry import stamp_of, transform_of
 from ual.recording.topics import of_protobuf
+from ual.shared.guard import WorkGuard
 from ual.shared.new_photos import NewPhotos
 from ual.v1 import camera_pb2 as pb
 from ual.wire import cameras as convert
@@ -99,6 +100,7 @@ class Pictures:
         self._topics: dict[int, PictureTopics] = {}
         self._new: defaultdict[int, NewPhotos] = defaultdict(NewPhotos)
         self._closing = threading.Event()
+        self._guard = WorkGuard("pictures")
         self._thread = threading.Thread(target=self._run, name=f"pictures of {ns}", daemon=True)
         self.figures = PictureFigures()
         """What came of them so far."""
@@ -151,5 +153,9 @@ class Pictures:
             act()
         except UalError as error:
             self.figures = self.figures._replace(reason=error.message)
+            return False
+        except Exception as error:  # noqa: BLE001  what a camera tells must not end its thread
+            self._guard.note(error)
+            self.figures = self.figures._replace(reason=self._guard.last_cause)
             return False
         return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import logging
 import os
 import threading
@@ -15,7 +16,8 @@ from typing import Any, NamedTuple, Protocol
 
 from ual import __version__
 from ual.recording.file import File
-from ual.recording.topics import Topic
+from ual.recording.topics import Topic, json_schema, of_json
+from ual.shared.guard import WorkGuard
 
 _log = logging.getLogger(__name__)
 
@@ -30,6 +32,15 @@ MOST_BYTES = 64 << 20
 _ENTRY_BYTES = 400
 """About what an entry takes, beside what it brings along."""
 _CLOSE_LIMIT_S = 10.0
+_UNTOLD = of_json(
+    "/untold",
+    json_schema(
+        "UalUntold",
+        "An entry that could not be recorded.",
+        what={"type": "string", "description": "which kind of entry"},
+        why={"type": "string"},
+    ),
+)
 METADATA = "ual"
 """The name of the metadata record of each file: version, names of the UAVs, and the clocks."""
 
@@ -109,7 +120,7 @@ class Recorder:
         self._lost_lock = threading.Lock()
         self._lost_count = 0
         self._logged_lost_count = 0
-        self._has_failed_entry = False
+        self._guard = WorkGuard("recording")
         self._closing = threading.Event()
         self._on_file: list[Callable[[], None]] = []
         self.has_ended = False
@@ -188,19 +199,15 @@ class Recorder:
         """Writes the entries that wait now."""
         for _ in range(len(self._entries)):
             entry = self._entries.popleft()
-            try:
-                entry.write(self._file, entry)
-            except OSError:
-                raise
-            except Exception:  # noqa: BLE001  the others can be written
-                self._log_failed_entry()
+            if not self._guard.contain(lambda entry=entry: entry.write(self._file, entry), passes=OSError):  # type: ignore[misc]
+                self._write_untold(entry)
         if not self._entries:
             self._bytes = 0
 
-    def _log_failed_entry(self) -> None:
-        if not self._has_failed_entry:
-            self._has_failed_entry = True
-            _log.exception("something could not be recorded; this is a defect of UAL, please report it")
+    def _write_untold(self, entry: Entry) -> None:
+        """Writes in place of an entry why it is missing."""
+        data = json.dumps({"what": entry.write.__qualname__, "why": self._guard.last_cause}).encode()
+        self._file.write(_UNTOLD, data, entry.log_ns, entry.log_ns)
 
     def _flush(self, now_s: float) -> None:
         self._file.flush()
@@ -209,7 +216,7 @@ class Recorder:
             self._file.finish()
             self._file = self._open()
             for callback in self._on_file:
-                callback()
+                self._guard.contain(callback, passes=OSError)
 
     def _open(self) -> File:
         self._opened_s = time.monotonic()

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 from typing_extensions import Self
 
+from ual.shared.guard import WorkGuard
+
 if TYPE_CHECKING:
     from rich.text import Text
 
@@ -50,6 +52,7 @@ class Log:
         )
         self._work: queue.Queue[Callable[[], object] | None] = queue.Queue(_MOST_WAITING)
         self._lost_count = 0
+        self._guard = WorkGuard("launch log")
         self._thread = threading.Thread(target=self._write, name="log", daemon=True)
 
     def __enter__(self) -> Self:
@@ -112,6 +115,9 @@ class Log:
             if is_gone:
                 continue
             try:
-                work()
+                if not self._guard.contain(work, passes=OSError):
+                    self._console.print(
+                        f"{LAUNCH:<{self._width}} a line cannot be shown: {ascii(self._guard.last_cause)}"
+                    )
             except (OSError, SystemExit):  # rich ends the program by the latter where a pipe is closed
                 is_gone = True

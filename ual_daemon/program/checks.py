@@ -1,0 +1,48 @@
+"""The checks of the daemon itself, which its UAVs' health tells: the audit, and threads that ended by a defect."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol
+
+from ual.shared import guard
+
+BEGIN = "daemon: "
+"""How each check begins in `failing_checks`."""
+
+
+class Checked(Protocol):
+    """What tells of the checks: a vehicle."""
+
+    daemon_checks: tuple[str, ...]
+
+
+class DaemonChecks:
+    """Says to vehicles which checks of the daemon fail, whenever that has changed.
+
+    `sources` return the checks that fail, human-readable, from any thread.
+    """
+
+    def __init__(self, vehicles: Sequence[Checked], sources: Iterable[Callable[[], Sequence[str]]] = ()) -> None:
+        self._vehicles = vehicles
+        self._sources = (*sources, _ended_threads)
+
+    def refresh(self) -> None:
+        """Looks at the checks anew. From any thread; to be called when one of them has changed."""
+        found = tuple(BEGIN + each for source in self._sources for each in source())
+        for vehicle in self._vehicles:
+            vehicle.daemon_checks = found
+
+    def watch_threads(self) -> None:
+        """Tells of threads of this process that end by a defect, from now on."""
+
+        def on_end(args: threading.ExceptHookArgs) -> None:
+            guard.on_ended_thread(args)
+            self.refresh()
+
+        threading.excepthook = on_end
+
+
+def _ended_threads() -> list[str]:
+    return [f"its thread {name!r} has ended by a defect" for name in guard.ended_threads()]

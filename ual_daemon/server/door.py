@@ -1,0 +1,92 @@
+"""The check of times in requests, once for all services: stamps and durations that JSON and clocks can express.
+
+A protobuf Timestamp carries any 64-bit number. What is beyond its documented range ends in an error wherever it is
+converted: in the audit, in recordings, in a client.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from google.protobuf.descriptor import Descriptor, FieldDescriptor
+from google.protobuf.message import Message
+
+from ual.errors import InvalidArgumentError
+
+_YEAR_1_S, _YEAR_9999_S = -62_135_596_800, 253_402_300_799
+_LONGEST_DURATION_S = 315_576_000_000
+_NANOS_PER_S = 1_000_000_000
+_TIMESTAMP, _DURATION = "google.protobuf.Timestamp", "google.protobuf.Duration"
+
+
+class _Part(NamedTuple):
+    """A field that is a time, or that leads to one."""
+
+    name: str
+    is_repeated: bool
+    is_map: bool
+    kind: Descriptor
+
+
+def require_times(message: Message) -> None:
+    """Requires that each time of a message, at any depth, is one.
+
+    Raises:
+        InvalidArgumentError: One is out of range; metadata ``field`` names it.
+
+    """
+    parts = _parts(message.DESCRIPTOR)
+    if parts:
+        _require(message, parts, "")
+
+
+def _require(message: Message, parts: Iterable[_Part], above: str) -> None:
+    for part in parts:
+        if part.is_repeated:
+            found: Any = getattr(message, part.name)
+            for key, each in found.items() if part.is_map else enumerate(found):
+                _require_one(each, part.kind, f"{above}{part.name}[{key}]")
+        elif message.HasField(part.name):
+            _require_one(getattr(message, part.name), part.kind, above + part.name)
+
+
+def _require_one(value: Any, kind: Descriptor, field: str) -> None:  # noqa: ANN401  a message that fits its descriptor
+    if kind.full_name == _TIMESTAMP:
+        if not (_YEAR_1_S <= value.seconds <= _YEAR_9999_S and 0 <= value.nanos < _NANOS_PER_S):
+            raise _refusal(value, field, f"seconds {_YEAR_1_S} to {_YEAR_9999_S}, nanos 0 to 999999999")
+    elif kind.full_name == _DURATION:
+        has_one_sign = value.seconds * value.nanos >= 0
+        if not (has_one_sign and abs(value.seconds) <= _LONGEST_DURATION_S and abs(value.nanos) < _NANOS_PER_S):
+            raise _refusal(value, field, "seconds of at most 10000 years, nanos of the same sign below 1 s")
+    else:
+        _require(value, _parts(kind), field + ".")
+
+
+def _refusal(value: Any, field: str, needed: str) -> InvalidArgumentError:  # noqa: ANN401  as above
+    return InvalidArgumentError(
+        f"{field} is no time: seconds {value.seconds}, nanos {value.nanos}; it needs {needed}", {"field": field}
+    )
+
+
+@lru_cache(maxsize=1024)
+def _parts(kind: Descriptor) -> tuple[_Part, ...]:
+    """Returns the fields of a message that lead to a time."""
+    return tuple(_part(field) for field in kind.fields if _leads_to_time(field, frozenset()))
+
+
+def _part(field: FieldDescriptor) -> _Part:
+    kind = field.message_type
+    is_map = kind.GetOptions().map_entry
+    below = kind.fields_by_name["value"].message_type if is_map else kind
+    return _Part(field.name, field.is_repeated, is_map, below)
+
+
+def _leads_to_time(field: FieldDescriptor, above: frozenset[str]) -> bool:
+    kind = field.message_type
+    if kind is None or kind.full_name in above:
+        return False
+    if kind.full_name in (_TIMESTAMP, _DURATION):
+        return True
+    return any(_leads_to_time(each, above | {kind.full_name}) for each in kind.fields)
