@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import logging
 import os
 import subprocess
@@ -170,7 +171,7 @@ def test_large_entries_are_bounded_by_their_bytes(tmp_path: Path) -> None:
     recorder.close()
 
 
-def test_what_cannot_be_encoded_is_logged_once_and_the_rest_is_recorded(
+def test_what_cannot_be_encoded_is_told_in_its_place_and_the_rest_is_recorded(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail(*_: object) -> None:
@@ -182,8 +183,26 @@ def test_what_cannot_be_encoded_is_logged_once_and_the_rest_is_recorded(
         recorder.put(fail, 0, None)
         put(recorder, number)
     recorder.close()
-    assert numbers(recorder.path) == [0, 1, 2, 3, 4]
+    found = list(Recording(recorder.path).messages())
+    assert [int(each.data) for each in found if each.topic != "/untold"] == [0, 1, 2, 3, 4]
+    assert [json.loads(each.data)["why"] for each in found if each.topic == "/untold"] == ["ValueError: a defect"] * 5
     assert len(caplog.records) == 1
+
+
+def test_what_repeats_itself_in_each_file_may_fail(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    def fail() -> None:
+        raise OverflowError("a defect")
+
+    recorder = Recorder(tmp_path, "uav_1", Turnover(size_bytes=1))
+    begun = threading.Event()
+    recorder.at_each_file(fail)
+    recorder.at_each_file(begun.set)
+    recorder.start()
+    put(recorder, 1)
+    assert begun.wait(LIMIT_S)
+    assert not recorder.has_ended
+    recorder.close()
+    assert [each.name for each in caplog.records] == ["ual.shared.guard"]
 
 
 @pytest.mark.parametrize("cut_bytes", [1, 7, 100])

@@ -258,3 +258,13 @@ def test_what_is_logged_is_bounded(log: Log, format_: log_output.Format) -> None
     assert len(field) < 600
     assert "... (100000 characters)" in field
     assert len(message) < 2300
+
+
+def test_a_line_that_the_stream_cannot_encode_does_not_end_the_log() -> None:
+    written = io.BytesIO()
+    stream = io.TextIOWrapper(written, encoding="utf-8", errors="strict")  # as a worker's pipe
+    handler = log_output.BackgroundHandler(stream)
+    for text in ("before", "a file \udcff of ü", "after"):
+        handler.handle(LOG.makeRecord(LOG.name, logging.INFO, "", 0, text, (), None))
+    handler.close()
+    assert written.getvalue().decode().splitlines() == ["before", r"a file \udcff of \xfc", "after"]

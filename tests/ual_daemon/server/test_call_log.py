@@ -136,3 +136,27 @@ def test_what_was_before_the_request_is_handed_back_with_each_record() -> None:
     call.say(b"request")
     taken[0].finish(b"answer")
     assert notes.before == [f"before {call.method}"] * 2
+
+
+class Defective(Observer):
+    """Can observe nothing."""
+
+    @override
+    def on_request(self, method: str) -> object:
+        raise OverflowError(method)
+
+    @override
+    def on_call(self, record: CallRecord, before: object) -> None:
+        raise ValueError(record.method)
+
+
+def test_an_observer_that_fails_keeps_no_call_and_no_other_observer_from_its_end() -> None:
+    taken: list[Call] = []
+    call, notes = ScriptedCall(), Notes()
+    observed(taken.append, [Defective(), notes])(call)
+    [seen] = taken
+    seen.receive(lambda _: seen.finish(b"answer"))
+    call.say(b"request")
+    assert call.is_finished
+    assert [record.response for record in notes.records] == [b"answer"]
+    assert notes.before == [f"before {call.method}"]

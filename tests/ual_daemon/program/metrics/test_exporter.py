@@ -112,7 +112,7 @@ def test_a_defect_is_logged_and_the_next_request_is_answered(serve: Serve, caplo
     with caplog.at_level(logging.ERROR), pytest.raises(HTTPError, match="500") as caught:
         text_of(address)
     caught.value.close()
-    assert "could not be gathered; this is a defect of UAL" in caplog.text
+    assert "metrics: an entry could not be processed, the others are; this is a defect of UAL" in caplog.text
     assert scraped(address)("ual_up", ns="uav_1") == 1.0
 
 

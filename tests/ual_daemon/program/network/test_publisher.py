@@ -11,6 +11,7 @@ import pytest
 from tests.ual.network.samples import telemetry
 from ual.network.keys import publisher as publisher_of
 from ual.network.settings import NetworkSettings
+from ual.types import Telemetry
 from ual_daemon.program.network import setup
 from ual_daemon.program.network.publisher import Publisher
 from ual_daemon.program.network.told import Told
@@ -86,3 +87,14 @@ def test_zenoh_is_known_where_the_network_is_joined_and_nowhere_else() -> None:
     assert importers == {"ual.network.listening", "ual.network.publishing", "ual.network.session"}
     listening = graph.find_shortest_chains("ual_daemon", "ual.network.listening", as_packages=True)
     assert {chain[-2] for chain in listening} <= {"ual.network"}  # by name only, when a program asks for it
+
+
+def test_a_uav_that_cannot_be_told_of_silences_no_other() -> None:
+    def fail() -> Telemetry:
+        raise OverflowError("a stamp beyond all years")
+
+    teller = Publisher(NetworkSettings(), publisher_of(["uav_1", "uav_2", "uav_3"]))
+    broken = Told("uav_2", "light", [], fail)
+    teller.begin([told("uav_1"), broken, told("uav_3")])
+    for _ in range(2):
+        assert [uav.ns for each in teller.reports(0.01) for uav in each.uavs] == ["uav_1", "uav_3"]
