@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ual.discovery import Registration
 from ual.errors import UalError
+from ual.shared.guard import WorkGuard
 from ual_tools.output import error_text
 from ual_tools.selection import chosen_daemons
 from ual_tools.session import Session, note
@@ -35,11 +36,11 @@ def all_subscribed(session: Session, board: Board, rate_hz: float, *, is_quiet: 
 def kept_up_to_date(roster: Roster) -> Iterator[None]:
     """Looks for daemons that appear or end, again and again, while the block runs. Then it closes the roster."""
     roster.update()
-    is_closing = threading.Event()
+    is_closing, guard = threading.Event(), WorkGuard("roster")
 
     def scan() -> None:
         while not is_closing.wait(_SCAN_S):
-            roster.update()
+            guard.contain(roster.update)
 
     scanner = threading.Thread(target=scan, daemon=True)
     scanner.start()

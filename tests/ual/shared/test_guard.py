@@ -36,7 +36,7 @@ def test_a_thread_that_ends_nevertheless_is_known(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(threading, "excepthook", guard.on_ended_thread)
-    monkeypatch.setattr(guard._process, "_ended", ())  # noqa: SLF001  it is the process's
+    monkeypatch.setattr(guard._process, "_ended", ())
     thread = threading.Thread(target=fail, name="a worker")
     thread.start()
     thread.join()

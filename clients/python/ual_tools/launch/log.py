@@ -116,8 +116,6 @@ class Log:
                 continue
             try:
                 if not self._guard.contain(work, passes=OSError):
-                    self._console.print(
-                        f"{LAUNCH:<{self._width}} a line cannot be shown: {self._guard.last_cause!a}"
-                    )
+                    self._console.print(f"{LAUNCH:<{self._width}} a line cannot be shown: {self._guard.last_cause!a}")
             except (OSError, SystemExit):  # rich ends the program by the latter where a pipe is closed
                 is_gone = True

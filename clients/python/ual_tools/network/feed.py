@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
+from ual.shared.guard import WorkGuard
 from ual_tools.network.joined import label
 from ual_tools.watch_board import LOST_S, Board
 
@@ -73,11 +74,11 @@ class Feed:
 def feeding(feed: Feed) -> Iterator[None]:
     """Updates a board again and again while the block runs."""
     feed.update()
-    is_closing = threading.Event()
+    is_closing, guard = threading.Event(), WorkGuard("network")
 
     def follow() -> None:
         while not is_closing.wait(_LOOK_S):
-            feed.update()
+            guard.contain(feed.update)
 
     thread = threading.Thread(target=follow, name="ual network", daemon=True)
     thread.start()

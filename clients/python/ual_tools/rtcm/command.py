@@ -11,6 +11,7 @@ from typing_extensions import Self
 
 from ual.corrections import CorrectionsStatus
 from ual.errors import DaemonUnreachableError, LinkLostError, UalError
+from ual.shared.guard import WorkGuard
 from ual.types import GeoPoint, GpsInfo
 from ual_tools import values
 from ual_tools.app import command
@@ -107,6 +108,7 @@ class _Sending:
         self._reader = reader
         self._sender = sender
         self._tell = tell
+        self._guard = WorkGuard("corrections")
         self._thread = threading.Thread(target=self._run, name="corrections", daemon=True)
 
     def __enter__(self) -> Self:
@@ -128,6 +130,10 @@ class _Sending:
                 self.is_over.wait(RETRY_S)
             except UalError as error:
                 self.failure = error
+                break
+            except Exception as error:  # noqa: BLE001  the command must end, and say why
+                self._guard.note(error)
+                self.failure = UalError(f"the corrections have ended by a defect: {self._guard.last_cause}")
                 break
         self.is_over.set()
 

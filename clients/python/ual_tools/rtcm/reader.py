@@ -11,6 +11,7 @@ from queue import Empty, Full, Queue
 from typing_extensions import Self
 
 from ual.errors import UalError
+from ual.shared.guard import WorkGuard
 from ual_tools.rtcm.source import SILENCE_S, WAIT_S, Source, SourceError
 
 FIRST_PAUSE_S = 1.0
@@ -36,6 +37,7 @@ class Reader:
         self._first_pause_s = first_pause_s
         self._clock = clock
         self._has_read = False
+        self._guard = WorkGuard("rtcm")
         self._chunks: Queue[bytes] = Queue(MOST_CHUNKS)
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rtcm", daemon=True)
@@ -68,6 +70,9 @@ class Reader:
             except UalError as error:
                 self.failure = error
                 return
+            except Exception as error:  # noqa: BLE001  what a caster sends must not end the thread
+                self._guard.note(error)
+                why = self._guard.last_cause
             if self._closed.is_set():
                 return
             pause_s = self._first_pause_s if self._has_read else min(2.0 * pause_s, LONGEST_PAUSE_S)

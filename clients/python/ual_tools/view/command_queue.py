@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from ual import Uav
 from ual.errors import DaemonUnreachableError, UalError
+from ual.shared.guard import WorkGuard
 from ual_tools.output import error_text
 from ual_tools.view.fleet import Fleet, Member
 from ual_tools.view.journal import Journal
@@ -50,6 +51,7 @@ class CommandQueue:
         self.count = 0
         self._fleet = fleet
         self._journal = journal
+        self._guard = WorkGuard("orders of a page")
         self._lock = threading.Lock()
         self._asked = 0
         self._asking = threading.BoundedSemaphore(_MOST_ASKED)
@@ -103,6 +105,9 @@ class CommandQueue:
             except UalError as error:
                 self._journal.refused(ns, what, error, time.time())
                 why = error_text(error)
+            except Exception as error:  # noqa: BLE001  as in `_do`
+                self._guard.note(error)
+                why = self._guard.last_cause
             self._say(report.add(ns, why))
 
         for ns in names:
@@ -126,6 +131,9 @@ class CommandQueue:
         except UalError as error:
             self._journal.refused(ns, what, error, time.time())
             self._say(f"{ns}: {what}: REFUSED: {error_text(error)}")
+        except Exception as error:  # noqa: BLE001  the operator must see how it ended
+            self._guard.note(error)
+            self._say(f"{ns}: {what}: FAILED: {self._guard.last_cause}")
         finally:
             free.release()
 

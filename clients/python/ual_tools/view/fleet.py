@@ -13,6 +13,7 @@ from ual import Uav
 from ual.discovery import Registration
 from ual.errors import UalError
 from ual.interface import Lease
+from ual.shared import guard
 from ual.types import Frame, Geofence, Info, Route, TaskStatus, Telemetry
 from ual_tools.network.feed import Feed, feeding
 from ual_tools.output import error_text
@@ -232,4 +233,7 @@ class Named:
                 self.found = Registration(info.namespace, 0, self.address, info.backend, 0.0)
             except UalError as error:
                 self.refuse(error_text(error))
+                self.is_closed.wait(_RETRY_S)
+            except Exception as error:  # noqa: BLE001  what answers there may be no daemon
+                self.refuse(guard.cause(error))
                 self.is_closed.wait(_RETRY_S)

@@ -14,6 +14,7 @@ import viser
 from PIL import Image, UnidentifiedImageError
 
 from ual.geometry import Vector3
+from ual.shared.guard import WorkGuard
 from ual_tools import places
 from ual_tools.view.earth import Origin, Place, Tile, tiles_around
 from ual_tools.view.journal import Journal
@@ -59,11 +60,11 @@ class MapLayer:
     @contextmanager
     def running(self) -> Iterator[None]:
         """Draws while the block runs."""
-        is_closing = threading.Event()
+        is_closing, guard = threading.Event(), WorkGuard("map")
 
         def run() -> None:
             while not is_closing.wait(_LOOK_S):
-                self.update()
+                guard.contain(self.update)
 
         threading.Thread(target=run, name="ual view map", daemon=True).start()
         try:

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from ual_ros2 import values
 from ual_ros2.messages import Entity, Message
 
+LATEST_S = float((1 << 31) - 1)
+"""The latest stamp of ROS: a later one, as of a camera with a wrong clock, cannot be written into a message."""
 STANDS_S = 2.0
 """Simulated time that has been the same for so long stands."""
 
@@ -39,7 +41,7 @@ class RosTime:
 
     def stamp(self, stamp: Message, utc_s: float) -> None:
         """Fills a stamp with a time of UTC."""
-        stamp.sec, stamp.nanosec = values.split(max(0.0, utc_s + self._offset_s()))
+        stamp.sec, stamp.nanosec = values.split(min(max(0.0, utc_s + self._offset_s()), LATEST_S))
 
     def stamp_now(self, stamp: Message) -> None:
         """Fills a stamp with the present."""
@@ -55,7 +57,7 @@ class RosTime:
         """Turns a stamp into one of UTC; an empty one, which means now, stays so."""
         utc_s = self.utc_s(stamp)
         if utc_s:
-            stamp.sec, stamp.nanosec = values.split(max(0.0, utc_s))
+            stamp.sec, stamp.nanosec = values.split(min(max(0.0, utc_s), LATEST_S))
 
     def _offset_s(self) -> float:
         """How far ROS' clock is before UTC."""

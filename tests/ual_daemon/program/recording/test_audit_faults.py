@@ -72,6 +72,11 @@ def checks(uav: ual.Uav) -> str:
     return "" if health is None else "; ".join(each for each in health.failing_checks if each.startswith("daemon: "))
 
 
+def until_checks(uav: ual.Uav, text: str) -> None:
+    """Waits until the checks of the daemon that fail have a text; an empty one: until none fails."""
+    until(lambda: text in checks(uav) if text else not checks(uav))
+
+
 def metric(daemon: DaemonProcess, name: str) -> float:
     return scraped(str(daemon.wait_for("metrics")["address"]))(name)
 
@@ -99,7 +104,7 @@ def test_without_its_audit_nothing_flies_and_what_ends_a_flight_does(start_daemo
                 uav.return_to_launch,
                 uav.recover_from_manual,
             ):
-                with pytest.raises(ual.WrongStateError, match="audit cannot be written .File too large") as caught:
+                with pytest.raises(ual.WrongStateError, match=r"audit cannot be written \(File too large") as caught:
                     command()
                 assert caught.value.metadata["by"] == "audit"
             uav.abort()
@@ -134,11 +139,11 @@ def test_each_worker_of_a_fleet_learns_of_it(start_daemon: StartDaemon, file: Pa
         with without_space(daemon, file):
             first.set_home()
             for uav in (first, second):
-                until(lambda uav=uav: "cannot be written" in checks(uav))
+                until_checks(uav, "cannot be written")
                 with pytest.raises(ual.WrongStateError, match="File too large"):
                     uav.take_off(3.0)
         for uav in (first, second):
-            until(lambda uav=uav: not checks(uav))
+            until_checks(uav, "")
             uav.take_off(3.0, blocking=False)
         address = str(daemon.wait_for("metrics")["address"])
         assert scraped(address)("ual_audit_writable", process="supervisor") == 1.0
@@ -222,9 +227,8 @@ def test_a_directory_that_is_gone_is_a_failure_until_it_is_back(start_daemon: St
         until(lambda: "cannot be written" not in checks(uav))
         uav.take_off(3.0, blocking=False)
     end(daemon)
-    assert [each.get("reason") for each in entries(file) if each.get("method", "").endswith("TakeOff")][
-        0
-    ] == "WRONG_STATE"
+    taken_off = [each for each in entries(file) if each.get("method", "").endswith("TakeOff")]
+    assert taken_off[0]["reason"] == "WRONG_STATE"
 
 
 # --- The writer by itself ---------------------------------------------------------------------------------------------
@@ -237,7 +241,7 @@ class Disk:
         self.is_full = False
         self.tried = threading.Event()
         self._write = os.write
-        monkeypatch.setattr(audit_file.os, "write", self.write)
+        monkeypatch.setattr(f"{audit_file.__name__}.os.write", self.write)
 
     def write(self, to: int, data: bytes) -> int:
         if not self.is_full:
@@ -315,7 +319,7 @@ def test_a_full_disk_at_the_end_leaves_no_part_of_a_line(file: Path, monkeypatch
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with stepped() as uav:
-        monkeypatch.setattr(audit_file.os, "write", write)
+        monkeypatch.setattr(f"{audit_file.__name__}.os.write", write)
         it.put_call(uav.vehicle, record(1), None)
         it.close()
     assert [each["event"] for each in entries(file)] == ["opened"]
@@ -327,7 +331,7 @@ def test_a_disk_without_space_is_trouble_before_anything_is_written(
 ) -> None:
     it = Audit(AuditFile(file))
     assert it.trouble == ""
-    monkeypatch.setattr(audit_file.output_file, "has_space", lambda *_: False)
+    monkeypatch.setattr(f"{audit_file.__name__}.output_file.has_space", lambda *_: False)
     until(lambda: it.trouble == "No space left on device")
     it.put(lambda: {"event": "ended"})  # what still fits is written
     it.close()
