@@ -140,14 +140,21 @@ class ObservedCall(Call):
         is_first = self._requests_count == 1 and message is not None
         if is_first:
             self._request = message
-            self._before = [_guard.run(partial(each.on_request, self.method), _nothing) for each in self._observers]
+            for number, observer in enumerate(self._observers):
+                try:
+                    self._before[number] = observer.on_request(self.method)
+                except Exception as error:  # noqa: BLE001  as in `_observe`
+                    _guard.note(error)
         then(message)
         if is_first and not self._has_ended:
             self._observe(self._record(has_ended=False))
 
     def _observe(self, record: CallRecord) -> None:
         for observer, before in zip(self._observers, self._before, strict=True):
-            _guard.contain(partial(observer.on_call, record, before))
+            try:
+                observer.on_call(record, before)
+            except Exception as error:  # noqa: BLE001  the call must be answered, and other observers hear of it
+                _guard.note(error)
 
     def _end(self, response: bytes | None, code: str, details: str, metadata: Metadata) -> None:
         if self._has_ended:
@@ -180,7 +187,3 @@ class ObservedCall(Call):
             self._requests_count,
             **outcome,
         )
-
-
-def _nothing(_: str) -> None:
-    """Returns what a record has where an observer could not tell the state before the call."""

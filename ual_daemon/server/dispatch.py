@@ -28,7 +28,7 @@ from ual.wire import rpc_errors
 from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
-from ual_daemon.server.door import require_times
+from ual_daemon.server.door import require_times, ways_to_times
 from ual_daemon.server.motion_gate import FLIES, MotionGate
 from ual_daemon.server.standstill import MOVES, Standstill
 from ual_daemon.server.transport.base import Call
@@ -56,6 +56,10 @@ class Method:
     def __init__(self, handler: Handler) -> None:
         # Generated code gives all three; gRPC's types do not know that.
         self.decode = cast("Callable[[bytes], Any]", handler.request_deserializer)
+        # What decodes is a method of the request's class; an extension may have another one.
+        kind = getattr(self.decode, "__self__", None)
+        is_message = isinstance(kind, type) and issubclass(kind, Message)
+        self.times = ways_to_times(cast("Any", kind).DESCRIPTOR) if is_message else ()
         self.encode = cast("Callable[[Any], bytes]", handler.response_serializer)
         self.serve = cast(
             "Callable[[Any, Any], Any]",
@@ -177,8 +181,8 @@ class Answer:
             request = self._method.decode(message)
         except DecodeError as error:
             raise StatusError(grpc.StatusCode.INTERNAL, f"{self.call.method}: no such message: {error}") from None
-        if isinstance(request, Message):
-            require_times(request)
+        if self._method.times:
+            require_times(request, self._method.times)
         return request
 
     def _shutdown(self) -> Exception:

@@ -6,9 +6,9 @@ converted: in the audit, in recordings, in a client.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import Message
@@ -21,6 +21,10 @@ _NANOS_PER_S = 1_000_000_000
 _TIMESTAMP, _DURATION = "google.protobuf.Timestamp", "google.protobuf.Duration"
 
 
+Ways: TypeAlias = "tuple[tuple[tuple[str, ...], bool], ...]"
+"""For each time the fields that lead to it, and whether these are all: else lists, maps or the same kind follow."""
+
+
 class _Part(NamedTuple):
     """A field that is a time, or that leads to one."""
 
@@ -30,16 +34,42 @@ class _Part(NamedTuple):
     kind: Descriptor
 
 
-def require_times(message: Message) -> None:
-    """Requires that each time of a message, at any depth, is one.
+def require_times(message: Message, ways: Ways) -> None:
+    """Requires that each time of a message, at any depth, is one. Each setpoint passes through it.
+
+    `ways` are those of its kind (`ways_to_times`).
 
     Raises:
         InvalidArgumentError: One is out of range; metadata ``field`` names it.
 
     """
-    parts = _parts(message.DESCRIPTOR)
-    if parts:
-        _require(message, parts, "")
+    for names, is_leaf in ways:
+        found: Any = message
+        for name in names:
+            if not found.HasField(name):
+                break
+            found = getattr(found, name)
+        else:
+            if not is_leaf or found.ByteSize():
+                _require(message, _parts(message.DESCRIPTOR), "")
+                return
+
+
+def ways_to_times(kind: Descriptor) -> Ways:
+    """Returns the fields that lead to each time of a kind of message; none where it has no time."""
+    return tuple(_ways_of(_parts(kind), (), frozenset({kind.full_name})))
+
+
+def _ways_of(
+    parts: Iterable[_Part], above: tuple[str, ...], kinds: frozenset[str]
+) -> Iterator[tuple[tuple[str, ...], bool]]:
+    for part in parts:
+        if part.kind.full_name in (_TIMESTAMP, _DURATION) and not part.is_repeated:
+            yield (*above, part.name), True
+        elif part.is_repeated or part.kind.full_name in kinds:
+            yield above, False
+        else:
+            yield from _ways_of(_parts(part.kind), (*above, part.name), kinds | {part.kind.full_name})
 
 
 def _require(message: Message, parts: Iterable[_Part], above: str) -> None:

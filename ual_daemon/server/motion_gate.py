@@ -40,7 +40,7 @@ class MotionGate:
             f"{method.rpartition('/')[2]}: the audit cannot be written ({trouble}), and without it this daemon accepts "
             "no motion (--audit-required). Make room for its file, or put it back; motions are accepted as soon as it "
             "is written again. Land, abort, pause and disarm are always accepted",
-            {"by": "audit", "needed": "audit", "why": trouble},
+            {"needed": "audit", "why": trouble},
         )
         self._refusals.log_refusal(method, error)
         raise error

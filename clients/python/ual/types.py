@@ -236,13 +236,14 @@ class GpsInfo:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """What the autopilot says of itself before and beside the flight.
+    """What the autopilot says of itself before and beside the flight, and which checks of the daemon fail.
 
     `is_ready_to_arm` is whether its own checks would let it be armed (None: it does not say), and `failing_checks` are
-    those that fail, human-readable. `link_quality` is the part of its messages that arrived of late, 0 to 1 (None: not
-    measured). `failsafe` is the one that is active, in the words of the metadata `by` of errors (``battery failsafe``,
-    ``rc failsafe``, ``fence``, ...; empty: none). `held_by` is who or what holds the control in the present mode, in
-    the same words (empty: UAL, or not known).
+    those that fail, human-readable. Those of the daemon itself, such as its audit, begin with ``daemon: ``.
+    `link_quality` is the part of its messages that arrived of late, 0 to 1 (None: not measured). `failsafe` is the
+    one that is active, in the words of the metadata `by` of errors (``battery failsafe``, ``rc failsafe``, ``fence``,
+    ...; empty: none). `held_by` is who or what holds the control in the present mode, in the same words (empty: UAL,
+    or not known).
     """
 
     is_ready_to_arm: bool | None = None

@@ -382,6 +382,13 @@ def test_times_are_those_of_utc_unless_time_is_simulated() -> None:
     assert time.utc_s(stamp) == 900.5
 
 
+@pytest.mark.parametrize("utc_s", [2.0**31, 1e13, float("inf")])
+def test_a_time_that_ros_cannot_express_is_its_latest(utc_s: float) -> None:
+    time, stamp = RosTime(Clock(), lambda: 1000.0), messages.stamp()
+    time.stamp(stamp, utc_s)
+    assert (stamp.sec, stamp.nanosec) == ((1 << 31) - 1, 0)
+
+
 def test_simulated_times_are_as_old_as_those_of_utc() -> None:
     clock = Clock(50.0)
     time, stamp = RosTime(clock, lambda: 1000.0), messages.stamp()

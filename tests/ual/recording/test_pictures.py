@@ -183,3 +183,17 @@ def test_what_was_not_fetched_before_the_end_is_told_without_its_bytes(recorder:
     assert recorded.figures == (2, 1, "the recording has ended")
     assert camera.asked == [0]
     assert len(messages(recorder, "photos", pb.Photo)) == 2
+
+
+def test_a_picture_that_ends_in_a_defect_does_not_end_the_thread(recorder: Recorder) -> None:
+    camera = Camera(CameraAbility.IMAGE)
+
+    def broken(number: int) -> Image:
+        if number == 0:
+            raise OverflowError("a stamp beyond all years")
+        return image(number)
+
+    camera.image_of = broken
+    recorded = record(camera, recorder, 2)
+    assert recorded.figures == (2, 1, "OverflowError: a stamp beyond all years")
+    assert len(messages(recorder, "image", CompressedImage)) == 1

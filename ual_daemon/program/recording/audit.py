@@ -49,7 +49,7 @@ class Audit(AuditWriter):
 
     def put_call(self, vehicle: ServedVehicle, record: CallRecord, before: object) -> None:
         """Writes the line of a call, soon. From any thread."""
-        size_bytes = len(record.request or b"") + len(record.response or b"")
+        size_bytes = (len(record.request) if record.request else 0) + (len(record.response) if record.response else 0)
         waiting = _Waiting(vehicle, record, before, vehicle.state().name, self._now())
         self.put(partial(_entry, waiting, self.guard), size_bytes)
 

@@ -9,6 +9,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from datetime import datetime
+from functools import partial
 from typing import Any, NamedTuple
 
 from ual.access import audit
@@ -47,11 +48,6 @@ class AuditFigures(NamedTuple):
     file_losses_count: int
 
 
-class _Entry(NamedTuple):
-    make: Callable[[], dict[str, Any]]
-    size_bytes: int
-
-
 class AuditWriter:
     """Writes lines by a thread of its own, until `close`. A disk that takes none for a while delays nobody."""
 
@@ -62,7 +58,7 @@ class AuditWriter:
         self.on_change: Callable[[], object] = bool
         """Called when `report` returns something else, on the thread that writes."""
         self._above = AuditReport()
-        self._waiting: deque[_Entry] = deque()
+        self._waiting: deque[tuple[Callable[[], dict[str, Any]], int]] = deque()
         self._waiting_bytes = 0
         self._untold_loss_count = self._lost_count = 0
         self._file_losses_count, self._last_loss = 0, ""
@@ -111,7 +107,7 @@ class AuditWriter:
         """Writes the line that `entry` makes of so many bytes, soon. From any thread."""
         with self._has_more:
             if len(self._waiting) < _MOST_WAITING and self._waiting_bytes + size_bytes <= _MOST_BYTES:
-                self._waiting.append(_Entry(entry, size_bytes))
+                self._waiting.append((entry, size_bytes))
                 self._waiting_bytes += size_bytes
             else:
                 self._untold_loss_count += 1
@@ -169,12 +165,15 @@ class AuditWriter:
     def _take_piece(self) -> None:
         """Makes ready to be written what waits: some of it, if that is much."""
         while self._waiting and self._lines.unwritten_bytes < _PIECE_BYTES:
-            entry = self._waiting[0]
-            if not self.guard.contain(lambda entry=entry: self._lines.add(entry.make())):  # type: ignore[misc]
+            make, size_bytes = self._waiting[0]
+            if not self.guard.contain(partial(self._add, make)):
                 self._lines.add({"event": audit.UNTOLD, "time": time_text(self._now()), "why": self.guard.last_cause})
             with self._has_more:
                 self._waiting.popleft()
-                self._waiting_bytes -= entry.size_bytes
+                self._waiting_bytes -= size_bytes
+
+    def _add(self, make: Callable[[], dict[str, Any]]) -> None:
+        self._lines.add(make())
 
     def _resume(self) -> None:
         """Tells in the file and in the log that lines are written again, and how many were lost."""

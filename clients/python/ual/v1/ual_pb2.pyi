@@ -701,7 +701,9 @@ class Health(google.protobuf.message.Message):
     """
     @property
     def failing_checks(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[builtins.str]:
-        """What fails of its checks and sensors, human-readable; empty where nothing does, or where it does not say."""
+        """What fails of its checks and sensors, human-readable; empty where nothing does, or where it does not say. What begins
+        with "daemon: " fails in the daemon itself, such as its audit.
+        """
 
     def __init__(
         self,

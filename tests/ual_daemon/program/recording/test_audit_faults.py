@@ -106,7 +106,7 @@ def test_without_its_audit_nothing_flies_and_what_ends_a_flight_does(start_daemo
             ):
                 with pytest.raises(ual.WrongStateError, match=r"audit cannot be written \(File too large") as caught:
                     command()
-                assert caught.value.metadata["by"] == "audit"
+                assert caught.value.metadata["needed"] == "audit"
             uav.abort()
             with uav.lease("pilot"):
                 uav.land()
