@@ -287,6 +287,8 @@ class Autopilot(ABC):
     def _boot(self, boot_s: float) -> None:
         self.now_s = boot_s
         self._awake_s = 0.0 if boot_s else 2.0
+        if not boot_s:
+            self.missions.boot(self.elapsed_s)
         self._later.clear()
         self.armed_s = -math.inf
         self.sticks_s = -math.inf

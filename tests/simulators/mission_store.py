@@ -27,6 +27,36 @@ INVALID_PARAM1: int = mavlink.MAV_MISSION_INVALID_PARAM1
 _FENCE_COMMANDS = range(5000, 5005)
 _POLYGONS = (5001, 5002)
 _RALLY_POINT = 5100
+_COPTERS_COMMANDS = frozenset(
+    {
+        16,
+        17,
+        18,
+        19,
+        20,
+        21,
+        22,
+        82,
+        92,
+        93,
+        112,
+        115,
+        177,
+        178,
+        179,
+        183,
+        195,
+        197,
+        201,
+        203,
+        205,
+        206,
+        211,
+        2000,
+        2001,
+    }
+)
+"""What ArduCopter takes into a mission (AP_Mission::mavlink_int_to_mission_cmd), as far as tests send it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +97,8 @@ class MissionStore(ABC):
         """How often all items were read to the end."""
         self.uploads_count = 0
         """How often a list was changed."""
+        self.on_taken: Callable[[int, int], None] = lambda _kind, _seq: None
+        """Called with the list and the number of each item that was taken from an upload."""
 
     def keep(self, kind: int, items: Sequence[MissionItem]) -> None:
         """Keeps another list."""
@@ -95,6 +127,10 @@ class MissionStore(ABC):
                 self._acknowledge(sender, self.refusal, message.mission_type, now_s)
 
         return on_message
+
+    @abstractmethod
+    def boot(self, now_s: float) -> None:
+        """Forgets the transfer that is under way: it has rebooted. The lists are kept, as far as they were written."""
 
     @abstractmethod
     def tick(self, now_s: float) -> None:
@@ -172,6 +208,9 @@ class Px4Store(MissionStore):
         total = len(self.lists[MISSION]) or 0xFFFF
         return raw(mavlink.MAVLink_mission_current_message, ("H", seq), ("H", total), ("B", state), ("B", 2), *ids)
 
+    def boot(self, now_s: float) -> None:
+        self._state, self._partner, self._seq = "idle", None, 0
+
     def tick(self, now_s: float) -> None:
         if self._state == "getting" and now_s - self._sent_s > self.retry_s:
             self._request(now_s)
@@ -245,6 +284,9 @@ class Px4Store(MissionStore):
         self._crc = _checksum(item, self._crc)
         self._incoming.append(item)
         self._seq += 1
+        self.on_taken(self._kind, self._seq - 1)
+        if self._state == "idle":  # it has rebooted
+            return
         if self._seq < self._count:
             self._request(now_s)
             return
@@ -311,6 +353,8 @@ class ArduPilotStore(MissionStore):
 
     most = MappingProxyType({MISSION: 700, FENCE: 84, RALLY: 5})
     retry_s, silence_s = 1.0, 8.0
+    opens_s = 3.5
+    """After a boot it has room for nothing for so long, as its storage is not open yet."""
 
     def __init__(self, on_fence: Callable[[], None]) -> None:
         super().__init__(on_fence)
@@ -319,7 +363,10 @@ class ArduPilotStore(MissionStore):
         self._kind = MISSION
         self._seq = self._count = 0
         self._incoming: list[MissionItem] = []
-        self._sent_s = self._heard_s = -math.inf
+        self._sent_s = self._heard_s = self._opened_s = -math.inf
+
+    def boot(self, now_s: float) -> None:
+        self._partner, self._opened_s = None, now_s + self.opens_s
 
     def tick(self, now_s: float) -> None:
         partner = self._partner
@@ -352,7 +399,7 @@ class ArduPilotStore(MissionStore):
         kind = message.mission_type
         if not self._cancel(kind, sender, now_s):
             return
-        if message.count > self.most[kind]:
+        if message.count > self.most[kind] or now_s < self._opened_s:
             self._acknowledge(sender, mavlink.MAV_MISSION_NO_SPACE, kind, now_s)
             return
         if kind != FENCE:
@@ -385,6 +432,9 @@ class ArduPilotStore(MissionStore):
         self._keep_one(item)
         self._heard_s = now_s
         self._seq += 1
+        self.on_taken(kind, self._seq - 1)
+        if not self._is_receiving(kind):  # it has rebooted
+            return
         if self._seq < self._count:
             self._request(sender, now_s)
             return
@@ -414,7 +464,7 @@ class ArduPilotStore(MissionStore):
 
     def _judge(self, item: MissionItem) -> int:
         if self._kind == MISSION:
-            return ACCEPTED
+            return ACCEPTED if item.command in _COPTERS_COMMANDS else UNSUPPORTED
         if item.frame not in (0, 3, 5, 6, 10, 11):
             return UNSUPPORTED_FRAME
         known = _FENCE_COMMANDS if self._kind == FENCE else (_RALLY_POINT,)

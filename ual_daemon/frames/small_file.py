@@ -30,8 +30,11 @@ def read_own(path: Path) -> bytes:
     return text
 
 
-def replace(path: Path, text: str) -> None:
-    """Writes a file. A reader sees the old one or the new one, never a part of one."""
+def replace(path: Path, text: str, *, is_durable: bool = False) -> None:
+    """Writes a file. A reader sees the old one or the new one, never a part of one.
+
+    `is_durable`: the new one is on the disk once this returns, so that a loss of power does not bring the old one back.
+    """
     # The name cannot be guessed: other users may write in this directory, too.
     unfinished = path.with_name(f"{path.name}.{os.urandom(8).hex()}.tmp")
     handle = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, _OWN)
@@ -39,7 +42,21 @@ def replace(path: Path, text: str) -> None:
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
             os.fchmod(handle, _READABLE)
             stream.write(text)
+            if is_durable:
+                stream.flush()
+                os.fsync(handle)
         unfinished.replace(path)
+        if is_durable:
+            _sync(path.parent)
     except OSError:
         unfinished.unlink(missing_ok=True)
         raise
+
+
+def _sync(directory: Path) -> None:
+    """Has the names of a directory written to the disk."""
+    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

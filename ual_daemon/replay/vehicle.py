@@ -120,6 +120,11 @@ class PlayedVehicle(ReportedVehicle):
         self._refuse()
 
     @property
+    def uploads(self) -> NoReturn:
+        """There are none: raises `NotSupportedError`."""
+        self._refuse()
+
+    @property
     def gimbals(self) -> NoReturn:
         """There are none: raises `NotSupportedError`."""
         self._refuse()

@@ -31,6 +31,7 @@ from ual_daemon.vehicle.mission_plan import MissionPlanner
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.reach_limit import ReachLimit
 from ual_daemon.vehicle.refusal_log import accepted
+from ual_daemon.vehicle.upload_journal import MISSION, RALLY, UploadJournal
 
 _log = logging.getLogger(__name__)
 
@@ -53,6 +54,7 @@ class Missions:
         tasks: Tasks,
         settings: VehicleSettings,
         file: MissionFile | None,
+        uploads: UploadJournal,
     ) -> None:
         self._backend = backend
         self._flight = flight
@@ -60,6 +62,7 @@ class Missions:
         self._preconditions = Preconditions(backend, flight)
         self._planner = MissionPlanner(flight, resolver, ReachLimit(settings))
         self._file = file
+        self._uploads = uploads
         self._lost = None if file is None or flight.is_watch_only else file.read()
         """What the daemon flew before it was restarted, until that is found again or gone."""
         self._finding: Future[KeptMission] | None = None
@@ -90,6 +93,13 @@ class Missions:
             text = f"{command}: the autopilot flies a mission now; stop it first (abort), or wait for its end"
             raise WrongStateError(text, {"command": command, "needed": "abort"})
 
+    def require_whole(self) -> None:
+        """Checks that no upload was cut off on which the start of a mission relies; see `UploadJournal.require_whole`.
+
+        The rally points are where a failsafe may lead in a mission.
+        """
+        self._uploads.require_whole(NAME, MISSION, RALLY)
+
     def start(
         self, offer: AutopilotMissions, kept: KeptMission, first: int, own: OnItsOwn, order: Order, changes_count: int
     ) -> VehicleTask:
@@ -98,7 +108,8 @@ class Missions:
         `changes_count` is what it was when the mission had been read.
 
         Raises:
-            WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, or it cannot begin there.
+            WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, or it cannot begin there; or an upload
+                was cut off.
             GeofenceError: It leads outside.
             InvalidArgumentError: It has something that UAL does not know; the item is named.
             TaskAbortedError: Another command, such as an abort, began after `Order.since`; or another mission was
@@ -109,6 +120,7 @@ class Missions:
             if changes_count != self.changes_count:
                 text = f"{NAME}: the mission of the autopilot was changed while this one was started: start it again"
                 raise TaskAbortedError(text, {"by": "upload"})
+            self.require_whole()
             snapshot = self._require_start(kept.items, first, order.lease_id)
             self.plan(kept.items, first)
             if own.begins_anew and first > 1:

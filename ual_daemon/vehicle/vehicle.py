@@ -42,6 +42,7 @@ from ual_daemon.vehicle.on_earth import fence_on_earth
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.reported import ReportedVehicle
 from ual_daemon.vehicle.telemetry import make_telemetry
+from ual_daemon.vehicle.upload_journal import JournalFile, UploadJournal
 
 T = TypeVar("T")
 
@@ -80,8 +81,12 @@ class Vehicle(ReportedVehicle):
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
         )
+        self.uploads = UploadJournal(
+            None if kept is None else JournalFile.beside(kept.path), lambda: backend.info().identity
+        )
+        """The uploads of lists to the autopilot that were begun, and not finished."""
         file = None if kept is None else MissionFile.beside(kept.path)
-        self.missions = Missions(backend, self._flight, resolver, self._tasks, settings, file)
+        self.missions = Missions(backend, self._flight, resolver, self._tasks, settings, file, self.uploads)
         """The missions that the autopilot flies by itself."""
         self.equipment = Equipment(settings.payload)
         """What the UAV carries, and may move."""

@@ -24,6 +24,7 @@ from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.gimbal_codec import ArduPilotGimbal
 from ual_daemon.backends.firmwares.gripper_codec import ArduPilotGripper
 from ual_daemon.backends.firmwares.mission_codec import ArduCopterMissions
+from ual_daemon.backends.firmwares.mission_items import MissionType
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, Sensor, VtolState
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -254,6 +255,7 @@ class ArduCopter(Autopilot):
     )
     has_zones = True
     missions = ArduCopterMissions()
+    keeps_parts_of = frozenset({MissionType.MISSION, MissionType.RALLY})
     fence_switches = (FenceSwitch("FENCE_TYPE", _FENCE_POLYGON, is_bit=True), FenceSwitch("FENCE_ENABLE", 1))
     drops_positions_beyond_fence = True  # ModeGuided::set_destination_posvelaccel checks each one
     # Two more than the corners and circles, or 0 for fewer than 3 of them (AC_PolyFence_loader::write_fence). It comes

@@ -15,6 +15,7 @@ from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.gimbal_codec import GimbalCodec
 from ual_daemon.backends.firmwares.gripper_codec import GripperCodec
 from ual_daemon.backends.firmwares.mission_codec import MissionCodec
+from ual_daemon.backends.firmwares.mission_items import MissionType
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, VehicleType
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -134,6 +135,8 @@ class Autopilot(ABC):
     """See `ual_daemon.backends.values.VehicleInfo`."""
     missions: MissionCodec | None = None
     """How it keeps missions; None where UAL brings it none."""
+    keeps_parts_of: frozenset[MissionType] = frozenset(MissionType)
+    """The lists of which it keeps what has come of an upload that was cut off. Else it keeps what it had before."""
     fence_switches: tuple[FenceSwitch, ...] = ()
     """The parameters by which it applies its zones."""
     zones_parameter = ""

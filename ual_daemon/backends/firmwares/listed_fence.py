@@ -63,6 +63,16 @@ class ListedFence(AutopilotFenceStore):
 
     @property
     @override
+    def keeps_parts(self) -> bool:
+        return self._keeps_parts_of(MissionType.FENCE)
+
+    @property
+    @override
+    def keeps_parts_of_rally(self) -> bool:
+        return self._keeps_parts_of(MissionType.RALLY)
+
+    @property
+    @override
     def return_point(self) -> tuple[float, float] | None:
         return self._return_point
 
@@ -86,6 +96,10 @@ class ListedFence(AutopilotFenceStore):
     def write_rally(self, points: Sequence[RallyPoint], refusal: Refusal) -> Future[tuple[RallyPoint, ...]]:
         differs = partial(difference, fields=RALLY_FIELDS)
         return then(self._lists.replace(MissionType.RALLY, items_of_rally(points), refusal, differs), _rally)
+
+    def _keeps_parts_of(self, kind: MissionType) -> bool:
+        known = self._known()
+        return known is None or kind in known.autopilot.keeps_parts_of
 
     def _zones(self, found: MissionList) -> tuple[FenceZone, ...]:
         self._return_point = return_point_of_items(found.items)

@@ -84,6 +84,12 @@ class ListedMissions(AutopilotMissions):
     def done_mode(self) -> str:
         return self._codec().done_mode
 
+    @property
+    @override
+    def keeps_parts(self) -> bool:
+        autopilot = self._access.autopilot()
+        return autopilot is None or MissionType.MISSION in autopilot.keeps_parts_of
+
     @override
     def require(self, items: Sequence[Item]) -> None:
         self._codec().require(items)

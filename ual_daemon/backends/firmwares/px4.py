@@ -20,6 +20,7 @@ from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.firmwares.gimbal_codec import Px4Gimbal
 from ual_daemon.backends.firmwares.gripper_codec import Px4Gripper
 from ual_daemon.backends.firmwares.mission_codec import Px4Missions
+from ual_daemon.backends.firmwares.mission_items import MissionType
 from ual_daemon.backends.firmwares.numbers import Sensor, VtolState
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -176,6 +177,7 @@ class Px4(Autopilot):
     )
     has_zones = True
     missions = Px4Missions()
+    keeps_parts_of: frozenset[MissionType] = frozenset()
     fence_switches = (FenceSwitch("GF_ACTION", _HOLD_AT_FENCE, least=_HOLD_AT_FENCE),)
 
     @override

@@ -52,6 +52,16 @@ class AutopilotFenceStore(ABC):
         """Whether the UAV may be in any one of several inclusions, as far as is known."""
 
     @property
+    def keeps_parts(self) -> bool:
+        """Whether an upload of zones that is cut off may leave a part of it, instead of those that were there."""
+        return True
+
+    @property
+    def keeps_parts_of_rally(self) -> bool:
+        """As `keeps_parts`, of rally points."""
+        return True
+
+    @property
     def return_point(self) -> tuple[float, float] | None:
         """The latitude and the longitude of the point to return to, as it was read last with the zones.
 

@@ -16,6 +16,9 @@ from ual.missions.items import Item
 from ual.missions.plan import LinkLossAction, MissionStage
 from ual_daemon.backends.offers.parameters import Refusal
 
+UNCHANGED = "unchanged"
+"""Metadata of a `RejectedByAutopilotError` after which the autopilot has the list that it had before."""
+
 
 class KeptMission(NamedTuple):
     """The mission that the autopilot has, as it was read from it. `digest` is the same for the same mission."""
@@ -87,6 +90,11 @@ class AutopilotMissions(ABC):
     @abstractmethod
     def done_mode(self) -> str:
         """The name of the mode in which it holds its position after a mission; that of the mission where it stays."""
+
+    @property
+    def keeps_parts(self) -> bool:
+        """Whether an upload that is cut off may leave a part of it on the autopilot, instead of what was there."""
+        return True
 
     @abstractmethod
     def require(self, items: Sequence[Item]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace as altered
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 from typing_extensions import override
 
@@ -21,12 +21,13 @@ from ual_daemon.backends.chain import caught, done, in_turn, then, then_wait
 from ual_daemon.backends.offers.fence import AutopilotFenceStore, FenceSwitch
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 from ual_daemon.extensions.shipped.vehicle import (
-    ServedVehicle,
+    LoadedVehicle,
     offered,
     require_change,
     require_disarmed,
     wait,
 )
+from ual_daemon.vehicle.upload_journal import FENCE, RALLY, Upload
 
 LIMIT_S = 900.0
 """How long a call may take over a bad link. A backend ends by itself before."""
@@ -43,7 +44,7 @@ _FORCE = f"{_DISARM}, or force it if you know what it does in flight"
 _log = logging.getLogger(__name__)
 
 
-class FencedVehicle(ServedVehicle, Protocol):
+class FencedVehicle(LoadedVehicle, Protocol):
     """A UAV that may have a geofence of its own, and says where it is."""
 
     def telemetry(self) -> Telemetry:
@@ -79,38 +80,69 @@ class VehicleFence:
         store = self._store()
         plan = FencePlan((self._configured(),)) if plan is None else _checked(plan)
         refusal = self._refusal(_UPLOAD, lease_id, force=force, zones=plan.zones)
-        return in_turn(
+        clear = self._refusal(_CLEAR, lease_id, force=force)
+        begin = self._vehicle.uploads.begin
+        zones = begin(FENCE, len(plan.zones)) if plan.zones else None
+        rally = begin(RALLY, len(plan.rally_points)) if plan.rally_points else None
+        uploading = in_turn(
             lambda: self._begin(refusal),
             # What is there is read in any case: `write` keeps its point to return to.
             lambda: (
                 caught(store.read(), _no_fence) if replace else then(self.get(), lambda kept: _require_free(kept, plan))
             ),
-            lambda: store.write(plan.zones, refusal) if plan.zones else done(None),
-            lambda: store.write_rally(plan.rally_points, refusal) if plan.rally_points else done(None),
+            lambda: self._change(zones, store.write, plan.zones, refusal, clear if store.keeps_parts else None),
+            lambda: self._change(
+                rally, store.write_rally, plan.rally_points, refusal, clear if store.keeps_parts_of_rally else None
+            ),
             lambda: self._switch(refusal, is_on=True) if enable and plan.zones else done(None),
             lambda: then(self.get(), partial(_told, "fence_uploaded")),
         )
+        return _dropping(uploading, zones, rally)
 
     def clear(self, lease_id: str, *, with_rally_points: bool, force: bool) -> Future[KeptFence]:
         """See `ual.interface.Fence`."""
         store = self._store()
         refusal = self._refusal(_CLEAR, lease_id, force=force)
-        return in_turn(
+        zones = self._vehicle.uploads.begin(FENCE, 0)
+        rally = self._vehicle.uploads.begin(RALLY, 0) if with_rally_points else None
+        clearing = in_turn(
             lambda: self._begin(refusal),
-            lambda: store.write((), refusal),
-            lambda: store.write_rally((), refusal) if with_rally_points else done(None),
+            lambda: self._change(zones, store.write, (), refusal),
+            lambda: self._change(rally, store.write_rally, (), refusal),
             lambda: then(self.get(), partial(_told, "fence_cleared")),
         )
+        return _dropping(clearing, zones, rally)
 
     def enable(self, lease_id: str, *, is_on: bool) -> Future[KeptFence]:
         """See `ual.interface.Fence`."""
         self._store()
+        if is_on:
+            self._vehicle.uploads.require_whole("enable the fence", FENCE, RALLY)
         refusal = self._refusal(_SWITCH, lease_id, force=False)
         return in_turn(
             lambda: self._begin(refusal),
             lambda: self._switch(refusal, is_on=is_on),
             lambda: then(self.get(), partial(_told, "fence_switched")),
         )
+
+    def _change(
+        self,
+        upload: Upload | None,
+        write: Callable[[Sequence[Any], Refusal], Future[Any]],
+        items: Sequence[FenceZone] | Sequence[RallyPoint],
+        refusal: Refusal,
+        clear: Refusal | None = None,
+    ) -> Future[Any]:
+        """Writes a list; nothing where there is no upload. With `clear`, what is cut off is removed again."""
+        if upload is None:
+            return done(None)
+        name = upload.list
+
+        def undo() -> Future[Any]:
+            assert clear is not None
+            return self._change(self._vehicle.uploads.begin(name, 0), write, (), clear)
+
+        return upload.run(partial(write, items), refusal, None if clear is None else undo)
 
     def _begin(self, refusal: Refusal) -> Future[None]:
         error = refusal()
@@ -219,6 +251,18 @@ class Fence(interface.Fence):
 
     def _enable(self, *, is_on: bool) -> KeptFence:
         return wait(self._of_vehicle.enable(self._lease_id(), is_on=is_on), LIMIT_S, "switching the fence")
+
+
+def _dropping(changing: Future[KeptFence], *uploads: Upload | None) -> Future[KeptFence]:
+    """Drops the uploads that were not run, once all has ended."""
+
+    def drop(_: object) -> None:
+        for each in uploads:
+            if each is not None:
+                each.drop()
+
+    changing.add_done_callback(drop)
+    return changing
 
 
 def _no_fence(error: BaseException) -> Future[tuple[FenceZone, ...]]:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from typing import SupportsInt
 
 from typing_extensions import override
@@ -22,6 +23,7 @@ from ual_daemon.backends.chain import then, then_wait
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, OnItsOwn
 from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, offered, require_change, wait
 from ual_daemon.flight.flight import Order
+from ual_daemon.vehicle.upload_journal import MISSION
 
 TRANSFER_S = 1250.0
 """How long a transfer may take, with those that others have asked for before. A backend ends by itself before."""
@@ -51,7 +53,10 @@ class VehicleMissions:
         self._require_change(_UPLOAD, lease_id)
         self._require_items(offer, items)
         self._require_inside(items)
-        uploading = offer.upload(list(items), lambda: self._refusal(_UPLOAD, lease_id))
+        upload = self._vehicle.uploads.begin(MISSION, len(items))
+        undo = partial(self._removal, offer, lease_id) if offer.keeps_parts else None
+        sent = list(items)
+        uploading = upload.run(partial(offer.upload, sent), partial(self._refusal, _UPLOAD, lease_id), undo)
         return then(uploading, lambda kept: _noted("mission_uploaded", _numbered(kept, items)))
 
     def download(self) -> Future[StoredMission]:
@@ -66,7 +71,7 @@ class VehicleMissions:
         def end(kept: KeptMission) -> None:
             _noted("mission_cleared", kept)
 
-        return then(offer.clear(lambda: self._refusal(_CLEAR, lease_id)), end)
+        return then(self._removal(offer, lease_id), end)
 
     def start(self, first_item: SupportsInt, on_link_loss: LinkLossAction | None, lease_id: str) -> Future[TaskInfo]:
         """See `ual.interface.Mission`. Reads the mission first: another station may have changed it.
@@ -75,6 +80,7 @@ class VehicleMissions:
         """
         offer, first = self._offer(), _item(first_item, "first_item")
         require_change(self._vehicle, _START, lease_id)
+        self._vehicle.missions.require_whole()
         since = self._vehicle.commands.last_command
 
         def on_read(kept: KeptMission) -> Future[TaskInfo]:
@@ -108,6 +114,10 @@ class VehicleMissions:
     def progress(self) -> MissionProgress:
         """See `ual.interface.Mission`."""
         return self._vehicle.missions.progress(self._offer())
+
+    def _removal(self, offer: AutopilotMissions, lease_id: str) -> Future[KeptMission]:
+        removal = self._vehicle.uploads.begin(MISSION, 0)
+        return removal.run(offer.clear, partial(self._refusal, _CLEAR, lease_id))
 
     def _require_items(self, offer: AutopilotMissions, items: Sequence[Item]) -> None:
         checks.require(items)

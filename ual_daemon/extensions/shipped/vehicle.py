@@ -13,6 +13,7 @@ from ual_daemon.flight.refusals import only_watching
 from ual_daemon.vehicle.commands import Commands
 from ual_daemon.vehicle.gimbals import Gimbals
 from ual_daemon.vehicle.missions import Missions
+from ual_daemon.vehicle.upload_journal import UploadJournal
 
 T = TypeVar("T")
 
@@ -45,6 +46,14 @@ class ServedVehicle(Protocol):
         """Raises `LeaseHeldError` or `LeaseLostError`, or returns."""
 
 
+class LoadedVehicle(ServedVehicle, Protocol):
+    """One to whose autopilot lists are uploaded."""
+
+    @property
+    def uploads(self) -> UploadJournal:
+        """The uploads that were begun, and not finished; raises `NotSupportedError` where there can be none."""
+
+
 class LocatedVehicle(ServedVehicle, Protocol):
     """One that knows how the backend's local frame lies to its own frames."""
 
@@ -63,7 +72,7 @@ class GimbalVehicle(ServedVehicle, Protocol):
         """Returns the transform from the source frame to the target frame."""
 
 
-class CommandedVehicle(ServedVehicle, Protocol):
+class CommandedVehicle(LoadedVehicle, Protocol):
     """One that may be flown, as far as its members say."""
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -31,7 +32,8 @@ class FenceServicer(fence_pb2_grpc.FenceServiceServicer):
 
     @override
     async def UploadFence(self, request: pb.UploadFenceRequest, context: object) -> pb.UploadFenceResponse:
-        uploading = self._fence.upload(
+        uploading = await asyncio.to_thread(  # it writes a file
+            self._fence.upload,
             None if request.is_configured else convert.plan_from_proto(request),
             lease_of(context),
             replace=request.replace,
@@ -43,8 +45,10 @@ class FenceServicer(fence_pb2_grpc.FenceServiceServicer):
 
     @override
     async def ClearFence(self, request: pb.ClearFenceRequest, context: object) -> pb.ClearFenceResponse:
-        clear = self._fence.clear
-        clearing = clear(lease_of(context), with_rally_points=request.with_rally_points, force=request.force)
+        clear, with_rally_points = self._fence.clear, request.with_rally_points
+        clearing = await asyncio.to_thread(
+            clear, lease_of(context), with_rally_points=with_rally_points, force=request.force
+        )
         return pb.ClearFenceResponse(fence=convert.to_proto(await ended(clearing, LIMIT_S, "ClearFence")))
 
     @override

@@ -72,9 +72,11 @@ class MissionTransfers(Protocol):
 
     @override
     def drop(self, why: str) -> None:
-        error = LinkLostError(f"nothing was transferred: {why}")
-        for asked in (*self._waiting, *([] if self._running is None else [self._running])):
-            asked.taker.fail(error)
+        if self._running is not None:
+            text = f"{self._running.kind.text}: the transfer was not finished: {why}"
+            self._running.taker.fail(LinkLostError(text))
+        for asked in self._waiting:
+            asked.taker.fail(LinkLostError(f"{asked.kind.text}: nothing was transferred: {why}"))
         self._waiting.clear()
         self._running, self.opaque_ids = None, None
 

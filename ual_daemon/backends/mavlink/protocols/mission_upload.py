@@ -12,7 +12,7 @@ from concurrent.futures import Future
 
 from typing_extensions import override
 
-from ual.errors import UalError
+from ual.errors import RejectedByAutopilotError, UalError
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 from ual_daemon.backends.mavlink.protocols.mission_exchange import (
     ACCEPTED,
@@ -22,8 +22,13 @@ from ual_daemon.backends.mavlink.protocols.mission_exchange import (
     MissionExchange,
 )
 from ual_daemon.backends.mavlink.protocols.mission_line import MissionLine
-from ual_daemon.backends.mavlink.wire.messages import Message
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.offers.missions import UNCHANGED
 from ual_daemon.backends.offers.parameters import Refusal
+
+NO_SPACE = mavlink.MAV_MISSION_NO_SPACE
+FULL_COUNT = 5
+"""So many times in turn, one each `PAUSE_S`, no room is taken for a boot. ArduPilot boots in 2 s."""
 
 
 class MissionChange(MissionExchange[int]):
@@ -99,6 +104,10 @@ class MissionUpload(MissionChange):
         """The item that was asked for last; None before the first."""
         self._most = -1
         """The last item of the list that was asked for in this attempt."""
+        self._furthest: int | None = None
+        """The last item that was asked for in any attempt; None before the first."""
+        self._full_count = 0
+        """How often in turn it was answered to the number of items that there is no room for them."""
 
     @override
     def on_request(self, message: Message, now_s: float) -> None:
@@ -106,7 +115,8 @@ class MissionUpload(MissionChange):
             return
         if message.seq > self._most:
             self._most, self._further_s = message.seq, now_s
-        self._at, self._is_paused = message.seq, False
+        self._furthest = max(message.seq, self._most if self._furthest is None else self._furthest)
+        self._at, self._is_paused, self._full_count = message.seq, False, 0
         self._transmit(now_s)
 
     @override
@@ -116,10 +126,33 @@ class MissionUpload(MissionChange):
             return
         if self._is_complete and (result == ACCEPTED or result in PASSING):
             self._end(result)
-        elif result in PASSING:
+        elif result in PASSING or (result == NO_SPACE and self._may_boot()):
             self._pause(result, now_s)
         elif result != ACCEPTED:
-            self.fail(self._refused(result, seq=self._at))
+            self.fail(self._rejected(result))
+
+    def _may_boot(self) -> bool:
+        """Whether the autopilot may have no room only because it boots: it has not opened its storage yet."""
+        if self._at is not None:
+            return False
+        self._full_count += not self._is_paused
+        return self._full_count < FULL_COUNT
+
+    def _rejected(self, result: int) -> UalError:
+        if result == NO_SPACE and self._at is None and self._furthest is not None:
+            what = self._line.kind.text
+            text = (
+                f"{what}: the autopilot answers NO_SPACE, though it had asked for item {self._furthest} before: it has"
+            )
+            return RejectedByAutopilotError(
+                f"{text} rebooted meanwhile; try again", {"list": what, "result": str(result)}
+            )
+        return self._refused(result, seq=self._at)
+
+    @override
+    def _refused(self, result: int, note: str = "", seq: int | None = None) -> UalError:
+        error = super()._refused(result, note, seq)
+        return error if self._furthest is not None else type(error)(error.message, {**error.metadata, UNCHANGED: "1"})
 
     @property
     def _is_complete(self) -> bool:
