@@ -288,7 +288,7 @@ class Logs(Protocol):
     """
 
     def get_all(self) -> list[Log]:
-        """Returns all logs, the oldest first.
+        """Returns all logs, the oldest first. Those that the autopilot has not described come last (`Log.is_missing`).
 
         Raises:
             RejectedByAutopilotError: It gives none now, in its own words.

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ual.errors import DaemonUnreachableError, InvalidArgumentError, LinkLostError, UalError, UalTimeoutError
+from ual.errors import (
+    DaemonUnreachableError,
+    InvalidArgumentError,
+    LinkLostError,
+    RejectedByAutopilotError,
+    UalError,
+    UalTimeoutError,
+)
 from ual.logs import Log, fetch, file_name
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
@@ -41,7 +48,7 @@ def logs() -> None:
 @logs.command("list", cls=UalCommand, examples=("ual logs list",))
 @pass_session
 def list_logs(session: Session) -> None:
-    """List the logs, the oldest first."""
+    """List the logs, the oldest first, and last those that the autopilot does not describe."""
     with session.connect() as uav:
         found = uav.logs.get_all()
     if session.as_json:
@@ -50,7 +57,10 @@ def list_logs(session: Session) -> None:
     elif found:
         print_table(
             ("log", "MB", "written (UTC)"),
-            [(each.id, f"{each.size_bytes / 1e6:.2f}", _written(each)) for each in found],
+            [
+                (each.id, "not listed" if each.is_missing else f"{each.size_bytes / 1e6:.2f}", _written(each))
+                for each in found
+            ],
         )
     else:
         click.echo("the autopilot has no logs")
@@ -91,6 +101,12 @@ def _chosen(uav: Uav, log_id: str | None) -> Log:
     found = uav.logs.get_all()
     if not found:
         raise InvalidArgumentError("the autopilot has no logs", {"field": "log_id"})
+    missing = [each.id for each in found if each.is_missing]
+    if log_id is None and missing:
+        text = (
+            f"the autopilot does not describe these logs, so it is not known which is the newest: {', '.join(missing)}"
+        )
+        raise RejectedByAutopilotError(f"{text}; try again, or name one", {"field": "log_id"})
     log = found[-1] if log_id is None else next((each for each in found if each.id == log_id), None)
     if log is None:
         raise InvalidArgumentError(

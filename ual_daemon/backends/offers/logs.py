@@ -17,7 +17,10 @@ class AutopilotLogs(ABC):
 
     @abstractmethod
     def read_all(self) -> Future[list[Log]]:
-        """Lists the logs, the oldest first."""
+        """Lists the logs, the oldest first, and last those that the autopilot has not described (`Log.is_missing`).
+
+        The future ends with an error only where nothing was listed.
+        """
 
     @abstractmethod
     def read(self, log_id: str, offset: int, size: int) -> Future[bytes]:

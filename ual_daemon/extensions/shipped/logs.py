@@ -88,6 +88,9 @@ class Download:
         if found is None:
             known = ", ".join(each.id for each in listed[-3:]) or "none"
             raise validation.refuse("log_id", f"there is no log {self._log_id:.80}; the newest are {known}")
+        if found.is_missing:
+            text = f"log {found.id}: the autopilot has it, but does not say how long it is: try again"
+            raise RejectedByAutopilotError(text, {"log_id": found.id})
         if self._offset > found.size_bytes:
             raise validation.refuse("offset", f"{found.id} has {found.size_bytes} bytes, not {self._offset}")
         self._log = found

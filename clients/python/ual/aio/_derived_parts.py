@@ -539,7 +539,7 @@ class Logs:
         return f"<Logs of {self._connection.described}>"
 
     async def get_all(self) -> list[Log]:
-        """Returns all logs, the oldest first.
+        """Returns all logs, the oldest first. Those that the autopilot has not described come last (`Log.is_missing`).
 
         Raises:
             RejectedByAutopilotError: It gives none now, in its own words.

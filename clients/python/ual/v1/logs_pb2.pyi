@@ -30,10 +30,13 @@ class Log(google.protobuf.message.Message):
     LOG_ID_FIELD_NUMBER: builtins.int
     SIZE_BYTES_FIELD_NUMBER: builtins.int
     WRITTEN_FIELD_NUMBER: builtins.int
+    IS_MISSING_FIELD_NUMBER: builtins.int
     log_id: builtins.str
     """The autopilot's own name or number of it."""
     size_bytes: builtins.int
     """How long it was when it was listed. One that is being written grows."""
+    is_missing: builtins.bool
+    """The autopilot has it, but has not described it when it was asked: size and time are not known. List again."""
     @property
     def written(self) -> google.protobuf.timestamp_pb2.Timestamp:
         """When it was written. Absent where the autopilot does not say."""
@@ -44,9 +47,10 @@ class Log(google.protobuf.message.Message):
         log_id: builtins.str = ...,
         size_bytes: builtins.int = ...,
         written: google.protobuf.timestamp_pb2.Timestamp | None = ...,
+        is_missing: builtins.bool = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["written", b"written"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["log_id", b"log_id", "size_bytes", b"size_bytes", "written", b"written"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["is_missing", b"is_missing", "log_id", b"log_id", "size_bytes", b"size_bytes", "written", b"written"]) -> None: ...
 
 Global___Log: typing_extensions.TypeAlias = Log
 

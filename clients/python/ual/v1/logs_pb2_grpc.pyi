@@ -87,7 +87,7 @@ class LogServiceStub(typing.Generic[_LogServiceListLogsType, _LogServiceDownload
     ], channel: grpc.aio.Channel) -> None: ...
 
     ListLogs: _LogServiceListLogsType
-    """All logs, listed by the autopilot now, the oldest first.
+    """All logs, listed by the autopilot now, the oldest first. Those that it has not described are named at the end.
     Errors: LINK_LOST, TIMEOUT, REJECTED_BY_AUTOPILOT (ArduPilot without MAVFTP gives none while it is armed).
     """
 
@@ -118,7 +118,7 @@ class LogServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.logs_pb2.ListLogsRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.logs_pb2.ListLogsResponse, collections.abc.Awaitable[ual.v1.logs_pb2.ListLogsResponse]]:
-        """All logs, listed by the autopilot now, the oldest first.
+        """All logs, listed by the autopilot now, the oldest first. Those that it has not described are named at the end.
         Errors: LINK_LOST, TIMEOUT, REJECTED_BY_AUTOPILOT (ArduPilot without MAVFTP gives none while it is armed).
         """
 

@@ -8,7 +8,7 @@ from ual.v1 import logs_pb2 as pb
 
 def to_proto(log: Log) -> pb.Log:
     """Makes a message."""
-    message = pb.Log(log_id=log.id, size_bytes=log.size_bytes)
+    message = pb.Log(log_id=log.id, size_bytes=log.size_bytes, is_missing=log.is_missing)
     if log.time_s is not None:
         message.written.FromMilliseconds(round(log.time_s * 1e3))
     return message
@@ -17,7 +17,7 @@ def to_proto(log: Log) -> pb.Log:
 def from_proto(message: pb.Log) -> Log:
     """Reads a message."""
     time_s = message.written.ToMilliseconds() / 1e3 if message.HasField("written") else None
-    return Log(message.log_id, message.size_bytes, time_s)
+    return Log(message.log_id, message.size_bytes, time_s, message.is_missing)
 
 
 def chunk_to_proto(chunk: LogChunk) -> pb.DownloadLogResponse:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import calendar
+import logging
 import re
 import time
 from collections.abc import Callable
@@ -24,6 +25,8 @@ from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.offers.logs import AutopilotLogs
 
 T = TypeVar("T")
+
+_logger = logging.getLogger(__name__)
 
 DIRECTORIES = ("/fs/microsd/log", "/APM/LOGS", "log", "logs")
 """Where logs are: PX4, ArduPilot, and the simulations of both."""
@@ -99,17 +102,27 @@ class MavlinkLogs(AutopilotLogs):
         logs = [_log(each.name, each.size) for each in entries if each.size is not None and _is_log(each.name)]
         for each in sorted(entries):
             if each.size is None:
-                inside = yield from files.list_directory(f"{directory}/{each.name}")
-                logs += [
-                    _log(f"{each.name}/{file.name}", file.size)
-                    for file in inside
-                    if file.size is not None and _is_log(file.name)
-                ]
+                logs += yield from self._logs_below(files, directory, each.name)
         newest = 0
         if any(each.name == _NEWEST for each in entries):
-            text = yield from files.read_all(f"{directory}/{_NEWEST}", 64)
+            try:
+                text = yield from files.read_all(f"{directory}/{_NEWEST}", 64)
+            except FtpNakError as error:  # the logs are there all the same
+                _logger.warning("the order of the logs is not known: %s is not read: %s", _NEWEST, error.message)
+                text = b""
             newest = int(text) if text.strip().isdigit() else 0
         return sorted(logs, key=partial(_age, newest))
+
+    def _logs_below(self, files: Ftp, directory: str, name: str) -> Steps[list[Log]]:
+        """Lists the logs of one day. Those of a directory that the autopilot does not list are missing, as a whole."""
+        try:
+            inside = yield from files.list_directory(f"{directory}/{name}")
+        except FtpNakError as error:
+            _logger.warning("the autopilot does not list its logs of %s: %s", name, error.message)
+            return [Log(f"{name}/", 0, is_missing=True)]
+        return [
+            _log(f"{name}/{file.name}", file.size) for file in inside if file.size is not None and _is_log(file.name)
+        ]
 
     def _list_numbers(self, protocols: Protocols, future: Future[list[Log]]) -> None:
         entries: Future[list[LogEntry]] = Future()
@@ -119,8 +132,8 @@ class MavlinkLogs(AutopilotLogs):
             if error is not None:
                 futures.fail(future, error)
             elif future.set_running_or_notify_cancel():
-                ordered = sorted(ended.result(), key=lambda each: (each.time_utc_s, each.id))
-                future.set_result([Log(str(each.id), each.size, float(each.time_utc_s) or None) for each in ordered])
+                ordered = sorted(ended.result(), key=lambda each: (each.size is None, each.time_utc_s, each.id))
+                future.set_result([_numbered(each) for each in ordered])
 
         entries.add_done_callback(on_entries)
         protocols.logs.list(entries)
@@ -129,6 +142,11 @@ class MavlinkLogs(AutopilotLogs):
 def unknown(log_id: str) -> InvalidArgumentError:
     """Returns that there is no such log."""
     return InvalidArgumentError(f"log_id: the autopilot has no log {log_id:.80}; list them", {"field": "log_id"})
+
+
+def _numbered(entry: LogEntry) -> Log:
+    size = entry.size
+    return Log(str(entry.id), size or 0, float(entry.time_utc_s) or None, is_missing=size is None)
 
 
 def _number(log_id: str) -> int:
@@ -156,8 +174,8 @@ def _time_s(name: str) -> float | None:
         return None
 
 
-def _age(newest: int, log: Log) -> tuple[float, int, int, str]:
+def _age(newest: int, log: Log) -> tuple[bool, float, int, int, str]:
     """Returns what sorts logs, the oldest first. Those of PX4 without a time come first."""
     match = _ARDUPILOT_NAME.fullmatch(log.id)
     number = 0 if match is None else int(match[1])
-    return (log.time_s or 0.0, number <= newest, number, log.id)
+    return (log.is_missing, log.time_s or 0.0, number <= newest, number, log.id)

@@ -6,6 +6,7 @@ only after a list. ArduPilot sends to one program at a time, and to none while i
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import deque
 from collections.abc import Callable
@@ -23,6 +24,8 @@ from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 T = TypeVar("T")
+
+_log = logging.getLogger(__name__)
 
 BLOCK = 90
 """The most data that a LOG_DATA has."""
@@ -43,10 +46,10 @@ _LAST = 0xFFFF
 
 
 class LogEntry(NamedTuple):
-    """A log as it is listed. `time_utc_s` is 0 where it is not known."""
+    """A log as it is listed. `time_utc_s` is 0 where it is not known, `size` None where no answer about it came."""
 
     id: int
-    size: int
+    size: int | None
     time_utc_s: int
 
 
@@ -100,6 +103,15 @@ class _Listing(_LogExchange[list[LogEntry]]):
         self._found: dict[int, LogEntry] = {}
         self._count: int | None = None
         self._counts_count = 0
+        self._last = 0
+        """The number of the last log, as the autopilot says. PX4 counts from 0, ArduPilot from 1."""
+
+    @override
+    def tick(self, now_s: float) -> None:
+        if self._found and now_s - self._new_s > GIVE_UP_S:  # else one that never comes would hide all others
+            self._end_listed()
+        else:
+            super().tick(now_s)
 
     @override
     def on_entry(self, message: Message, now_s: float) -> None:
@@ -116,11 +128,24 @@ class _Listing(_LogExchange[list[LogEntry]]):
             self._found.clear()
         if self._counts_count > COUNTS_COUNT:
             self.fail(UalTimeoutError("the number of its logs changes all the time: try again"))
+        self._last = message.last_log_num
         if count and message.id not in self._found and len(self._found) < MOST_LOGS:
             self._found[message.id] = LogEntry(message.id, message.size, message.time_utc)
             self._note_new(now_s)
         if len(self._found) >= count:
-            self._end([each for _, each in sorted(self._found.items())])
+            self._end_listed()
+
+    def _end_listed(self) -> None:
+        missing = [LogEntry(each, None, 0) for each in self._numbers() if each not in self._found]
+        if missing:
+            _log.warning("of these logs the autopilot tells nothing: %s", ", ".join(str(each.id) for each in missing))
+        self._end([*(each for _, each in sorted(self._found.items())), *missing])
+
+    def _numbers(self) -> range:
+        """The numbers that the logs should have."""
+        count, least = self._count or 0, min(self._found, default=0)
+        first = self._last - count + 1
+        return range(first, first + count) if 0 <= first <= least else range(least, least + count)
 
     @override
     def _request(self, now_s: float) -> None:
@@ -128,15 +153,12 @@ class _Listing(_LogExchange[list[LogEntry]]):
         self._requests.entries(missing, _LAST)
 
     def _first_missing(self) -> int:
-        """The first number that has not come. PX4 counts from 0, ArduPilot from 1."""
-        first = min(self._found, default=0)
-        return next(each for each in range(first, first + len(self._found) + 1) if each not in self._found)
+        """The first number that has not come."""
+        return next((each for each in self._numbers() if each not in self._found), 0)
 
     @override
     def _unanswered(self) -> UalError:
-        if self._count is None:
-            return UalTimeoutError("the autopilot does not answer to the request for its logs, or has none")
-        return UalTimeoutError(f"{self._count - len(self._found)} of its {self._count} logs were not listed: try again")
+        return UalTimeoutError("the autopilot does not answer to the request for its logs, or has none")
 
 
 class _Reading(_LogExchange[bytes]):

@@ -24,7 +24,7 @@ async def list_all(uav: ual.aio.Uav, _: Message) -> Fields:
 def log_fields(log: Log) -> Fields:
     """Returns a Log."""
     written = NEVER if log.time_s is None else Stamp(log.time_s)
-    return {"log_id": log.id, "size": log.size_bytes, "written": written}
+    return {"log_id": log.id, "size": log.size_bytes, "written": written, "is_missing": log.is_missing}
 
 
 class Downloads:

@@ -76,6 +76,23 @@ def test_over_a_bad_link_the_list_and_the_log_are_whole(served: Served) -> None:
     assert read(bad, found[-1].id, 0, 60_000) == content(60_000)
 
 
+@pytest.mark.parametrize("lost", [0, 2, 4])
+def test_one_that_is_never_described_does_not_hide_the_others(served: Served, lost: int) -> None:
+    with_logs(served, *range(1, 6))
+    first = 0 if served.store._is_px4 else 1
+
+    def spoil(message: Any) -> Any:
+        return None if message.get_type() == "LOG_ENTRY" and message.id == first + lost else message
+
+    served.spoil = spoil
+    found = listed(served)
+    assert [(each.id, each.size) for each in found if each.size is not None] == [
+        (first + index, index + 1) for index in range(5) if index != lost
+    ]
+    assert [each.id for each in found if each.size is None] == [first + lost]
+    assert read(served, found[0].id, 0, found[0].size or 0)
+
+
 def test_an_ardupilot_without_logs_says_so() -> None:
     served = Served(is_px4=False)
     assert listed(served) == []
