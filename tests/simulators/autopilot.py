@@ -289,6 +289,7 @@ class Autopilot(ABC):
         self._awake_s = 0.0 if boot_s else 2.0
         if not boot_s:
             self.missions.boot(self.elapsed_s)
+            self.system_id = int(self.parameters.get("MAV_SYS_ID", self.system_id))
         self._later.clear()
         self.armed_s = -math.inf
         self.sticks_s = -math.inf
@@ -532,6 +533,7 @@ class Autopilot(ABC):
             if message.param_id not in self.kept_parameters:
                 self.parameters[message.param_id] = value
             self._on_gps_parameter(message.param_id, value)
+            self._on_id_parameter(message.param_id)
             for channel in self.channels:
                 channel.send(self._parameter(message.param_id), self.elapsed_s)
 
@@ -540,6 +542,16 @@ class Autopilot(ABC):
         is_lost = {"SIM_GPS_DISABLE": value > 0, "SIM_GPS_USED": value < 4}.get(name)
         if is_lost is not None:
             (self.lose_gps if is_lost else self.find_gps)()
+
+    def _on_id_parameter(self, name: str) -> None:
+        """Sends as another system at once, as ArduPilot does; PX4 does after a boot."""
+        if name == "SYSID_THISMAV":
+            self._become(int(self.parameters[name]))
+
+    def _become(self, system_id: int) -> None:
+        self.system_id = system_id
+        for channel in self.channels:
+            channel.become(system_id)
 
     def _parameter(self, name: str) -> Message:
         value = self.parameters[name]

@@ -37,6 +37,10 @@ class Channel:
         self.is_active = False
         """Whether anybody has requested anything on this link."""
 
+    def become(self, system_id: int) -> None:
+        """Sends as another system from now on."""
+        self._codec.join(system_id)
+
     def receive(self, now_s: float) -> list[tuple[Frame, Message]]:
         """Returns the messages that have come, from any sender."""
         found = []

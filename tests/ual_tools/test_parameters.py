@@ -12,19 +12,22 @@ from click.testing import CliRunner, Result
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
-from tests.simulators import flying
+from tests.simulators import Faults, flying
+from tests.simulators.mission_store import Sender
 from tests.ual_daemon.backends.mavlink.test_autopilot_daemons import Vehicle, vehicle_of
-from tests.waiting import until_state
+from tests.waiting import until, until_state
 from ual.errors import (
     InvalidArgumentError,
     LeaseHeldError,
     NotSupportedError,
     PermissionDeniedError,
     RejectedByAutopilotError,
+    UalError,
     WrongStateError,
 )
 from ual.parameters import Parameter, ParameterType
 from ual.types import State
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_tools.main import cli
 
 NAME = "MPC_LAND_SPEED"
@@ -166,6 +169,57 @@ def test_a_line_of_which_a_part_would_be_ignored_is_refused_and_nothing_is_writt
     assert f"{file}, line 2: " in loaded.output
     assert f"'{NAME},0,95'" in loaded.output
     assert vehicle.autopilot.parameters["MPC_XY_CRUISE"] == 5.0
+
+
+def is_read(uav: ual.Uav, name: str) -> bool:
+    try:
+        return bool(uav.parameters.get(name).value)
+    except UalError:
+        return False
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_the_system_id_is_written_last_and_the_autopilot_is_followed(
+    start_daemon: StartDaemon, tmp_path: Path, kind: str
+) -> None:
+    vehicle, file = vehicle_of(kind), tmp_path / "mine.param"
+    autopilot = vehicle.autopilot
+    id_name, other = ("SYSID_THISMAV", "WPNAV_SPEED") if kind == "ardupilot" else ("MAV_SYS_ID", "MPC_XY_CRUISE")
+    autopilot.parameters[id_name] = 1
+    file.write_text(f"{id_name},7\n{other},{4 if kind == 'px4' else 400}\n")
+    with flying(autopilot):
+        daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+        with ual.Uav(address=daemon.address) as uav:
+            until_state(uav, State.LANDED_DISARMED)
+            lines = done(daemon, "param", "load", file).splitlines()
+            assert [each.split(":")[0] for each in lines[:2]] == [other, id_name]
+            assert lines[2].startswith("2 of 2 parameters that differed were written")
+            if kind == "px4":  # it becomes another system at its next boot
+                autopilot.reboot()
+            until(lambda: autopilot.system_id == 7, "its new id")
+            until(lambda: is_read(uav, id_name), "it is followed", seen=uav.telemetry)
+            until_state(uav, State.LANDED_DISARMED)
+            assert uav.parameters.set(other, 3).value == 3
+
+
+def test_where_the_link_is_lost_all_that_was_not_written_is_named(
+    daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.param"
+    file.write_text(f"{NAME},0.9\nMPC_XY_CRUISE,4\nEKF2_EV_CTRL,5\n")
+    autopilot, written = vehicle.autopilot, vehicle.autopilot._on_param_set
+
+    def write_one(message: Message, sender: Sender) -> None:
+        if message.param_id == NAME:
+            written(message, sender)
+        else:
+            vehicle.link.up = vehicle.link.down = Faults(is_silent=True)
+
+    autopilot._handlers[mavlink.MAVLINK_MSG_ID_PARAM_SET] = write_one
+    loaded = run(daemon, "param", "load", file)
+    assert loaded.exit_code == 1
+    assert "these were not written: " in loaded.output
+    assert "MPC_XY_CRUISE, EKF2_EV_CTRL" in loaded.output
 
 
 def test_what_cannot_be_loaded_is_told_and_the_rest_is_written(

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
-from ual.errors import InvalidArgumentError, RejectedByAutopilotError
+from ual.errors import InvalidArgumentError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual.interface import Parameters
-from ual.parameters import Difference, FileValues, Parameter, compare, range_text, read, write
+from ual.parameters import SYSTEM_ID_NAMES, Difference, FileValues, Parameter, compare, range_text, read, write
 from ual_tools import values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
@@ -136,13 +136,15 @@ def compare_file(session: Session, file: Path, all_names: bool) -> None:
 def load(session: Session, file: Path, force: bool) -> None:
     """Write what differs in FILE from the UAV, and read each back.
 
-    Those that take effect at the next boot come last. What the UAV has not, or refuses, is printed, and the exit
-    status is 1 then. Lines of other components (cameras, gimbals) are left out, and named.
+    Those that take effect at the next boot come last, and at the very end the autopilot's system id, by which it
+    becomes another system. What the UAV has not, or refuses, is printed, and the exit status is 1 then. So it is for
+    all that was not written, if the link is lost meanwhile. Lines of other components (cameras, gimbals) are left out,
+    and named.
     """
     in_file = _read(file)
     with session.connect() as uav:
         differences = compare(in_file, uav.parameters.get_all())
-        results = [_loaded(session, uav.parameters, each, force) for each in sorted(differences, key=_turn)]
+        results = _all_loaded(session, uav.parameters, sorted(differences, key=_turn), force)
     written = [each for each in results if each is not None]
     later = [each.name for each in written if each.needs_reboot]
     text = f"{len(written)} of {len(differences)} parameters that differed were written"
@@ -155,10 +157,28 @@ def load(session: Session, file: Path, force: bool) -> None:
         raise click.exceptions.Exit(REFUSED)
 
 
-def _turn(difference: Difference) -> tuple[bool, bool, str]:
-    """When a parameter is written: what takes effect at the next boot last, and before it what flights rely on."""
-    found = difference.on_uav
-    return found is not None and found.needs_reboot, found is not None and found.is_relied_on, difference.name
+def _turn(difference: Difference) -> tuple[bool, bool, bool, str]:
+    """When a parameter is written: what takes effect at the next boot last, and before it what flights rely on.
+
+    The system id comes at the very end: some programs lose an autopilot that becomes another system.
+    """
+    found, is_id = difference.on_uav, difference.name in SYSTEM_ID_NAMES
+    return is_id, found is not None and found.needs_reboot, found is not None and found.is_relied_on, difference.name
+
+
+def _all_loaded(
+    session: Session, parameters: Parameters, differences: list[Difference], force: bool
+) -> list[Parameter | None]:
+    """Writes those that differ, in this order. An error after which none can be written names all that were not."""
+    results: list[Parameter | None] = []
+    for each in differences:
+        try:
+            results.append(_loaded(session, parameters, each, force))
+        except UalError as error:
+            left = ", ".join(other.name for other in differences[len(results) :])
+            text = f"{error.message}; {len(results)} of {len(differences)} were tried; these were not written: {left}"
+            raise type(error)(text, error.metadata) from None
+    return results
 
 
 def _loaded(session: Session, parameters: Parameters, difference: Difference, force: bool) -> Parameter | None:
@@ -169,7 +189,7 @@ def _loaded(session: Session, parameters: Parameters, difference: Difference, fo
         return None
     try:
         found = parameters.set(name, value, force=force)
-    except (InvalidArgumentError, RejectedByAutopilotError) as error:
+    except (InvalidArgumentError, RejectedByAutopilotError, UalTimeoutError) as error:
         session.note(f"{name}: {error.message}")
         return None
     session.emit(found, f"{name}: {before.text} -> {found.text}")

@@ -27,6 +27,7 @@ from ual_daemon.backends.chain import done
 from ual_daemon.backends.offers.fence import AutopilotFenceStore, FenceSwitch
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 from ual_daemon.extensions.shipped.fence import Fence, VehicleFence
+from ual_daemon.vehicle.upload_journal import UploadJournal
 
 T = TypeVar("T")
 
@@ -95,6 +96,7 @@ class Vehicle(of_parameters.Vehicle):
         self._store = store
         self.place: GeoPoint | None = HERE
         self.corners: tuple[tuple[float, float], ...] = FIELD.points
+        self.uploads = UploadJournal(None, lambda: "")
 
     def telemetry(self) -> Telemetry:
         return Telemetry(self.state(), position_geo=self.place)

@@ -61,7 +61,9 @@ class Restarted:
         self.file.write(FlownMission("it", "digest", "mission-1"))
         self.tasks = Tasks(backend.clock)
         self.flight = Flight(backend, CurrentLimits(backend, LimitSettings()), vehicle._flight.geofence)
-        self._missions = Missions(backend, self.flight, vehicle._resolver, self.tasks, VehicleSettings(), self.file)
+        self._missions = Missions(
+            backend, self.flight, vehicle._resolver, self.tasks, VehicleSettings(), self.file, vehicle.uploads
+        )
 
     def command_and_adopt(self, manoeuvre: Manoeuvre) -> bool:
         """Another thread commands the UAV just before."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from ual.parameters.files import Difference, FileValues, OtherComponent, compare, read, write
-from ual.parameters.values import Description, Parameter, ParameterType, range_text
+from ual.parameters.values import SYSTEM_ID_NAMES, Description, Parameter, ParameterType, range_text
 
 __all__ = [
+    "SYSTEM_ID_NAMES",
     "Description",
     "Difference",
     "FileValues",

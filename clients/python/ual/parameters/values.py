@@ -11,6 +11,10 @@ _REAL32_DIGITS = range(6, 10)
 """Nine significant digits tell any two numbers of 32 bits apart; mostly fewer do."""
 
 
+SYSTEM_ID_NAMES = frozenset({"MAV_SYS_ID", "SYSID_THISMAV", "MAV_SYSID"})
+"""Names of the parameter by which a MAVLink autopilot becomes another system: of PX4, of ArduPilot, and from 4.7 on."""
+
+
 class ParameterType(Enum):
     """How the autopilot keeps a parameter. The numbers are those of MAVLink's MAV_PARAM_TYPE."""
 

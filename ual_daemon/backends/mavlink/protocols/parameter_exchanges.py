@@ -166,13 +166,19 @@ class Writing(_OfName):
         self, future: Future[Parameter], requests: Requests, wanted: Parameter, refusal: Refusal = lambda: None
     ) -> None:
         super().__init__(future, requests, wanted.name)
-        self._wanted = wanted
+        self.wanted = wanted
         self._refusal = refusal
-        self._is_sent = False
+        self.is_sent = False
+        """Whether the value has left, at least once."""
         self._is_confirmed = False
         self._kept: Parameter | None = None
         """Another value that has come since the last request."""
         self._contrary_count = 0
+
+    def follow(self, requests: Requests) -> None:
+        """Goes on with the system that the autopilot has become by this write: it is read back there."""
+        self._requests = requests
+        self._is_confirmed, self._kept, self._tries_count, self._next_s = True, None, 0, None
 
     @override
     def _request(self) -> None:
@@ -181,16 +187,16 @@ class Writing(_OfName):
             return
         error = self._refusal()
         if error is None:
-            self._is_sent = True
-            self._requests.write(self._wanted)
-        elif self._is_sent:
-            self.fail(in_doubt(error, self._wanted))
+            self.is_sent = True
+            self._requests.write(self.wanted)
+        elif self.is_sent:
+            self.fail(in_doubt(error, self.wanted))
         else:
             self.fail(error)
 
     @override
     def _on_own_value(self, found: Parameter, now_s: float) -> None:
-        if found.value != self._wanted.value:
+        if found.value != self.wanted.value:
             self._kept = found  # perhaps of a request before: the next try says
         elif self._is_confirmed:
             self._end(found)
@@ -205,13 +211,13 @@ class Writing(_OfName):
             return
         self._contrary_count += 1
         if self._contrary_count >= CONTRARY_COUNT:
-            self.fail(not_kept(self._wanted, self._kept))
+            self.fail(not_kept(self.wanted, self._kept))
         self._is_confirmed, self._kept = False, None
 
     @override
     def _unanswered(self) -> UalError:
         what = "not read back" if self._is_confirmed else "not confirmed"
-        return unconfirmed(self._wanted, what, TRIES_COUNT)
+        return unconfirmed(self.wanted, what, TRIES_COUNT)
 
 
 class Listing(ParameterExchange[list[Parameter]]):

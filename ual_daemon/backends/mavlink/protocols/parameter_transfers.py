@@ -19,7 +19,7 @@ from ual.errors import (
     UalError,
     UalTimeoutError,
 )
-from ual.parameters.values import Parameter
+from ual.parameters.values import SYSTEM_ID_NAMES, Parameter
 from ual_daemon.backends import futures
 from ual_daemon.backends.firmwares.parameter_errors import unknown
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
@@ -61,6 +61,8 @@ class ParameterTransfers(Protocol):
         self._single: ParameterExchange[Parameter] | None = None
         self._listing: Listing | None = None
         self._listeners: list[Future[list[Parameter]]] = []
+        self._new_id: int | None = None
+        """The system that the autopilot becomes by what was written last: at once, or at its next boot."""
 
     @property
     @override
@@ -72,7 +74,13 @@ class ParameterTransfers(Protocol):
 
     @override
     def attach(self, target: Source, dialect: Dialect) -> None:
+        followed = (
+            self._single if isinstance(self._single, Writing) and self._is_successor(target, self._single) else None
+        )
+        if followed is not None:
+            self._single = None
         self.drop("another autopilot was found")
+        self._new_id = None
         self._codec, self._name, self._names = dialect.parameter_codec, dialect.name, frozenset()
         self._requests = Requests(
             lambda name: self._send(mavlink.MAVLink_param_request_read_message(*target, name.encode("ascii"), -1)),
@@ -81,6 +89,18 @@ class ParameterTransfers(Protocol):
             partial(self._write, target),
             self._explain,
         )
+        if followed is not None:
+            followed.follow(self._requests)
+            self._single = followed
+
+    def becomes(self, system_id: int) -> bool:
+        """Whether the autopilot becomes this system by a value that UAL has written."""
+        return system_id == self._new_id
+
+    @staticmethod
+    def _is_successor(target: Source, writing: Writing) -> bool:
+        wanted = writing.wanted
+        return not writing.is_over and wanted.name in SYSTEM_ID_NAMES and wanted.value == target.system_id
 
     @override
     def drop(self, why: str) -> None:
@@ -213,6 +233,8 @@ class ParameterTransfers(Protocol):
     def _write(self, target: Source, wanted: Parameter) -> None:
         if self._codec is None:
             return
+        if wanted.name in SYSTEM_ID_NAMES:
+            self._new_id = int(wanted.value)
         field, kind = self._codec.encode(wanted), wanted.type.value
         self._send(mavlink.MAVLink_param_set_message(*target, wanted.name.encode("ascii"), field, kind))
 

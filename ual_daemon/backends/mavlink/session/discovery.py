@@ -38,6 +38,8 @@ _MOST_OTHERS = 8
 ODD_WAIT_S = 1.5
 """An autopilot with odd ids (system 0, or not component 1) is taken once none with usual ids has been heard for so long
 beside it. A heartbeat comes each second."""
+SUCCESSOR_SILENCE_S = 0.8
+"""For so long an autopilot is silent under its old system id before it is followed to the one that UAL has written."""
 _AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 _OF_ANY = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_COMMAND_ACK})
 _CALLER_SYSTEM_ID = 245
@@ -190,9 +192,23 @@ class Discovery(Selector):
         why = self._why_not(source, kind)
         if not why and self.session is not None:
             why = f"this daemon flies {source_text(self.session.source)}, the first heard"
-            if is_vehicle:
+            if is_vehicle and not self.protocols.parameters.becomes(source.system_id):
                 self._tell_other(source)
         self.receiver.untaken.note(source, _heard_text(source, kind, address, why), now_s, is_minor=not is_vehicle)
+
+    @override
+    def is_successor(self, source: Source, now_s: float) -> bool:
+        session, heard_s = self.session, self.watch.heard_s
+        if session is None or heard_s is None or self._settings.system_id is not None:
+            return False
+        is_ours = source.component_id == session.source.component_id and self.protocols.parameters.becomes(
+            source.system_id
+        )
+        is_known = source in self._others  # another vehicle had this id before
+        if not is_ours or is_known or now_s - heard_s < SUCCESSOR_SILENCE_S:
+            return False
+        logs.event(_log, logging.WARNING, "system_id_changed", old=session.system_id, new=source.system_id)
+        return True
 
     @override
     def is_component_wanted(self, frame: Frame) -> bool:

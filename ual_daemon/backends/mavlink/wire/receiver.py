@@ -51,6 +51,9 @@ class Selector(Protocol):
     def on_other_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> None:
         """Takes note of any other heartbeat."""
 
+    def is_successor(self, source: Source, now_s: float) -> bool:
+        """Whether who sends another heartbeat is the selected autopilot, which has got another system id."""
+
     def is_component_wanted(self, frame: Frame) -> bool:
         """Whether a frame of another component of the selected autopilot's system is worth decoding."""
 
@@ -162,7 +165,7 @@ class Receiver:
                 return
         elif frame.system_id != source.system_id or frame.component_id != source.component_id:
             if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-                self._selector.on_other_heartbeat(frame.source, self._codec.decode(frame), address, now_s)
+                self._on_other_heartbeat(frame, address, now_s)
             if frame.system_id == source.system_id and self._selector.is_component_wanted(frame):
                 self._on_component(frame, address, now_s, utc_now_s)
             return
@@ -175,6 +178,16 @@ class Receiver:
             self._link.answer_to(address)
         self._peer_heard_s = now_s
         handler.on_message(frame, message, address, now_s, utc_now_s)
+
+    def _on_other_heartbeat(self, frame: Frame, address: Address | None, now_s: float) -> None:
+        heartbeat, source = self._codec.decode(frame), frame.source
+        if not self._selector.is_successor(source, now_s) or not self._is_accepted(frame, address, now_s):
+            self._selector.on_other_heartbeat(source, heartbeat, address, now_s)
+            return
+        handler = self._selector.on_heartbeat(source, heartbeat, address, now_s)
+        if handler is not None:
+            self._handler, self._source = handler, source
+            self.untaken.forget(source)
 
     def _on_component(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:
         """Takes a frame of another component of our autopilot's system, once its signature is right."""
