@@ -33,6 +33,10 @@ class FileStore:
         self.times_utc_s: dict[str, int] = {}
         self.has_ftp = True
         """Whether it answers to MAVFTP."""
+        self.unlisted: set[str] = set()
+        """Directories that it does not list, by path: each request fails."""
+        self.undescribed: set[int] = set()
+        """The numbers of logs of which it never sends a LOG_ENTRY."""
         self.requests: list[FtpPacket] = []
         """All requests of MAVFTP, in order."""
         self.log_requests: list[Message] = []
@@ -141,8 +145,8 @@ class FileStore:
     def _list(self, packet: FtpPacket, sender: Sender, now_s: float) -> None:
         path = packet.data.decode().rstrip("/") + "/"
         inside = sorted({each[len(path) :].partition("/")[0] for each in self.files if each.startswith(path)})
-        if not inside:
-            self._refuse(packet, sender, Nak.FILE_NOT_FOUND, now_s)
+        if not inside or path.rstrip("/") in self.unlisted:
+            self._refuse(packet, sender, Nak.FAIL_ERRNO if inside else Nak.FILE_NOT_FOUND, now_s)
             return
         shown = [
             f"D{each}" if path + each not in self.files else f"F{each}\t{self._listed_size(path + each)}"
@@ -263,6 +267,8 @@ class FileStore:
         if not self._logs and not self._is_px4:
             sender.channel.send(mavlink.MAVLink_log_entry_message(0, 0, 0, 0, 0), now_s)
         for log_id in range(max(first, message.start), min(message.end, last) + 1):
+            if log_id in self.undescribed:
+                continue
             path = self._logs[log_id - first]
             time_s = self.times_utc_s.get(path, 0)
             entry = mavlink.MAVLink_log_entry_message(log_id, len(self._logs), last, time_s, len(self.files[path]))

@@ -20,6 +20,7 @@ from tests.waiting import until, until_state
 from ual.errors import InvalidArgumentError, NotSupportedError, ResourceExhaustedError
 from ual.logs import Log, LogChunk
 from ual.types import State
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_tools.main import cli
 
 CONTENT = random.Random(7).randbytes(300_000)
@@ -52,6 +53,60 @@ def daemon(vehicle: Vehicle, start_daemon: StartDaemon) -> DaemonProcess:
         until_state(uav, State.LANDED_DISARMED)
         until(lambda: uav.info().autopilot_version != "", "its version")
     return daemon
+
+
+def test_a_directory_that_is_not_listed_does_not_hide_the_other_logs(start_daemon: StartDaemon) -> None:
+    vehicle = vehicle_of("px4")
+    files = vehicle.autopilot.files
+    files.files = {f"{files.directory}/2026-11-2{day}/13_22_11.ulg": CONTENT[: 100 * day] for day in range(3, 6)}
+    files.unlisted.add(f"{files.directory}/2026-11-24")
+    with flying(vehicle.autopilot):
+        daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+        with ual.Uav(address=daemon.address) as uav:
+            until(lambda: uav.info().autopilot_version != "", "its version")
+            found = uav.logs.get_all()
+            assert [each.id for each in found if not each.is_missing] == [
+                "2026-11-23/13_22_11.ulg",
+                "2026-11-25/13_22_11.ulg",
+            ]
+            assert [each.id for each in found if each.is_missing] == ["2026-11-24/"]
+        assert run(daemon, "logs", "fetch", "--last").exit_code == 1
+        assert "2026-11-24/" in run(daemon, "logs", "list").stdout
+
+
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+def test_a_log_that_is_never_described_does_not_hide_the_others(
+    start_daemon: StartDaemon, tmp_path: Path, kind: str
+) -> None:
+    vehicle = vehicle_of(kind)
+    autopilot, files = vehicle.autopilot, vehicle.autopilot.files
+    version = autopilot._autopilot_version
+
+    def without_files() -> Message:
+        message = version()
+        message.capabilities &= ~mavlink.MAV_PROTOCOL_CAPABILITY_FTP
+        return message
+
+    autopilot.builders[mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION] = without_files
+    files.files = {f"{files.directory}/0000000{number}.BIN": CONTENT[: 100 * number] for number in range(1, 5)}
+    first = 0 if kind == "px4" else 1
+    files.undescribed.add(first + 2)
+    with flying(autopilot):
+        daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+        with ual.Uav(address=daemon.address) as uav:
+            until(lambda: uav.info().autopilot_version != "", "its version")
+            found = uav.logs.get_all()
+        assert [(each.id, each.size_bytes) for each in found if not each.is_missing] == [
+            (str(first), 100),
+            (str(first + 1), 200),
+            (str(first + 3), 400),
+        ]
+        assert [each.id for each in found if each.is_missing] == [str(first + 2)]
+        file = tmp_path / "flight.bin"
+        assert run(daemon, "logs", "fetch", str(first + 3), "-o", file).exit_code == 0
+        assert file.read_bytes() == CONTENT[:400]
+        refused = run(daemon, "logs", "fetch", "--last", "-o", tmp_path / "last.bin")
+        assert (refused.exit_code, "which is the newest" in refused.output) == (1, True)
 
 
 def run(daemon: DaemonProcess, *words: str | Path) -> Result:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterator
+from concurrent.futures import Future
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.lockstep_mavros import LockstepMavros
 from tests.simulators.mission_store import FENCE, MISSION, RALLY
 from tests.ual_daemon.backends.mavros.test_mavros_faults import make
@@ -20,6 +25,7 @@ from ual.types import AltitudeReference, State
 from ual_daemon import UAL
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 from ual_daemon.backends.mavros.missions import item_of, waypoint_of
+from ual_daemon.extensions.shipped.missions import VehicleMissions
 
 
 @pytest.fixture(params=[("px4", 1), ("px4", 2), ("ardupilot", 1)], ids=lambda each: f"{each[0]}-{each[1]}")
@@ -48,6 +54,38 @@ def square(backend: LockstepMavros, size_m: float = 50.0) -> FenceZone:
 def mission(backend: LockstepMavros, count: int) -> list[Item]:
     way = [Waypoint(*place(backend, 5.0 + number, 3.0 * (number % 2)), 12.0) for number in range(count)]
     return [TakeOff(10.0), Speed(4.0), *way, HoldTime(2.0), ReturnToLaunch()]
+
+
+@pytest.mark.parametrize("by", ["client", "daemon"])
+def test_a_mission_that_was_cut_off_is_not_started(backend: LockstepMavros, tmp_path: Path, by: str) -> None:
+    home_file = tmp_path / "uav_1.home"
+    uploading: list[Future[Any]] = []
+    cut = threading.Event()
+
+    def on_taken(_: int, seq: int) -> None:
+        if seq == 5 and not cut.is_set():
+            cut.set()
+            if by == "client":
+                uploading[0].cancel()
+
+    with UAL(backend, home_file=home_file) as uav:
+        until(lambda: uav.telemetry().position_geo is not None, "its place", seen=uav.telemetry)
+        with backend.autopilot.lock:
+            backend.autopilot.missions.on_taken = on_taken
+            uploading.append(VehicleMissions(uav.vehicle).upload(mission(backend, 30), ""))
+        until(cut.is_set, "the cut", seen=uav.telemetry)
+        if by == "client":
+            with pytest.raises(WrongStateError, match=r"upload the mission again|has no mission"):
+                uav.mission.start()
+            uav.mission.upload(mission(backend, 3))
+            with pytest.raises(WrongStateError, match="LANDED_ARMED"):
+                uav.mission.start()
+    if by == "daemon":
+        other = make("px4" if not isinstance(backend.autopilot, ArduPilot) else "ardupilot")
+        with UAL(other, home_file=home_file) as uav:
+            until(lambda: uav.telemetry().position_geo is not None, "its place", seen=uav.telemetry)
+            with pytest.raises(WrongStateError, match="upload the mission again"):
+                uav.mission.start()
 
 
 def test_a_fence_and_rally_points_are_kept_and_applied(uav: UAL, backend: LockstepMavros) -> None:
