@@ -36,9 +36,13 @@ def backend(request: pytest.FixtureRequest) -> LockstepMavros:
 @pytest.fixture
 def uav(backend: LockstepMavros) -> Iterator[UAL]:
     with UAL(backend) as uav:
-        until(lambda: uav.state() is State.LANDED_DISARMED, "a state", seen=uav.telemetry)
-        until(lambda: uav.telemetry().position_geo is not None, "its place", seen=uav.telemetry)
+        stand(uav)
         yield uav
+
+
+def stand(uav: UAL) -> None:
+    until(lambda: uav.state() is State.LANDED_DISARMED, "a state", seen=uav.telemetry)
+    until(lambda: uav.telemetry().position_geo is not None, "its place", seen=uav.telemetry)
 
 
 def place(backend: LockstepMavros, north_m: float, east_m: float) -> tuple[float, float]:
@@ -69,11 +73,12 @@ def test_a_mission_that_was_cut_off_is_not_started(backend: LockstepMavros, tmp_
                 uploading[0].cancel()
 
     with UAL(backend, home_file=home_file) as uav:
-        until(lambda: uav.telemetry().position_geo is not None, "its place", seen=uav.telemetry)
+        stand(uav)
         with backend.autopilot.lock:
             backend.autopilot.missions.on_taken = on_taken
             uploading.append(VehicleMissions(uav.vehicle).upload(mission(backend, 30), ""))
-        until(cut.is_set, "the cut", seen=uav.telemetry)
+        until(lambda: cut.is_set() or uploading[0].done(), "the cut", seen=uav.telemetry)
+        assert cut.is_set(), uploading[0].exception()
         if by == "client":
             with pytest.raises(WrongStateError, match=r"upload the mission again|has no mission"):
                 uav.mission.start()
@@ -83,7 +88,7 @@ def test_a_mission_that_was_cut_off_is_not_started(backend: LockstepMavros, tmp_
     if by == "daemon":
         other = make("px4" if not isinstance(backend.autopilot, ArduPilot) else "ardupilot")
         with UAL(other, home_file=home_file) as uav:
-            until(lambda: uav.telemetry().position_geo is not None, "its place", seen=uav.telemetry)
+            stand(uav)
             with pytest.raises(WrongStateError, match="upload the mission again"):
                 uav.mission.start()
 
