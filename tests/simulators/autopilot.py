@@ -128,6 +128,8 @@ class Autopilot(ABC):
         self.parameters = dict(self.default_parameters())
         self.kept_parameters: set[str] = set()
         """Names of parameters that it keeps as they are, whatever is written."""
+        self.withheld_parameters: set[str] = set()
+        """Names of parameters that it never sends."""
         self.builders: dict[int, Callable[[], Message | None]] = self._builders()
         self.mount: Mount | None = None
         """Its gimbal."""
@@ -517,12 +519,15 @@ class Autopilot(ABC):
     def _on_param_request_read(self, message: Message, sender: Sender) -> None:
         names = list(self.parameters)
         name = message.param_id if message.param_index < 0 else names[message.param_index % len(names)]
-        if name in self.parameters:
-            sender.channel.send(self._parameter(name), self.elapsed_s)
+        self._send_parameter(name, sender)
 
     def _on_param_request_list(self, message: Message, sender: Sender) -> None:
         for count, name in enumerate(list(self.parameters)):
-            self.at(count * STEP_S / 2.0, lambda name=name: sender.channel.send(self._parameter(name), self.elapsed_s))  # type: ignore[misc]
+            self.at(count * STEP_S / 2.0, partial(self._send_parameter, name, sender))
+
+    def _send_parameter(self, name: str, sender: Sender) -> None:
+        if name in self.parameters and name not in self.withheld_parameters:
+            sender.channel.send(self._parameter(name), self.elapsed_s)
 
     def _on_param_set(self, message: Message, sender: Sender) -> None:
         if message.param_id in self.parameters:

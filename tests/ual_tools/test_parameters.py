@@ -202,6 +202,19 @@ def test_the_system_id_is_written_last_and_the_autopilot_is_followed(
             assert uav.parameters.set(other, 3).value == 3
 
 
+def test_one_that_never_comes_does_not_keep_a_file_from_being_loaded(
+    daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.param"
+    file.write_text(f"{NAME},0.9\nMPC_XY_CRUISE,4\n")
+    vehicle.autopilot.withheld_parameters.add("EKF2_EV_CTRL")
+    loaded = run(daemon, "param", "load", file)
+    assert loaded.exit_code == 0, loaded.output
+    assert "1 of its" in loaded.output
+    assert "2 of 2 parameters that differed were written" in loaded.output
+    assert run(daemon, "param", "compare", file).exit_code == 0
+
+
 def test_where_the_link_is_lost_all_that_was_not_written_is_named(
     daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
 ) -> None:

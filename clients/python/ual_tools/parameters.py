@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -117,7 +118,8 @@ def compare_file(session: Session, file: Path, all_names: bool) -> None:
     for other in in_file.left_out:
         session.note(f"left out: {other.text}")
     with session.connect() as uav:
-        differences = compare(in_file, uav.parameters.get_all(), all_names=all_names)
+        on_uav = uav.parameters.get_all() if all_names else _those_of(session, uav.parameters, in_file)
+        differences = compare(in_file, on_uav, all_names=all_names)
     if session.as_json:
         for each in differences:
             session.emit(each)
@@ -143,7 +145,7 @@ def load(session: Session, file: Path, force: bool) -> None:
     """
     in_file = _read(file)
     with session.connect() as uav:
-        differences = compare(in_file, uav.parameters.get_all())
+        differences = compare(in_file, _those_of(session, uav.parameters, in_file))
         results = _all_loaded(session, uav.parameters, sorted(differences, key=_turn), force)
     written = [each for each in results if each is not None]
     later = [each.name for each in written if each.needs_reboot]
@@ -155,6 +157,21 @@ def load(session: Session, file: Path, force: bool) -> None:
     session.emit({**told, "needs_reboot": later, "left_out": others}, text + boot + left_out)
     if len(written) < len(differences):
         raise click.exceptions.Exit(REFUSED)
+
+
+def _those_of(session: Session, parameters: Parameters, in_file: Mapping[str, float]) -> list[Parameter]:
+    """Returns at least the parameters of a file. One that never comes does not keep the others from being known."""
+    try:
+        return parameters.get_all()
+    except UalTimeoutError as error:
+        session.note(f"{error.message}; so those of the file are read one by one")
+    found = []
+    for name in in_file:
+        try:
+            found.append(parameters.get(name))
+        except (UalTimeoutError, InvalidArgumentError, RejectedByAutopilotError) as error:
+            session.note(f"{name}: {error.message}")
+    return found
 
 
 def _turn(difference: Difference) -> tuple[bool, bool, bool, str]:
