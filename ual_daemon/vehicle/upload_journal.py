@@ -211,7 +211,7 @@ class Upload:
         if error is None or not is_begun:
             return
         why = f"{self._entry.text}: {error}"
-        logs.event(_log, logging.WARNING, "upload_unfinished", why=why, undone=undo is not None)
+        logs.event(_log, logging.WARNING, "upload_unfinished", why=why, undoing=undo is not None)
         if undo is not None:
             _begin_undo(undo, self._entry)
 

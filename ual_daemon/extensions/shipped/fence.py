@@ -84,7 +84,8 @@ class VehicleFence:
         begin = self._vehicle.uploads.begin
         zones = begin(FENCE, len(plan.zones)) if plan.zones else None
         rally = begin(RALLY, len(plan.rally_points)) if plan.rally_points else None
-        uploading = in_turn(
+        changing = partial(
+            in_turn,
             lambda: self._begin(refusal),
             # What is there is read in any case: `write` keeps its point to return to.
             lambda: (
@@ -97,7 +98,7 @@ class VehicleFence:
             lambda: self._switch(refusal, is_on=True) if enable and plan.zones else done(None),
             lambda: then(self.get(), partial(_told, "fence_uploaded")),
         )
-        return _dropping(uploading, zones, rally)
+        return _dropping(changing, zones, rally)
 
     def clear(self, lease_id: str, *, with_rally_points: bool, force: bool) -> Future[KeptFence]:
         """See `ual.interface.Fence`."""
@@ -105,13 +106,14 @@ class VehicleFence:
         refusal = self._refusal(_CLEAR, lease_id, force=force)
         zones = self._vehicle.uploads.begin(FENCE, 0)
         rally = self._vehicle.uploads.begin(RALLY, 0) if with_rally_points else None
-        clearing = in_turn(
+        changing = partial(
+            in_turn,
             lambda: self._begin(refusal),
             lambda: self._change(zones, store.write, (), refusal),
             lambda: self._change(rally, store.write_rally, (), refusal),
             lambda: then(self.get(), partial(_told, "fence_cleared")),
         )
-        return _dropping(clearing, zones, rally)
+        return _dropping(changing, zones, rally)
 
     def enable(self, lease_id: str, *, is_on: bool) -> Future[KeptFence]:
         """See `ual.interface.Fence`."""
@@ -253,14 +255,19 @@ class Fence(interface.Fence):
         return wait(self._of_vehicle.enable(self._lease_id(), is_on=is_on), LIMIT_S, "switching the fence")
 
 
-def _dropping(changing: Future[KeptFence], *uploads: Upload | None) -> Future[KeptFence]:
-    """Drops the uploads that were not run, once all has ended."""
+def _dropping(change: Callable[[], Future[KeptFence]], *uploads: Upload | None) -> Future[KeptFence]:
+    """Begins a change. Drops the uploads that were not run, once all has ended."""
 
-    def drop(_: object) -> None:
+    def drop(_: object = None) -> None:
         for each in uploads:
             if each is not None:
                 each.drop()
 
+    try:
+        changing = change()
+    except BaseException:
+        drop()
+        raise
     changing.add_done_callback(drop)
     return changing
 

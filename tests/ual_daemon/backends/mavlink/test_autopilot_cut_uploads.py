@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -200,6 +201,19 @@ def test_a_fence_that_was_cut_off_is_not_enabled_by_the_next_daemon(
     flight.uav.fence.enable()
 
 
+def test_what_is_refused_before_anything_is_sent_leaves_no_entry(
+    make: Callable[[str], KeptFlight], tmp_path: Path
+) -> None:
+    flight = make("ardupilot")
+    stand_armed(flight)
+    plan = FencePlan((field(flight),), (RallyPoint(*place(flight, 5.0, 5.0), 20),))
+    for refused in (partial(flight.uav.fence.upload, plan), partial(flight.uav.fence.clear, with_rally_points=True)):
+        with pytest.raises(WrongStateError, match="the UAV is armed"):
+            refused()
+        assert is_over(flight)
+        assert json.loads((tmp_path / "uav_1.uploads").read_text()) == []
+
+
 def test_a_mission_that_is_refused_amid_its_items_leaves_no_mixture(
     make: Callable[[str], KeptFlight], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -227,12 +241,12 @@ def test_a_list_that_is_too_long_changes_nothing(make: Callable[[str], KeptFligh
 
 def test_an_entry_of_another_vehicle_does_not_count(make: Callable[[str], KeptFlight], tmp_path: Path) -> None:
     flight = make("ardupilot")
-    flight.wait_for(lambda: bool(flight.uav.vehicle.backend.info().identity), "which vehicle it is")
+    flight.wait_for(lambda: bool(flight.backend.info().identity), "which vehicle it is")
     entry = {"list": "mission", "vehicle": "ArduCopter 9 abc", "items_count": 3, "began_s": 1.0}
     (tmp_path / "uav_1.uploads").write_text(json.dumps([entry]))
     flight.restart()
     stand_armed(flight)
-    flight.wait_for(lambda: bool(flight.uav.vehicle.backend.info().identity), "which vehicle it is")
+    flight.wait_for(lambda: bool(flight.backend.info().identity), "which vehicle it is")
     flight.uav.mission.upload(box(flight))
     assert json.loads((tmp_path / "uav_1.uploads").read_text()) == [entry]
     flight.uav.mission.start()
