@@ -407,7 +407,7 @@ class Fence(Protocol):
         """Has the autopilot apply its zones. Returns what it keeps.
 
         Raises:
-            WrongStateError: The UAV is armed, or that is not known.
+            WrongStateError: The UAV is armed, or that is not known. Or an upload of zones or rally points was cut off.
             LeaseHeldError: Another program holds the lease.
             RejectedByAutopilotError: It keeps another value of a parameter.
             LinkLostError: It is not heard.
@@ -764,7 +764,8 @@ class Mission(Protocol):
 
         Raises:
             WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, the mission cannot begin there, or the
-                parameters say something else than `on_link_loss`.
+                parameters say something else than `on_link_loss`. Or an upload of the mission or of rally points was
+                cut off, and neither has one ended well since, nor was it cleared.
             InvalidArgumentError: It has an item that UAL does not know; the metadata `item` names it.
             GeofenceError: As `plan`.
             LeaseHeldError: Another program holds the lease.

@@ -88,6 +88,7 @@ class FenceServiceServicer(object):
 
     def EnableFence(self, request, context):
         """Has the autopilot apply its zones, or not. Errors as of ParameterService.SetParameter.
+        WRONG_STATE: an upload of zones or rally points was cut off, and none has ended well since.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

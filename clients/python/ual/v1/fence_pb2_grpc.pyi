@@ -150,7 +150,9 @@ class FenceServiceStub(typing.Generic[_FenceServiceGetFenceType, _FenceServiceUp
     """Removes all zones, and the rally points, if asked to. Errors as of UploadFence."""
 
     EnableFence: _FenceServiceEnableFenceType
-    """Has the autopilot apply its zones, or not. Errors as of ParameterService.SetParameter."""
+    """Has the autopilot apply its zones, or not. Errors as of ParameterService.SetParameter.
+    WRONG_STATE: an upload of zones or rally points was cut off, and none has ended well since.
+    """
 
 FenceServiceAsyncStub: typing_extensions.TypeAlias = FenceServiceStub[
     grpc.aio.UnaryUnaryMultiCallable[
@@ -209,6 +211,8 @@ class FenceServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.fence_pb2.EnableFenceRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.fence_pb2.EnableFenceResponse, collections.abc.Awaitable[ual.v1.fence_pb2.EnableFenceResponse]]:
-        """Has the autopilot apply its zones, or not. Errors as of ParameterService.SetParameter."""
+        """Has the autopilot apply its zones, or not. Errors as of ParameterService.SetParameter.
+        WRONG_STATE: an upload of zones or rally points was cut off, and none has ended well since.
+        """
 
 def add_FenceServiceServicer_to_server(servicer: FenceServiceServicer, server: typing.Union[grpc.Server, grpc.aio.Server]) -> None: ...

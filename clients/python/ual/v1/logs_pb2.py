@@ -4,14 +4,19 @@
 # source: ual/v1/logs.proto
 # Protobuf Python Version: 6.31.1
 """Generated protocol buffer code."""
-
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import descriptor_pool as _descriptor_pool
 from google.protobuf import runtime_version as _runtime_version
 from google.protobuf import symbol_database as _symbol_database
 from google.protobuf.internal import builder as _builder
-
-_runtime_version.ValidateProtobufRuntimeVersion(_runtime_version.Domain.PUBLIC, 6, 31, 1, "", "ual/v1/logs.proto")
+_runtime_version.ValidateProtobufRuntimeVersion(
+    _runtime_version.Domain.PUBLIC,
+    6,
+    31,
+    1,
+    '',
+    'ual/v1/logs.proto'
+)
 # @@protoc_insertion_point(imports)
 
 _sym_db = _symbol_database.Default()
@@ -20,25 +25,23 @@ _sym_db = _symbol_database.Default()
 from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(
-    b'\n\x11ual/v1/logs.proto\x12\x06ual.v1\x1a\x1fgoogle/protobuf/timestamp.proto"j\n\x03Log\x12\x0e\n\x06log_id\x18\x01 \x01(\t\x12\x12\n\nsize_bytes\x18\x02 \x01(\x04\x12+\n\x07written\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x12\n\nis_missing\x18\x04 \x01(\x08"\x11\n\x0fListLogsRequest"-\n\x10ListLogsResponse\x12\x19\n\x04logs\x18\x01 \x03(\x0b\x32\x0b.ual.v1.Log"4\n\x12\x44ownloadLogRequest\x12\x0e\n\x06log_id\x18\x01 \x01(\t\x12\x0e\n\x06offset\x18\x02 \x01(\x04"]\n\x13\x44ownloadLogResponse\x12\x18\n\x03log\x18\x01 \x01(\x0b\x32\x0b.ual.v1.Log\x12\x0e\n\x06offset\x18\x02 \x01(\x04\x12\x0c\n\x04\x64\x61ta\x18\x03 \x01(\x0c\x12\x0e\n\x06sha256\x18\x04 \x01(\t2\x95\x01\n\nLogService\x12=\n\x08ListLogs\x12\x17.ual.v1.ListLogsRequest\x1a\x18.ual.v1.ListLogsResponse\x12H\n\x0b\x44ownloadLog\x12\x1a.ual.v1.DownloadLogRequest\x1a\x1b.ual.v1.DownloadLogResponse0\x01\x62\x06proto3'
-)
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x11ual/v1/logs.proto\x12\x06ual.v1\x1a\x1fgoogle/protobuf/timestamp.proto\"j\n\x03Log\x12\x0e\n\x06log_id\x18\x01 \x01(\t\x12\x12\n\nsize_bytes\x18\x02 \x01(\x04\x12+\n\x07written\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x12\n\nis_missing\x18\x04 \x01(\x08\"\x11\n\x0fListLogsRequest\"-\n\x10ListLogsResponse\x12\x19\n\x04logs\x18\x01 \x03(\x0b\x32\x0b.ual.v1.Log\"4\n\x12\x44ownloadLogRequest\x12\x0e\n\x06log_id\x18\x01 \x01(\t\x12\x0e\n\x06offset\x18\x02 \x01(\x04\"]\n\x13\x44ownloadLogResponse\x12\x18\n\x03log\x18\x01 \x01(\x0b\x32\x0b.ual.v1.Log\x12\x0e\n\x06offset\x18\x02 \x01(\x04\x12\x0c\n\x04\x64\x61ta\x18\x03 \x01(\x0c\x12\x0e\n\x06sha256\x18\x04 \x01(\t2\x95\x01\n\nLogService\x12=\n\x08ListLogs\x12\x17.ual.v1.ListLogsRequest\x1a\x18.ual.v1.ListLogsResponse\x12H\n\x0b\x44ownloadLog\x12\x1a.ual.v1.DownloadLogRequest\x1a\x1b.ual.v1.DownloadLogResponse0\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
-_builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, "ual.v1.logs_pb2", _globals)
+_builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'ual.v1.logs_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
-    DESCRIPTOR._loaded_options = None
-    _globals["_LOG"]._serialized_start = 62
-    _globals["_LOG"]._serialized_end = 168
-    _globals["_LISTLOGSREQUEST"]._serialized_start = 170
-    _globals["_LISTLOGSREQUEST"]._serialized_end = 187
-    _globals["_LISTLOGSRESPONSE"]._serialized_start = 189
-    _globals["_LISTLOGSRESPONSE"]._serialized_end = 234
-    _globals["_DOWNLOADLOGREQUEST"]._serialized_start = 236
-    _globals["_DOWNLOADLOGREQUEST"]._serialized_end = 288
-    _globals["_DOWNLOADLOGRESPONSE"]._serialized_start = 290
-    _globals["_DOWNLOADLOGRESPONSE"]._serialized_end = 383
-    _globals["_LOGSERVICE"]._serialized_start = 386
-    _globals["_LOGSERVICE"]._serialized_end = 535
+  DESCRIPTOR._loaded_options = None
+  _globals['_LOG']._serialized_start=62
+  _globals['_LOG']._serialized_end=168
+  _globals['_LISTLOGSREQUEST']._serialized_start=170
+  _globals['_LISTLOGSREQUEST']._serialized_end=187
+  _globals['_LISTLOGSRESPONSE']._serialized_start=189
+  _globals['_LISTLOGSRESPONSE']._serialized_end=234
+  _globals['_DOWNLOADLOGREQUEST']._serialized_start=236
+  _globals['_DOWNLOADLOGREQUEST']._serialized_end=288
+  _globals['_DOWNLOADLOGRESPONSE']._serialized_start=290
+  _globals['_DOWNLOADLOGRESPONSE']._serialized_end=383
+  _globals['_LOGSERVICE']._serialized_start=386
+  _globals['_LOGSERVICE']._serialized_end=535
 # @@protoc_insertion_point(module_scope)

@@ -302,7 +302,8 @@ class MissionServiceStub(typing.Generic[_MissionServicePlanMissionType, _Mission
     """TASK. Flies the mission that the autopilot has: it is read and checked first. Returns once the task has begun; GetTask,
     WatchTask, Abort, Pause and Resume of UalService are for it, too. Allowed in FLYING_AUTO, and in LANDED_ARMED where it
     begins with a take-off. Never arms. No setpoints are sent meanwhile, and the state is FLYING_AUTO.
-    Errors: WRONG_STATE, GEOFENCE, INVALID_ARGUMENT, LEASE_HELD, REJECTED_BY_AUTOPILOT, LINK_LOST, TIMEOUT.
+    Errors: WRONG_STATE (also where an upload of it, or of rally points, was cut off: until one has ended well, or a clear),
+    GEOFENCE, INVALID_ARGUMENT, LEASE_HELD, REJECTED_BY_AUTOPILOT, LINK_LOST, TIMEOUT.
     """
 
     PauseMission: _MissionServicePauseMissionType
@@ -418,7 +419,8 @@ class MissionServiceServicer(metaclass=abc.ABCMeta):
         """TASK. Flies the mission that the autopilot has: it is read and checked first. Returns once the task has begun; GetTask,
         WatchTask, Abort, Pause and Resume of UalService are for it, too. Allowed in FLYING_AUTO, and in LANDED_ARMED where it
         begins with a take-off. Never arms. No setpoints are sent meanwhile, and the state is FLYING_AUTO.
-        Errors: WRONG_STATE, GEOFENCE, INVALID_ARGUMENT, LEASE_HELD, REJECTED_BY_AUTOPILOT, LINK_LOST, TIMEOUT.
+        Errors: WRONG_STATE (also where an upload of it, or of rally points, was cut off: until one has ended well, or a clear),
+        GEOFENCE, INVALID_ARGUMENT, LEASE_HELD, REJECTED_BY_AUTOPILOT, LINK_LOST, TIMEOUT.
         """
 
     @abc.abstractmethod

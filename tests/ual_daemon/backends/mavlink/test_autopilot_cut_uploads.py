@@ -226,6 +226,18 @@ def test_a_mission_that_is_refused_amid_its_items_leaves_no_mixture(
     assert flight.uav.mission.download().items == ()
 
 
+def test_a_removal_that_is_refused_changes_nothing(make: Callable[[str], KeptFlight]) -> None:
+    flight = make("px4")
+    flight.uav.mission.upload(box(flight))
+    flight.autopilot.missions.refusal = 5
+    with pytest.raises(RejectedByAutopilotError, match="INVALID"):
+        flight.uav.mission.clear()
+    flight.autopilot.missions.refusal = None
+    stand_armed(flight)
+    assert flight.uav.mission.start().description.startswith("mission of 5 items")
+    flight.uav.abort()
+
+
 def test_a_list_that_is_too_long_changes_nothing(make: Callable[[str], KeptFlight]) -> None:
     flight = make("ardupilot")
     flight.uav.mission.upload(box(flight))

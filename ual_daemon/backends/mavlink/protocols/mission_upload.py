@@ -62,6 +62,16 @@ class MissionChange(MissionExchange[int]):
         text = f"{error.message}; the {self._line.kind.text} was not sent to the end: read what the autopilot has now"
         return type(error)(text, error.metadata)
 
+    @override
+    def _refused(self, result: int, note: str = "", seq: int | None = None) -> UalError:
+        error = super()._refused(result, note, seq)
+        return error if self._is_taken else type(error)(error.message, {**error.metadata, UNCHANGED: "1"})
+
+    @property
+    def _is_taken(self) -> bool:
+        """Whether the autopilot has begun to take it, so that it may have changed what it has."""
+        return False
+
     @abstractmethod
     def _send_change(self) -> None:
         """Sends what changes it, the first time or again."""
@@ -149,10 +159,10 @@ class MissionUpload(MissionChange):
             )
         return self._refused(result, seq=self._at)
 
+    @property
     @override
-    def _refused(self, result: int, note: str = "", seq: int | None = None) -> UalError:
-        error = super()._refused(result, note, seq)
-        return error if self._furthest is not None else type(error)(error.message, {**error.metadata, UNCHANGED: "1"})
+    def _is_taken(self) -> bool:
+        return self._furthest is not None
 
     @property
     def _is_complete(self) -> bool:
