@@ -17,6 +17,8 @@ QUIET_S = 0.3
 """... with none that fits the old boot for so long. An autopilot that boots is silent for longer."""
 SHORTEST_BOOT_S = 2.0
 """No autopilot reboots twice within this time."""
+LEAP_S = 5.0
+"""A time that leaps ahead by no more may be of the present boot: what came between was lost in a full buffer."""
 WRAP_S = (1 << 32) / 1000.0
 """After so long, 49.7 days, MAVLink's milliseconds since boot begin anew. A UAV in a dock may never be switched off."""
 _FASTEST = 50.0
@@ -46,10 +48,12 @@ class BootTime:
         self._candidate: _Candidate | None = None
         self.is_doubtful = False
         """Whether the last message may be the first of a new boot, to which the places of the old one do not apply."""
+        self.is_foreign = False
+        """Whether the last message is of another boot than the present one: another vehicle's, or damaged."""
 
     def update(self, boot_s: float, now_s: float) -> bool:
         """Takes the time since boot from a message. Returns whether the autopilot is now known to have rebooted."""
-        self.is_doubtful = False
+        self.is_doubtful = self.is_foreign = False
         passed_s = now_s - self._received_s
         if has_wrapped(self.boot_s, boot_s) and _follows(self.boot_s, boot_s + WRAP_S, passed_s):
             self.boot_s -= WRAP_S
@@ -63,6 +67,7 @@ class BootTime:
         is_quiet = now_s - self._received_s >= QUIET_S
         self.is_doubtful = is_quiet and agreeing_count < PROOFS_COUNT
         if not is_quiet or agreeing_count < PROOFS_COUNT or now_s - self._rebooted_s < SHORTEST_BOOT_S:
+            self.is_foreign = not 0.0 <= boot_s - self.boot_s <= LEAP_S
             return False
         # A time that leapt ahead is no new boot, unless that could have begun in the silence before.
         is_reboot = boot_s < max(self.boot_s, now_s - self._received_s)

@@ -118,6 +118,11 @@ class LinkWatch:
         """See `BootTime.is_doubtful`."""
         return self._boot_time.is_doubtful
 
+    @property
+    def is_boot_foreign(self) -> bool:
+        """See `BootTime.is_foreign`."""
+        return self._boot_time.is_foreign
+
     def is_up(self, now_s: float) -> bool:
         """Whether it was heard so lately that setpoints and commands make sense. From any thread."""
         return self.heard_s is not None and now_s - self.heard_s <= self.lost_s

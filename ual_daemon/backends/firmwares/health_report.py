@@ -44,21 +44,27 @@ class HealthReport:
             self._checks[event.text.removeprefix("check ")] = None
 
     def report(
-        self, now_s: float, is_ready: bool | None, failing_sensors: int, loss: Callable[[], float | None]
+        self,
+        now_s: float,
+        is_ready: bool | None,
+        failing_sensors: int,
+        loss: Callable[[], float | None],
+        doubt: str = "",
     ) -> Health:
         """Returns the health; the same object while nothing has changed.
 
         `is_ready` is whether it is ready to arm (None: it does not say). `loss` is asked for once a second; None where
-        it is not known.
+        it is not known. `doubt` is what does not count before the landing.
         """
         if now_s >= self._next_link_s:
             self._next_link_s = now_s + LINK_PERIOD_S
             lost = loss()
             self._link_quality = None if lost is None else round(1.0 - lost, 3)
-        known = (is_ready, failing_sensors, self._link_quality)
+        known = (is_ready, failing_sensors, self._link_quality, doubt)
         if known != self._known or self._texts:  # texts become old
             self._known = known
-            failing = (*sensor_names(failing_sensors), *self._checks, *self._fresh_texts(now_s, is_ready=is_ready))
+            texts = self._fresh_texts(now_s, is_ready=is_ready)
+            failing = (*sensor_names(failing_sensors), *self._checks, *texts, *([doubt] if doubt else []))
             health = Health(is_ready, failing, self._link_quality)
             self._health = self._health if health == self._health else health
         return self._health

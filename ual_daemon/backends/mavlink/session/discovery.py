@@ -22,6 +22,7 @@ from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.session import ALL_SYSTEMS, Session, Successor
+from ual_daemon.backends.mavlink.session.shape import Shape
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import Frame, Source
@@ -40,6 +41,8 @@ ODD_WAIT_S = 1.5
 beside it. A heartbeat comes each second."""
 SUCCESSOR_SILENCE_S = 0.8
 """For so long an autopilot is silent under its old system id before it is followed to the one that UAL has written."""
+STRAY_S = 2.5
+"""One that has sent one heartbeat and nothing more for so long gives way to another one that is heard."""
 _AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 _OF_ANY = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_COMMAND_ACK})
 _CALLER_SYSTEM_ID = 245
@@ -173,6 +176,13 @@ class Discovery(Selector):
         return not self._why_not(source, kind_of(heartbeat))
 
     @override
+    def is_stray(self, now_s: float) -> bool:
+        session, heard_s = self.session, self.watch.heard_s
+        if session is None or heard_s is None:
+            return False
+        return session.identity.heartbeats_count <= 1 and now_s - heard_s > STRAY_S
+
+    @override
     def on_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> Session | None:
         kind, untaken = kind_of(heartbeat), self.receiver.untaken
         if self._is_odd(source):
@@ -261,9 +271,12 @@ class Discovery(Selector):
     def _replace_session(self, source: Source, successor: Successor) -> None:
         """Opens the session anew, as the vehicle is another one than its heartbeats said, or than was there before."""
         dialect = dialect_of(successor.kind, is_addressable=source.system_id != ALL_SYSTEMS)
-        self.receiver.replace_handler(self._open_session(source, successor.heartbeats_kind, dialect, None))
+        session = self._open_session(source, successor.heartbeats_kind, dialect, None, successor.shape)
+        self.receiver.replace_handler(session)
 
-    def _open_session(self, source: Source, kind: Kind, dialect: Dialect, address: Address | None) -> Session:
+    def _open_session(
+        self, source: Source, kind: Kind, dialect: Dialect, address: Address | None, shape: Shape | None = None
+    ) -> Session:
         """Opens the session with an autopilot whose heartbeats are of this kind."""
         self.session = Session(
             source,
@@ -275,6 +288,7 @@ class Discovery(Selector):
             self._setpoints,
             self._payload_messages,
             self.protocols,
+            shape,
         )
         self.protocols.attach(source, dialect)
         self.watch.lost_s = dialect.freshness.link_s

@@ -34,7 +34,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
     slower,
 )
 from ual_daemon.backends.mavlink.dialects.data_streams import request_group
-from ual_daemon.backends.mavlink.dialects.detection import Kind, kind_of
+from ual_daemon.backends.mavlink.dialects.detection import Kind, dialect_of, kind_of
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
@@ -49,6 +49,7 @@ from ual_daemon.backends.mavlink.session.late_messages import LateMessages
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.rate_fit import RateFit
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
+from ual_daemon.backends.mavlink.session.shape import Shape
 from ual_daemon.backends.mavlink.session.supervision import Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
@@ -75,15 +76,18 @@ PACE_S = 0.1
 """The interval of requests that leave whatever the answers are."""
 ALL_SYSTEMS = 0
 """The system id that addresses every vehicle: nothing is sent to it."""
+VERSION_S = 0.5
+"""How often the version is requested while it is doubted."""
 ORIGIN_S = 0.5
 """How often the origin of the local frame is requested while it is doubted."""
 
 
 class Successor(NamedTuple):
-    """The vehicle of the session that has to follow: what its heartbeats say, and what it is."""
+    """The vehicle of the session that has to follow: what its heartbeats say, what it is, and whether it is disguised."""
 
     heartbeats_kind: Kind
     kind: Kind
+    shape: Shape | None = None
 
 
 class Session:
@@ -100,13 +104,18 @@ class Session:
         setpoints: SetpointMonitor,
         payload_messages: PayloadMessages | None = None,
         protocols: Protocols | None = None,
+        shape: Shape | None = None,
     ) -> None:
+        """`shape` is that of the session before, where that has made the verdict that this one follows."""
         self.source = source
         self.system_id = source.system_id
         self.dialect = dialect
         self.identity = Identity(self.system_id, kind)
         self.successor: Successor | None = None
         """The vehicle that this one has turned out to be, or that has taken its place; None if neither."""
+        self._shape = shape or Shape(dialect_of(kind), self._request_parameter)
+        self._shape.read = self._request_parameter
+        self._is_vtol = self._shape.is_vtol
         self.telemetry = Telemetry(dialect, supervision.watch.begin_boot())
         self.freshness = dialect.freshness
         """As the dialect's, with a shorter `link_s` where the autopilot leaves the mode of our setpoints sooner."""
@@ -134,7 +143,7 @@ class Session:
         self._setup = self._new_setup()
         self._fence_download = self._new_fence_download() if dialect.has_zones else None
         self._next_setup_s = -math.inf
-        self._next_origin_s = -math.inf
+        self._next_origin_s = self._next_version_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
         self._late_messages = LateMessages(
             {
@@ -159,6 +168,7 @@ class Session:
             mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._on_current_mode,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._on_vtol_state,
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: lambda message, now_s, _: causes.on_sensors(
                 message.onboard_control_sensors_enabled, message.onboard_control_sensors_health, now_s
             ),
@@ -201,7 +211,8 @@ class Session:
         self._supervision.on_frame(frame.sequence, now_s)
         self._signs = frame.is_signed
         self._identify(frame, message, address, now_s)
-        if self.identity.conflict or self.successor is not None:
+        is_foreign = frame.message_id == _HEARTBEAT and message is not None and kind_of(message) != self.identity.kind
+        if self.identity.conflict or self.successor is not None or is_foreign:
             self.telemetry.on_frame(frame.sequence, now_s)
         elif message is None:
             self._on_undecoded(frame, now_s)
@@ -210,19 +221,22 @@ class Session:
 
     def _identify(self, frame: Frame, message: Message | None, address: Address | None, now_s: float) -> None:
         """Checks that a frame is of the same vehicle as those before. A conflict discards what is known."""
-        identity = self.identity
-        identity.on_frame(frame.sequence, address, now_s)
+        identity, is_flying = self.identity, self.telemetry.flight.is_flying(now_s)
+        identity.on_frame(frame.sequence, address, now_s, is_flying=is_flying)
         boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
         if boot_ms > 0:
-            identity.on_boot_time(boot_ms / 1000.0, now_s)
-        if message is not None and frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            identity.on_boot_time(boot_ms / 1000.0, now_s, is_flying=is_flying)
+        if message is not None and frame.message_id == _HEARTBEAT:
             kind = kind_of(message)
-            if identity.on_heartbeat(kind, now_s):
+            if identity.on_heartbeat(kind, now_s, is_flying=is_flying):
                 self.successor = Successor(kind, kind)
-        if identity.conflict and not self.telemetry.conflict:
+        self._follow_conflict(now_s)
+
+    def _follow_conflict(self, now_s: float) -> None:
+        if self.identity.conflict and not self.telemetry.conflict:
             self.discard_state()
             self._commands.drop(now_s)
-        self.telemetry.conflict = identity.conflict
+        self.telemetry.conflict = self.identity.conflict
 
     def discard_state(self) -> None:
         """Discards all that may have changed, as `Telemetry.discard_state` does, and requests a heartbeat at once."""
@@ -262,9 +276,7 @@ class Session:
             self._next_setup_s = now_s + STREAMLESS_S
             self._setup = self._new_setup()
         self._update_freshness()
-        self.identity.tick(now_s)
-        self.telemetry.conflict = self.identity.conflict
-        self._check_multirotor()
+        self._judge(now_s)
         self._setup.tick(now_s)
         self._stream_attitude(now_s)
         self._fit_rates(now_s)
@@ -304,12 +316,22 @@ class Session:
                 "%s waits %.2g s for setpoints: after so long a gap nothing is sent unasked", self.dialect.name, link_s
             )
 
-    def _check_multirotor(self) -> None:
-        telemetry = self.telemetry
-        if self.successor is None and not self.dialect.is_multirotor(telemetry.vtol_state, telemetry.parameters):
-            _log.warning("%s calls itself a multirotor, but is a VTOL: it is only watched", self.dialect.name)
+    def _judge(self, now_s: float) -> None:
+        """Makes the verdicts that are due."""
+        telemetry, shape = self.telemetry, self._shape
+        telemetry.update_flight(now_s)
+        is_flying = telemetry.flight.is_flying(now_s)
+        self.identity.tick(now_s, is_flying=is_flying)
+        self._follow_conflict(now_s)
+        shape.tick(now_s, is_flying=is_flying)
+        if self.successor is None and shape.is_vtol != self._is_vtol:
             kind = self.identity.kind
-            self.successor = Successor(kind, Kind(kind.autopilot, mavlink.MAV_TYPE_VTOL_QUADROTOR))
+            text = "is a VTOL: it is only watched" if shape.is_vtol else "does not say any more that it is a VTOL"
+            _log.warning("%s calls itself a multirotor, and %s", self.dialect.name, text)
+            self.successor = Successor(kind, kind._replace(vehicle=_VTOL) if shape.is_vtol else kind, shape)
+        if telemetry.is_version_doubtful and now_s >= self._next_version_s:
+            self._next_version_s = now_s + VERSION_S
+            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION))
 
     def snapshot(self, now_s: float, updated_s: float = math.inf, scheduling_gap: str = "") -> Snapshot:
         """Returns the newest data as of now. `updated_s` and `scheduling_gap` are those of the snapshot."""
@@ -321,7 +343,11 @@ class Session:
             now_s,
             control,
             self._health.report(
-                now_s, telemetry.readiness, causes.failing_sensors, lambda: self._supervision.loss(now_s)
+                now_s,
+                telemetry.readiness,
+                causes.failing_sensors,
+                lambda: self._supervision.loss(now_s),
+                self.identity.doubt or self._shape.doubt,
             ),
             updated_s=updated_s,
             scheduling_gap=scheduling_gap,
@@ -387,7 +413,7 @@ class Session:
             self._protocols.drop("the autopilot has booted")
             self._heartbeats.want()
             self.restart_setup()
-        elif boot_ms > 0 and self._supervision.watch.is_boot_doubtful:
+        elif boot_ms > 0 and self._supervision.watch.is_boot_foreign:
             telemetry.on_frame(frame.sequence, now_s)
             return
         telemetry.update(message, now_s, utc_now_s)
@@ -454,6 +480,9 @@ class Session:
         self._causes.on_intention(message.custom_mode, message.intended_custom_mode, now_s)
         self._commands.on_state(now_s)
 
+    def _on_vtol_state(self, message: Message, now_s: float, _: float) -> None:
+        self._shape.on_vtol_state(message.vtol_state, now_s, is_flying=self.telemetry.flight.is_flying(now_s))
+
     def _on_position(self, message: Message, now_s: float, _: float) -> None:
         if self._feed_forward is not None:
             self._unlearned_s = (now_s, message.time_boot_ms / 1000.0)
@@ -475,6 +504,7 @@ class Session:
 
     def _on_parameter(self, message: Message, now_s: float, _: float) -> None:
         self._protocols.handlers[mavlink.MAVLINK_MSG_ID_PARAM_VALUE](message, now_s)
+        self._shape.on_parameter(message.param_id, now_s, is_flying=self.telemetry.flight.is_flying(now_s))
         if self._fence_download is not None and message.param_id == self.dialect.zones_parameter:
             self._fence_download.want()
 
@@ -617,6 +647,8 @@ class Session:
         self._sender.send(mavlink.MAVLink_param_request_read_message(*self.source, name.encode("ascii"), -1))
 
 
+_HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+_VTOL = mavlink.MAV_TYPE_VTOL_QUADROTOR
 _VERDICTS = {
     mavlink.MAV_RESULT_ACCEPTED: Verdict.ACCEPTED,
     mavlink.MAV_RESULT_IN_PROGRESS: Verdict.IN_PROGRESS,

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
+from ual_daemon.backends.engine.agreement import Agreement, FlightSeen
 from ual_daemon.backends.engine.boot_time import has_wrapped
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.plausibility import Plausibility
@@ -108,9 +109,11 @@ class Telemetry:
         self._status_text = StatusText()
         self.version: Message | None = None
         """The autopilot's AUTOPILOT_VERSION."""
+        self._versions: Agreement[tuple[object, ...]] | None = None
+        self.is_version_doubtful = False
+        """Whether the version has come once, or another one since, so that it should be requested again."""
+        self.flight = FlightSeen()
         self.is_hardware_in_the_loop = False
-        self.vtol_state = 0
-        """Its newest MAV_VTOL_STATE."""
         self.conflict = ""
         """See `ual_daemon.backends.values.LinkState`."""
         self.is_mode_doubtful = False
@@ -163,7 +166,7 @@ class Telemetry:
         self.message_counts.clear()
         self.mode_names.forget()
         self.parameters.clear()
-        self.version = None
+        self.version = self._versions = None
         self.origin = LocalOrigin()
 
     @property
@@ -199,6 +202,11 @@ class Telemetry:
             self._home.discard()
             self._home.is_next(now_s)
         self.armed.set(is_armed, now_s)
+        self.update_flight(now_s)
+
+    def update_flight(self, now_s: float) -> None:
+        """Updates whether it is in the air, as far as verdicts have to wait for that."""
+        self.flight.update(self.armed.sample, self.landed.sample, now_s)
 
     @property
     def is_home_missing(self) -> bool:
@@ -291,8 +299,8 @@ class Telemetry:
             self.is_mode_doubtful = True
 
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
-        if self.landed.on_value(landed_state(message.landed_state), now_s):
-            self.vtol_state = message.vtol_state
+        self.landed.on_value(landed_state(message.landed_state), now_s)
+        self.update_flight(now_s)
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
         if not self.estimator.is_next(now_s):
@@ -405,8 +413,15 @@ class Telemetry:
     def _on_statustext(self, message: Message, _now_s: float, _: float) -> None:
         self._status_text.update(message)
 
-    def _on_autopilot_version(self, message: Message, _now_s: float, _: float) -> None:
-        self.version = message
+    def _on_autopilot_version(self, message: Message, now_s: float, _: float) -> None:
+        """Takes the first at once. Permissions and names follow from it, so it is requested until two agree."""
+        said = tuple(repr(getattr(message, name)) for name in message.get_fieldnames())
+        is_flying = self.flight.is_flying(now_s)
+        if self._versions is None:
+            self._versions, self.version, self.is_version_doubtful = Agreement(said), message, True
+        elif self._versions.note(said, now_s, is_flying=is_flying) or self._versions.value == said:
+            self.version = message
+        self.is_version_doubtful = self._versions.is_open or not self._versions.is_backed
 
     def _on_param_value(self, message: Message, _now_s: float, _: float) -> None:
         """Takes those that are used: a ground station may have it send a thousand others."""

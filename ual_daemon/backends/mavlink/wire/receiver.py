@@ -48,6 +48,9 @@ class Selector(Protocol):
     ) -> MessageHandler | None:
         """Takes a wanted heartbeat while none is selected. Returns the handler that selects who sent it."""
 
+    def is_stray(self, now_s: float) -> bool:
+        """Whether the selected one was heard once, and then no more: another one may be selected instead."""
+
     def on_other_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> None:
         """Takes note of any other heartbeat."""
 
@@ -164,11 +167,9 @@ class Receiver:
             if handler is None:
                 return
         elif frame.system_id != source.system_id or frame.component_id != source.component_id:
-            if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-                self._on_other_heartbeat(frame, address, now_s)
-            if frame.system_id == source.system_id and self._selector.is_component_wanted(frame):
-                self._on_component(frame, address, now_s, utc_now_s)
-            return
+            handler = self._on_other(frame, address, now_s, utc_now_s)
+            if handler is None:
+                return
         elif not self._is_accepted(frame, address, now_s) or (
             not is_from_peer and self._is_stranger(frame, address, now_s)
         ):
@@ -179,15 +180,16 @@ class Receiver:
         self._peer_heard_s = now_s
         handler.on_message(frame, message, address, now_s, utc_now_s)
 
-    def _on_other_heartbeat(self, frame: Frame, address: Address | None, now_s: float) -> None:
-        heartbeat, source = self._codec.decode(frame), frame.source
-        if not self._selector.is_successor(source, now_s) or not self._is_accepted(frame, address, now_s):
-            self._selector.on_other_heartbeat(source, heartbeat, address, now_s)
-            return
-        handler = self._selector.on_heartbeat(source, heartbeat, address, now_s)
-        if handler is not None:
-            self._handler, self._source = handler, source
-            self.untaken.forget(source)
+    def _on_other(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> MessageHandler | None:
+        """Takes a frame of another than the selected one. Returns its handler where it is selected now."""
+        if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            if self._selector.is_stray(now_s) or self._selector.is_successor(frame.source, now_s):
+                return self._select(frame, address, now_s)
+            self._selector.on_other_heartbeat(frame.source, self._codec.decode(frame), address, now_s)
+        if self._source is not None and frame.system_id == self._source.system_id:
+            if self._selector.is_component_wanted(frame):
+                self._on_component(frame, address, now_s, utc_now_s)
+        return None
 
     def _on_component(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:
         """Takes a frame of another component of our autopilot's system, once its signature is right."""

@@ -61,6 +61,7 @@ def test_a_copter_that_comes_after_a_plane_is_flown() -> None:
     harness.receive(copter())
     harness.run(0.1)
     harness.receive(copter())
+    harness.run(0.1)
     assert harness.session.dialect.name == "ArduPilot"
 
 
@@ -87,7 +88,10 @@ def test_commands_under_way_are_not_sent_again_in_a_conflict() -> None:
     harness.receive(copter())
     harness.session.submit(harness.session.dialect.hold(), harness.now_s)
     assert harness.commands(mavlink.MAV_CMD_DO_SET_MODE)
-    harness.receive(plane())
+    for _ in range(3):
+        harness.run(0.6)
+        harness.receive(copter(), plane())
+    harness.link.sent.clear()
     harness.run(2.0)
     assert harness.commands(mavlink.MAV_CMD_DO_SET_MODE) == []
 
@@ -154,9 +158,12 @@ def test_a_quadplane_that_calls_itself_a_quadrotor_is_only_watched(state: int) -
     harness.receive(copter(), mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_MC, 1))
     harness.run(0.1)
     assert harness.session.info().capabilities
-    harness.receive(mavlink.MAVLink_extended_sys_state_message(state, 1))
+    for _ in range(6):
+        assert harness.session.info().capabilities
+        harness.receive(mavlink.MAVLink_extended_sys_state_message(state, 1))
+        harness.run(0.2)
+    harness.receive(copter(), mavlink.MAVLink_extended_sys_state_message(state, 1))
     harness.run(0.1)
-    harness.receive(copter())
     assert not harness.session.info().capabilities
     assert "vtol" in harness.session.info().limitation
     assert harness.snapshot().link.conflict == ""
@@ -169,4 +176,160 @@ def test_a_quadplane_is_recognized_on_the_ground_by_a_parameter_of_planes() -> N
     harness.receive(q_enable)
     harness.run(0.1)
     harness.receive(copter())
+    assert harness.session.info().capabilities
+    for _ in range(30):
+        asked = [each for each in harness.link.take("PARAM_REQUEST_READ") if each.param_id == "Q_ENABLE"]
+        harness.receive(*([q_enable] if asked else []))
+        harness.run(0.1)
     assert not harness.session.info().capabilities
+
+
+# --- One message is no verdict ----------------------------------------------------------------------------------------
+
+
+def vtol(landed: int = mavlink.MAV_LANDED_STATE_UNDEFINED) -> Message:
+    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_FW, landed)
+
+
+def landed(state: int = mavlink.MAV_LANDED_STATE_IN_AIR) -> Message:
+    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, state)
+
+
+def px4(*, armed: bool = True) -> Message:
+    return heartbeat(0x00060000, armed=armed)
+
+
+class Flying(Harness):
+    """A PX4 that flies on our setpoints, and what another program sends with its ids from an endpoint of its own."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.forge = packer()
+        self.states: set[State] = set()
+        self.landed = mavlink.MAV_LANDED_STATE_IN_AIR
+        self.fly(8.0)
+
+    def fly(self, duration_s: float, forged: Message | None = None, period_s: float = 1.0) -> None:
+        """Flies on; something forged comes at the beginning, and again each `period_s`."""
+        for count in range(round(duration_s / 0.1)):
+            if forged is not None and count % round(period_s / 0.1) == 0:
+                self.receive(data=self.forge(forged))
+            is_armed = self.landed != mavlink.MAV_LANDED_STATE_ON_GROUND
+            self.receive(*([px4(armed=is_armed)] if count % 5 == 0 else []), landed(self.landed), attitude())
+            flags = mavlink.MAVLink_estimator_status_message(0, 0x37F, *[0.0] * 8)
+            self.receive(flags, position(self.now_s))
+            self.states.add(self.state)
+            self.run(0.1)
+
+    @property
+    def state(self) -> State:
+        return estimate(self.snapshot(), Dialect.freshness).state
+
+    @property
+    def told(self) -> str:
+        return " ".join(self.snapshot().condition.health.failing_checks)
+
+
+FORGED = {
+    "vtol": vtol(),
+    "vtol on the ground": vtol(mavlink.MAV_LANDED_STATE_ON_GROUND),
+    "plane": heartbeat(kind=mavlink.MAV_TYPE_FIXED_WING),
+    "ardupilot": heartbeat(4, autopilot=ARDUPILOT),
+    "q_enable": mavlink.MAVLink_param_value_message(b"Q_ENABLE", 1.0, mavlink.MAV_PARAM_TYPE_INT8, 900, 1),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_one_message_takes_no_flying_uav_away(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    harness = Flying()
+    session = harness.session
+    assert harness.state is State.FLYING_AUTO
+    harness.states.clear()
+    harness.receive(data=harness.forge(FORGED[name]))
+    harness.run(0.05)
+    harness.fly(4.0)
+    # One landed state is a value, not a verdict: the next one is 0.1 s away.
+    assert harness.states <= {State.FLYING_AUTO, State.LANDED_ARMED if "ground" in name else State.FLYING_AUTO}
+    assert harness.session is session
+    assert session.info().capabilities
+    assert not any(vars(each).get("ual_event", "").startswith("vehicle") for each in caplog.records)
+
+
+@pytest.mark.parametrize("name", ["plane", "ardupilot"])
+def test_another_kind_beside_a_flight_is_told_and_counts_on_the_ground(
+    name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    harness = Flying()
+    harness.states.clear()
+    harness.fly(8.0, FORGED[name])
+    assert harness.states == {State.FLYING_AUTO}
+    assert "send as system 1" in harness.told
+    events = [vars(each).get("ual_event", "") for each in caplog.records]
+    assert [each for each in events if each.startswith("vehicle")] == ["vehicle_doubtful"]
+    harness.landed = mavlink.MAV_LANDED_STATE_ON_GROUND
+    harness.fly(4.0, FORGED[name])
+    assert harness.state is State.UNINITIALIZED
+    assert "send as system 1" in why(harness)
+    harness.fly(8.0)
+    assert harness.state is State.LANDED_DISARMED
+
+
+def test_a_vtol_state_that_stays_is_told_in_flight_and_counts_on_the_ground() -> None:
+    harness = Flying()
+    harness.fly(3.0, vtol(), 0.1)  # as many as of the true ones
+    assert harness.state is State.FLYING_AUTO
+    assert harness.told == ""  # they do not agree
+    for _ in range(30):
+        harness.receive(px4(), vtol(mavlink.MAV_LANDED_STATE_IN_AIR), attitude(), position(harness.now_s))
+        harness.run(0.1)
+    assert harness.session.info().capabilities
+    assert "VTOL" in harness.told
+    for _ in range(40):
+        harness.receive(px4(armed=False), vtol(mavlink.MAV_LANDED_STATE_ON_GROUND))
+        harness.run(0.1)
+    assert not harness.session.info().capabilities
+    harness.landed = mavlink.MAV_LANDED_STATE_ON_GROUND
+    harness.fly(3.0)  # it says so no longer
+    assert harness.session.info().capabilities
+    assert harness.state is State.LANDED_DISARMED
+
+
+def test_two_vehicles_beside_a_flight_do_not_end_it() -> None:
+    harness = Flying()
+    harness.states.clear()
+    for _ in range(20):
+        harness.receive(data=harness.forge(position(harness.now_s + 60.0, north=500.0)))
+        harness.fly(0.1)
+        assert harness.snapshot().motion.pose.value.position.y == pytest.approx(1.0)
+    assert harness.states == {State.FLYING_AUTO}
+    assert "booted 60 s apart" in harness.told
+
+
+def test_a_stray_first_heartbeat_does_not_choose_the_autopilot_for_good() -> None:
+    harness = Harness()
+    harness.receive(data=packer(7)(px4(armed=False)))
+    assert harness.session.system_id == 7
+    for _ in range(6):
+        harness.run(1.0)
+        harness.receive(px4(armed=False))
+    assert harness.session.system_id == 1
+
+
+def test_one_version_does_not_make_a_flight_controller_a_simulator() -> None:
+    harness = Flying()
+
+    def version(uid: int) -> Message:
+        return mavlink.MAVLink_autopilot_version_message(0, 0x01110000, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, uid)
+
+    for _ in range(3):
+        harness.receive(version(0x1234))
+        harness.fly(0.5)
+    assert harness.session.judge_simulation().is_simulated is False
+    identity = harness.session.info().identity
+    harness.link.sent.clear()
+    harness.receive(data=harness.forge(version(5283920058631409231)))
+    assert harness.session.judge_simulation().is_simulated is False
+    harness.fly(0.5)
+    asked = [each for each in harness.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if each.param1 == 148]
+    assert asked
+    assert harness.session.info().identity == identity

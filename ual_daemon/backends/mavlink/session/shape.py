@@ -1,0 +1,68 @@
+"""Whether what calls itself a multirotor is one: a VTOL may be set up to call itself a quadrotor."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+
+from ual_daemon import logs
+from ual_daemon.backends.engine.agreement import Agreement
+from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
+from ual_daemon.backends.firmwares.numbers import VtolState
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+
+_log = logging.getLogger(__name__)
+
+ASK_S = 0.5
+"""How often a parameter that only planes have is read again while it is not sure that it is there."""
+SEEN_S, ENDS_S = 2.0, 10.0
+"""How often it is read while the verdict stands, and after how long without an answer that ends."""
+_DISGUISED = "it calls itself a multirotor, but says that it is a VTOL"
+
+
+class Shape:
+    """Belongs to the thread that receives, and outlives the session: a verdict replaces that.
+
+    `as_said` is the dialect of the vehicle that its heartbeats name. `read` reads a parameter again.
+    """
+
+    def __init__(self, as_said: Dialect, read: Callable[[str], None]) -> None:
+        self.read = read
+        self._as_said = as_said
+        self._state, self._parameter = Agreement(assumed=False), Agreement(assumed=False, ends_s=ENDS_S)
+        self._name = ""
+        self._next_s = -math.inf
+        self._doubt = ""
+
+    @property
+    def is_vtol(self) -> bool:
+        """Whether it is a VTOL in truth."""
+        return self._state.value or self._parameter.value
+
+    @property
+    def doubt(self) -> str:
+        """What is told in flight, human-readable: from the landing on it is only watched; empty if nothing is."""
+        return _DISGUISED if self._state.pending or self._parameter.pending else ""
+
+    def on_vtol_state(self, state: int, now_s: float, *, is_flying: bool) -> None:
+        """Takes its MAV_VTOL_STATE."""
+        self._state.note(not self._as_said.is_multirotor(state, NO_PARAMETERS), now_s, is_flying=is_flying)
+
+    def on_parameter(self, name: str, now_s: float, *, is_flying: bool) -> None:
+        """Takes that it has a parameter."""
+        if not self._as_said.is_multirotor(VtolState.UNDEFINED, {name: 1.0}):
+            self._name = name
+            self._parameter.note(True, now_s, is_flying=is_flying)  # noqa: FBT003  a sample
+
+    def tick(self, now_s: float, *, is_flying: bool) -> None:
+        """Does what is due; to be called often."""
+        for each in (self._state, self._parameter):
+            each.tick(now_s, is_flying=is_flying)
+        is_asked = self._parameter.is_open or self._parameter.value
+        if is_asked and now_s >= self._next_s:
+            self._next_s = now_s + (SEEN_S if self._parameter.value else ASK_S)
+            self.read(self._name)
+        doubt, self._doubt = self._doubt, self.doubt
+        if self._doubt and not doubt:
+            logs.event(_log, logging.WARNING, "vehicle_doubtful", why=self._doubt)
