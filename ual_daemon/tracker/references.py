@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 from typing_extensions import override
 
+from ual.errors import WrongStateError
 from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocityResponses, VelocitySetpoint
@@ -250,8 +251,14 @@ def pose_of(motion: Motion) -> Pose:
 
 
 def measured_motion(snapshot: Snapshot) -> Motion:
-    """Returns the motion of the UAV as the autopilot measures it. The snapshot must have a pose."""
-    assert snapshot.motion.pose is not None
+    """Returns the motion of the UAV as the autopilot measures it.
+
+    Raises:
+        WrongStateError: It is not known where the UAV is.
+
+    """
+    if snapshot.motion.pose is None:
+        raise WrongStateError("the autopilot has not said where the UAV is (its pose)", {"needed": "pose"})
     pose = snapshot.motion.pose.value
     if snapshot.motion.velocity is None:
         return Motion(pose.position, pose.yaw_rad)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ual.errors import WrongStateError
 from ual.geometry import Vector3
 from ual.missions.items import (
     HoldTime,
@@ -48,6 +49,10 @@ class MissionPlanner:
             WrongStateError: It is not known where the UAV or the geofence is.
 
         """
+        if snapshot.motion.pose is None:
+            why = self._flight.estimate(snapshot).why
+            text = f"{COMMAND}: its way cannot be planned before it is known where the UAV is: {why}"
+            raise WrongStateError(text, {"command": COMMAND, "needed": "pose"})
         return _Walk(self._flight, self._resolver, self._reach_limit, items, snapshot).plan(executed(items, first - 1))
 
 

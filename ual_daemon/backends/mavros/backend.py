@@ -267,9 +267,10 @@ class MavrosBackend(Backend):
         """Passes a command to the link's thread; its future ends there."""
 
         def make_now() -> Command[Call]:
-            assert self._discovery is not None
-            assert self._discovery.session is not None  # it is in reach
-            return make(self._discovery.session)
+            session = None if self._discovery is None else self._discovery.session
+            if session is None:  # it was in reach a moment ago
+                raise self._why_not(what)
+            return make(session)
 
         desk = self._desk
         return futures.failed(self._why_not(what)) if desk is None else desk.give(what, make_now)

@@ -413,7 +413,7 @@ class Session:
             self._protocols.drop("the autopilot has booted")
             self._heartbeats.want()
             self.restart_setup()
-        elif boot_ms > 0 and self._supervision.watch.is_boot_foreign:
+        elif boot_ms > 0 and (self._supervision.watch.is_boot_doubtful or self._supervision.watch.is_boot_foreign):
             telemetry.on_frame(frame.sequence, now_s)
             return
         telemetry.update(message, now_s, utc_now_s)
