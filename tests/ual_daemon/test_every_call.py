@@ -37,7 +37,9 @@ def nobody(_: int) -> Iterator[None]:
     yield
 
 
-def silent_about(make: Callable[..., Autopilot], silent: frozenset[int]) -> Callable[[int], AbstractContextManager[None]]:
+def silent_about(
+    make: Callable[..., Autopilot], silent: frozenset[int]
+) -> Callable[[int], AbstractContextManager[None]]:
     """An autopilot that never sends these messages."""
 
     def run(port: int) -> AbstractContextManager[None]:
@@ -68,6 +70,12 @@ HEARD = {
 }
 
 
+def wait_until_heard(uav: ual.Uav | UAL) -> None:
+    until(
+        lambda: not uav.telemetry().state_reason.startswith("nothing heard"), seen=lambda: uav.telemetry().state_reason
+    )
+
+
 def require_no_defect(daemon: DaemonProcess) -> None:
     outcomes = call_all(daemon.address)
     assert defects_among(outcomes) == []
@@ -90,7 +98,7 @@ def test_no_call_meets_a_defect_while_little_is_known(heard: str, start_daemon: 
     with HEARD[heard](port):
         if heard != "nobody":
             with ual.Uav(address=daemon.address) as uav:
-                until(lambda: uav.info().autopilot)
+                wait_until_heard(uav)
         require_no_defect(daemon)
 
 
@@ -111,7 +119,7 @@ def test_the_class_says_what_a_plan_lacks(heard: str, runtime_dir: Path) -> None
     items = [Waypoint(47.3978, 8.5457, 10.0)]
     with HEARD[heard](port), UAL(backend="mavlink", url=f"udpin://{HOST}:{port}", ns="uav_1") as uav:
         if heard != "nobody":
-            until(lambda: uav.info().autopilot)
+            wait_until_heard(uav)
         kind, why = (LinkLostError, "heard") if heard == "nobody" else (WrongStateError, "where the UAV is: the autop")
         with pytest.raises(kind, match=why):
             uav.mission.plan(items)

@@ -53,13 +53,19 @@ class Agreement(Generic[T]):
     """
 
     def __init__(
-        self, assumed: T, value: T | None = None, *, span_s: float = AGREEING_S, ends_s: float = math.inf
+        self,
+        assumed: T,
+        value: T | None = None,
+        *,
+        count: int = AGREEING_COUNT,
+        span_s: float = AGREEING_S,
+        ends_s: float = math.inf,
     ) -> None:
         self.value = assumed if value is None else value
         self.pending: T | None = None
         """On what the samples agree, where that must not count yet, as the vehicle flies."""
         self._assumed = assumed
-        self._span_s = span_s
+        self._needed_count, self._span_s = count, span_s
         self._ends_s = ends_s
         self._begun_s = math.inf
         self._backed_s = -math.inf
@@ -102,7 +108,7 @@ class Agreement(Generic[T]):
 
     def _decide(self, now_s: float, *, is_flying: bool) -> bool:
         candidate, has_ended = self._candidate, self.is_backed and now_s - self._backed_s > ENDED_S
-        do_agree = self._count >= AGREEING_COUNT and now_s - self._since_s >= self._span_s
+        do_agree = self._count >= self._needed_count and now_s - self._since_s >= self._span_s
         if candidate is None or not (do_agree or (has_ended and self._count >= ENDED_COUNT)):
             return False
         if is_flying and (self.is_backed or now_s - self._begun_s > SETTLED_S):

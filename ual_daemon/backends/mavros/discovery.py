@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from functools import partial
 
 from ual_daemon import logs
+from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import topics
@@ -58,6 +59,8 @@ class Discovery:
         self._trouble = "MAVROS was not asked yet"
         self._said: set[str] = set()
         """What was logged since all was well."""
+        self._kind: Agreement[tuple[int, ...]] | None = None
+        """Its system, its firmware and its type. MAVROS tells those of the newest heartbeat."""
         self._question: Future[Message] | None = None
         self._ask_s = -math.inf
         self._graph: Graph | None = None
@@ -136,15 +139,16 @@ class Discovery:
         question = self._question
         if question is not None and question.done():
             self._question = None
-            self._learn(question)
+            self._learn(question, now_s)
         elif question is None and now_s >= self._ask_s:
+            is_sure = self._kind is not None and not self._kind.is_open
             is_known = self.session is not None and self.session.description.has_version and not self._trouble
-            self._ask_s = now_s + (ASK_AGAIN_S if is_known else ASK_S)
+            self._ask_s = now_s + (ASK_AGAIN_S if is_known and is_sure else ASK_S)
             name = f"{self._settings.node}/{topics.VEHICLE_INFO}"
             arguments = {"sysid": 0, "compid": 0, "get_all": False}  # 0: those of its autopilot
             self._question = self._link.call_service(name, arguments, _CALL_S)
 
-    def _learn(self, question: Future[Message]) -> None:
+    def _learn(self, question: Future[Message], now_s: float) -> None:
         try:
             found = read_vehicle(question.result())
         except ServiceError as error:
@@ -155,8 +159,19 @@ class Discovery:
             return
         if found is None:
             self._set_trouble(_UNHEARD)
-        else:
+        elif self._is_sure(found, now_s):
             self._meet(found)
+
+    def _is_sure(self, found: VehicleDescription, now_s: float) -> bool:
+        """Whether what MAVROS says counts: another kind than before does once answers agree, and on the ground."""
+        session, kind = self.session, found[:3]
+        if self._kind is None:
+            self._kind = Agreement(kind)
+        is_flying = session is not None and session.telemetry.flight.is_flying(now_s)
+        self._kind.note(kind, now_s, is_flying=is_flying)
+        if session is not None:
+            session.doubt = f"MAVROS says that it is {found.text}" if self._kind.pending else ""
+        return self._kind.value == kind
 
     def _holds_up_calls(self) -> bool:
         return self._question is not None or self._link.holds_up_calls

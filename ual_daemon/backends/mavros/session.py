@@ -11,10 +11,12 @@ from dataclasses import replace
 from ual.gripper import GripperState
 from ual.types import Capability
 from ual_daemon import logs
+from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares import px4_events
 from ual_daemon.backends.firmwares.autopilot import (
+    NO_PARAMETERS,
     Autopilot,
     SimulationVerdict,
     assumed_text,
@@ -24,7 +26,7 @@ from ual_daemon.backends.firmwares.autopilot import (
 from ual_daemon.backends.firmwares.cause_watch import CauseWatch
 from ual_daemon.backends.firmwares.feed_forward import FeedForward
 from ual_daemon.backends.firmwares.health_report import HealthReport
-from ual_daemon.backends.firmwares.numbers import IGNORES_POSITION
+from ual_daemon.backends.firmwares.numbers import IGNORES_POSITION, VtolState
 from ual_daemon.backends.firmwares.sender_watch import SenderWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import messages, topics
@@ -48,6 +50,7 @@ FAST_HEARTBEAT_S, HEARTBEAT_S, SLOW_HEARTBEAT_S = 0.1, 0.2, 1.0
 it is armed; else."""
 HOME_S, ORIGIN_S = 0.5, 2.0
 """How often home and the origin are asked for while they are not known."""
+_DISGUISED = "it calls itself a multirotor, but is a VTOL"
 _REQUEST_MESSAGE = 512
 _HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID = 0, 49, 148, 242
 _EVENT_BYTES = 40
@@ -100,6 +103,10 @@ class Session:
         )
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
         self._health = HealthReport()
+        self._is_vtol = Agreement(assumed=False)
+        """Whether its VTOL state shows that it is none of the multirotors that it calls itself."""
+        self.doubt = ""
+        """What is told in flight, and does not count before the landing. Set by the discovery."""
         self._parameters = ParameterReader(
             autopilot,
             telemetry.parameters,
@@ -144,6 +151,9 @@ class Session:
             self._causes.on_system_status(int(message["system_status"]), now_s)
             self.runner.on_state(now_s)
             self._withdraw_calls()
+        elif topic == topics.EXTENDED_STATE:
+            is_vtol = not self.autopilot.is_multirotor(self.telemetry.vtol_state, NO_PARAMETERS)
+            self._is_vtol.note(is_vtol, now_s, is_flying=self.telemetry.flight.is_flying(now_s))
         elif topic == topics.SYS_STATUS:
             self._causes.on_sensors(int(message["sensors_enabled"]), int(message["sensors_health"]), now_s)
         elif topic == topics.RC_IN:
@@ -182,6 +192,8 @@ class Session:
         self._now_s = now_s
         self._began_s = min(self._began_s, now_s)
         self._ros = ros
+        self.telemetry.flight.update(self.telemetry.armed.sample, self.telemetry.landed.sample, now_s)
+        self._is_vtol.tick(now_s, is_flying=self.telemetry.flight.is_flying(now_s))
         self.runner.tick(now_s)
         self._withdraw_calls()
         self._update_freshness()
@@ -198,7 +210,8 @@ class Session:
         armed, mode, landed = telemetry.armed.sample, telemetry.mode.sample, telemetry.landed.sample
         other_sender = self._senders.another(now_s, armed, mode, landed)
         control = causes.control_state(armed, landed, mode, other_sender, now_s)
-        health = self._health.report(now_s, telemetry.is_ready_to_arm, causes.failing_sensors, lambda: None)
+        doubt = self.doubt or (_DISGUISED if self._is_vtol.pending else "")
+        health = self._health.report(now_s, telemetry.is_ready_to_arm, causes.failing_sensors, lambda: None, doubt)
         return telemetry.snapshot(now_s, control, health)
 
     def judge_simulation(self) -> SimulationVerdict:
@@ -215,7 +228,7 @@ class Session:
     def info(self) -> VehicleInfo:
         """Returns what is known of the vehicle so far."""
         autopilot, parameters, found = self.autopilot, self.telemetry.parameters, self.description
-        is_multirotor = autopilot.is_multirotor(self.telemetry.vtol_state, parameters)
+        is_multirotor = autopilot.is_multirotor(VtolState.UNDEFINED, parameters) and not self._is_vtol.value
         limits = autopilot.limits(parameters)
         return VehicleInfo(
             autopilot=autopilot.name,
@@ -226,7 +239,7 @@ class Session:
             note=assumption_text(self._parameters.missing if self._reported_missing else (), limits),
             flies_takeoff_on_setpoints=autopilot.flies_takeoff_on_setpoints,
             identity=f"{autopilot.name} {found.system_id} {found.uid:x}" if found.has_version else "",
-            limitation="" if is_multirotor else "it calls itself a multirotor, but is a VTOL: UAL only watches it",
+            limitation="" if is_multirotor else f"{_DISGUISED}: UAL only watches it",
             cruise_speed_m_s=autopilot.cruise_speed_m_s(parameters),
             acceleration_share=autopilot.acceleration_share(parameters),
             velocity_responses=autopilot.velocity_responses(parameters),

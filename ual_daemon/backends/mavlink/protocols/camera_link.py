@@ -14,6 +14,7 @@ from ual.cameras import CameraInfo, CameraStatus, VideoStream
 from ual.errors import LinkLostError, ResourceExhaustedError, UalError
 from ual.geometry import Pose
 from ual_daemon.backends import futures
+from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.photo_log import PhotoLog
 from ual_daemon.backends.mavlink.protocols import camera_values
@@ -42,6 +43,8 @@ QUIET_S = 0.7
 """An order waits so long after one of its kind that was repeated: late answers to that would be taken for its own."""
 IDENTITY_S, LATER_IDENTITY_S = 1.0, 10.0
 """The interval of requests for what a camera is: at first, and after `SOON_COUNT` of them."""
+DOUBT_S = 0.5
+"""After so long it is asked again where it has said that it is another one."""
 SOON_COUNT = 10
 SHOT_RETRY_S, SHOT_TRIES_COUNT = 0.15, 3
 """An order of a picture by distance is sent so often, as long as the UAV is near its place."""
@@ -76,11 +79,13 @@ class CameraLink:
         send: Callable[[Message], object],
         look: Callable[[], Viewpoint],
         carried: Carried = lambda _device_id, _body: None,
+        may_be_flying: Callable[[], bool] = lambda: False,
     ) -> None:
         self.number = number
         self.photos: PhotoLog[TakenPhoto] = PhotoLog()
         self.heard_s = -math.inf
-        self.identity: Identity | None = None
+        self._identities: Agreement[Identity] | None = None
+        self._may_be_flying = may_be_flying
         self._source = source
         self._send = send
         self._look = look
@@ -105,6 +110,11 @@ class CameraLink:
         self._missed_count = 0
 
     # --- What is known ------------------------------------------------------------------------------------------------
+
+    @property
+    def identity(self) -> Identity | None:
+        """What it is; None while that is not known."""
+        return None if self._identities is None else self._identities.value
 
     @property
     def name(self) -> str:
@@ -220,6 +230,8 @@ class CameraLink:
         if now_s - self.heard_s > LOST_S and self.heard_s > -math.inf:
             _log.info("%s is heard again", self.name)
             self._next_identity_s = now_s  # another one may have its place
+            if self._identities is not None:
+                self._identities = Agreement(self._identities.value)
             self._identity_count = 0
         self.heard_s = now_s
 
@@ -231,7 +243,7 @@ class CameraLink:
             self._on_ack(message, now_s)
             return
         if message_id == mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION:
-            self._on_identity(camera_values.identity_of(message))
+            self._on_identity(camera_values.identity_of(message), now_s)
         elif message_id == mavlink.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED:
             self._on_photo(message, now_s, utc_now_s)
         else:
@@ -269,17 +281,22 @@ class CameraLink:
 
     def _identify(self, now_s: float) -> None:
         """Asks what it is, by the two commands for that in turn: cameras know the newer one or the older."""
-        is_due = now_s >= self._next_identity_s
-        if not is_due or (self.identity is not None and self._identity_count > 0):
+        is_doubtful = self._identities is not None and self._identities.is_open
+        is_known = self.identity is not None and self._identity_count > 0 and not is_doubtful
+        if now_s < self._next_identity_s or is_known:
             return
         self._identity_count += 1
         self._next_identity_s = now_s + (IDENTITY_S if self._identity_count < SOON_COUNT else LATER_IDENTITY_S)
         self._line.request(mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION, is_older=self._identity_count % 2 == 0)
 
-    def _on_identity(self, identity: Identity) -> None:
-        if identity != self.identity:
-            _log.info("%s: %s", f"camera {self.number}", identity.name)
-        self.identity = identity
+    def _on_identity(self, identity: Identity, now_s: float) -> None:
+        """Takes what it says that it is: the first at once, another one once several answers agree."""
+        is_first = self._identities is None
+        self._identities = self._identities or Agreement(identity)
+        if not self._identities.note(identity, now_s, is_flying=self._may_be_flying()) and not is_first:
+            self._next_identity_s, self._identity_count = now_s + DOUBT_S, min(self._identity_count, 1)
+            return
+        _log.info("%s: %s", f"camera {self.number}", identity.name)
         self._line = CameraLine(self._command, self.name)
 
     def _on_photo(self, message: Message, now_s: float, utc_now_s: float) -> None:

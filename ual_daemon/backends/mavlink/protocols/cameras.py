@@ -11,6 +11,8 @@ from collections.abc import Callable
 from typing_extensions import override
 
 from ual.errors import LinkLostError
+from ual_daemon.backends.engine.agreement import Agreement
+from ual_daemon.backends.mavlink.dialects.command_long import request_message
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink, Carried
 from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
@@ -42,10 +44,12 @@ MESSAGE_IDS = frozenset(
 class Cameras(Protocol):
     """Belongs to the thread that receives; `found` is for any thread. `send` sends a message.
 
+    `may_be_flying` is whether the vehicle may be in flight: none is taken for another one then.
+
     A camera keeps its number while the daemon runs, also if it is not heard any more.
     """
 
-    def __init__(self, send: Callable[[Message], object]) -> None:
+    def __init__(self, send: Callable[[Message], object], may_be_flying: Callable[[], bool] = lambda: False) -> None:
         self.found: tuple[CameraLink, ...] = ()
         self.trigger = CameraTrigger()
         """That of the autopilot itself."""
@@ -56,6 +60,9 @@ class Cameras(Protocol):
         self.carried: Carried = lambda _device_id, _body: None
         """Returns how what is on the gimbal of a device id is mounted now. Set by the backend; never blocks."""
         self._send = send
+        self._may_be_flying = may_be_flying
+        self._doubted: dict[int, Agreement[bool]] = {}
+        """The components that have said once that they are cameras."""
         self._target: Source | None = None
         self._by_component: dict[int, CameraLink] = {}
 
@@ -69,6 +76,7 @@ class Cameras(Protocol):
         if self._target is not None and self._target.system_id != target.system_id:
             self.drop("another autopilot was found")
             self._by_component.clear()
+            self._doubted.clear()
         self._target = target
 
     @override
@@ -86,14 +94,27 @@ class Cameras(Protocol):
     def on_component(self, source: Source, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a message of a component of the vehicle that has a camera's id."""
         camera = self._by_component.get(source.component_id)
-        if message.get_msgId() == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-            if message.type == mavlink.MAV_TYPE_CAMERA:
-                (camera or self._add(source)).on_heartbeat(now_s)
-        elif camera is not None:
+        message_id = message.get_msgId()
+        is_heartbeat = message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and message.type == mavlink.MAV_TYPE_CAMERA
+        says_camera = is_heartbeat or message_id == mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION
+        if camera is None and says_camera and self._is_sure(source, now_s):
+            camera = self._add(source)
+        if camera is not None and is_heartbeat:
+            camera.on_heartbeat(now_s)
+        elif camera is not None and message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             camera.on_message(message, now_s, utc_now_s)
 
+    def _is_sure(self, source: Source, now_s: float) -> bool:
+        """Whether a component has said twice that it is a camera: it keeps its number for good. Else it is asked."""
+        there = self._doubted.setdefault(source.component_id, Agreement(assumed=False, count=2, span_s=0.0))
+        if there.note(True, now_s, is_flying=False):  # noqa: FBT003  a sample
+            del self._doubted[source.component_id]
+            return True
+        self._send(request_message(mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION).request.encode(source, 0))
+        return False
+
     def _add(self, source: Source) -> CameraLink:
-        camera = CameraLink(self.first_number + len(self.found), source, self._send, self.look, self.carried)
+        camera = CameraLink(self.first_number + len(self.found), source, self._send, self.look, self.carried, self._may_be_flying)
         self._by_component[source.component_id] = camera
         self.found = (*self.found, camera)
         _log.info("camera %d was found: component %d", camera.number, source.component_id)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
+from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.firmwares import gimbal_protocol
 from ual_daemon.backends.firmwares.gimbal_protocol import Identity
 from ual_daemon.backends.mavlink.protocols.camera_exchanges import CameraLine, Order
@@ -73,7 +74,7 @@ class GimbalLink:
         self.device_id = device_id
         self.heard_s = -math.inf
         self.attitude: GimbalAttitude | None = None
-        self.identity: Identity | None = None
+        self._identities: Agreement[Identity] | None = None
         self.is_identified = False
         """Whether it has said what it is since it was heard first, or again."""
         self.failures: tuple[str, ...] = ()
@@ -92,6 +93,16 @@ class GimbalLink:
         self._is_odd = False
 
     # --- What is known ------------------------------------------------------------------------------------------------
+
+    @property
+    def identity(self) -> Identity | None:
+        """What it is; None while that is not known."""
+        return None if self._identities is None else self._identities.value
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether it has said that it is something else, so that it is to be asked again."""
+        return self._identities is not None and self._identities.is_open
 
     @property
     def name(self) -> str:
@@ -190,6 +201,8 @@ class GimbalLink:
 
     def forget(self, *, is_kind_known: bool) -> None:
         """Forgets what a boot may have changed, and asks for it anew. Its kind is asked for unless that is known."""
+        if self._identities is not None:
+            self._identities = Agreement(self._identities.value)
         self.is_identified, self.is_kind_known = False, is_kind_known
         self.attitude = self.meant = self._controller = None
         self._next_ask_s, self._asks_count = -math.inf, 0
@@ -203,16 +216,19 @@ class GimbalLink:
 
     # --- What comes, and what is due ----------------------------------------------------------------------------------
 
-    def on_information(self, message: Message, now_s: float, lacks: frozenset[GimbalAbility]) -> None:
+    def on_information(
+        self, message: Message, now_s: float, lacks: frozenset[GimbalAbility], *, is_flying: bool
+    ) -> None:
         """Takes what it is. It lacks what its autopilot only says that it has."""
         self._hear(now_s)
         self.is_identified = True
         identity = identity_of(message)
         identity = identity._replace(abilities=identity.abilities - lacks)
-        if identity != self.identity:
+        is_first = self._identities is None
+        self._identities = self._identities or Agreement(identity)
+        if self._identities.note(identity, now_s, is_flying=is_flying) or is_first:
             can = ", ".join(sorted(each.name.lower() for each in identity.abilities))
             _log.info("gimbal %d (%s) can: %s%s", self.number, self.name, can, identity.note and f"; {identity.note}")
-        self.identity = identity
 
     def on_status(self, message: Message, now_s: float) -> None:
         """Takes a GIMBAL_MANAGER_STATUS."""

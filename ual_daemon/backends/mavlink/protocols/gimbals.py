@@ -6,6 +6,7 @@ https://mavlink.io/en/services/gimbal_v2.html.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from typing_extensions import override
 
 from ual.errors import LinkLostError
 from ual.gimbals import GimbalAbility
+from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, request_message, set_message_interval
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLine, GimbalLink
@@ -45,6 +47,10 @@ AUTOPILOT_ASKS_COUNT = 3
 LARGEST_ATTACHED_ID = 6
 """Devices up to this id are attached to their manager; the id of another one is its component."""
 MOST_GIMBALS = 12
+MOST_DOUBTED = 32
+"""So many that have said once what they are, and are not sure to be there, are remembered."""
+AGAIN_S = 0.5
+"""How often a manager whose word is doubted is asked again."""
 
 
 class Means(NamedTuple):
@@ -56,6 +62,7 @@ class Means(NamedTuple):
         submit: Sends a request for data to the autopilot, in its turn with the other requests.
         own_ids: Returns our system and component.
         says_manager: Whether the autopilot says that it manages gimbals.
+        is_flying: Whether the vehicle may be flying.
 
     """
 
@@ -64,6 +71,7 @@ class Means(NamedTuple):
     submit: Callable[[LongCommand, float], object] = lambda _command, _now_s: None
     own_ids: Callable[[], Source] = lambda: Source(0, 0)
     says_manager: Callable[[], bool] = lambda: False
+    is_flying: Callable[[], bool] = lambda: False
 
 
 class _Asked(NamedTuple):
@@ -85,6 +93,9 @@ class Gimbals(Protocol):
         self._target: Source | None = None
         self._dialect: Dialect | None = None
         self._asked: dict[int, _Asked] = {}
+        self._doubted: dict[tuple[Source, int], Agreement[bool]] = {}
+        """Those that have said once what they are."""
+        self._next_again_s = -math.inf
 
     @property
     @override
@@ -113,6 +124,7 @@ class Gimbals(Protocol):
     def _forget(self) -> None:
         """Has all of them asked anew: after a boot their limits, their kinds and their controllers may be others."""
         self._asked = {}
+        self._doubted.clear()
         for each in self.found:
             each.forget(is_kind_known=not self._has_kind(each.manager, each.device_id))
 
@@ -120,6 +132,8 @@ class Gimbals(Protocol):
     def tick(self, now_s: float) -> None:
         if self._target is not None:
             self._ask(self._target.component_id, now_s)
+        if self._doubted or any(each.is_doubtful for each in self.found):
+            self._ask_again(now_s)
         for each in self.found:
             each.tick(now_s)
 
@@ -157,7 +171,9 @@ class Gimbals(Protocol):
         elif device_id > 0:
             link = self._found(source, device_id)
             if message_id == _INFORMATION:
-                (link or self._add(source, device_id)).on_information(message, now_s, self._lacks(source))
+                link = link or self._add_sure(source, device_id, now_s)
+                if link is not None:
+                    link.on_information(message, now_s, self._lacks(source), is_flying=self._means.is_flying())
             elif link is not None:
                 link.on_status(message, now_s)
             else:  # it manages one that has not said what it is
@@ -173,6 +189,30 @@ class Gimbals(Protocol):
 
     def _found(self, source: Source, device_id: int) -> GimbalLink | None:
         return next((each for each in self.found if (each.manager, each.device_id) == (source, device_id)), None)
+
+    def _add_sure(self, source: Source, device_id: int, now_s: float) -> GimbalLink | None:
+        """Adds one that has said twice that it is there: it keeps its number for good."""
+        key = (source, device_id)
+        if key not in self._doubted and len(self._doubted) >= MOST_DOUBTED:
+            return None
+        there = self._doubted.setdefault(key, Agreement(assumed=False, count=2, span_s=0.0))
+        if not there.note(True, now_s, is_flying=False):  # noqa: FBT003  a sample
+            self._next_again_s = -math.inf
+            return None
+        del self._doubted[key]
+        return self._add(source, device_id)
+
+    def _ask_again(self, now_s: float) -> None:
+        """Asks those managers again whose last word is doubted, and forgets those that were heard once."""
+        for key, there in list(self._doubted.items()):
+            there.tick(now_s, is_flying=False)
+            if not there.is_open:
+                del self._doubted[key]
+        if now_s >= self._next_again_s:
+            self._next_again_s = now_s + AGAIN_S
+            doubted = {each.manager for each in self.found if each.is_doubtful}
+            for source in sorted({source for source, _ in self._doubted} | doubted):
+                self._request(source, request_message(_INFORMATION), now_s)
 
     def _add(self, source: Source, device_id: int) -> GimbalLink:
         line = GimbalLine(

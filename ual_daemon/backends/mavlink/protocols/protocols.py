@@ -52,7 +52,7 @@ class Protocols(Protocol):
         self.logs = LogTransfers(send, is_up, is_gentle)
         self.component_metadata = ComponentMetadata(send)
         self.corrections = CorrectionsInjection(send, is_up, has_room)
-        self.cameras = Cameras(send)
+        self.cameras = Cameras(send, is_gentle)
         self.gimbals = Gimbals(of_gimbals or Means(send))
         self.progress = MissionProgress(send, is_up)
         self.gripper = GripperReports()

@@ -84,6 +84,7 @@ class Discovery(Selector):
                 self._submit,
                 self._own_ids,
                 self._says_gimbal_manager,
+                self._may_be_flying,
             ),
         )
         self._settings = settings

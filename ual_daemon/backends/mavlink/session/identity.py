@@ -112,7 +112,7 @@ class Identity:
     def _show(self, conflict: _Conflict, why: str, now_s: float, *, is_flying: bool) -> None:
         if not (conflict.verdict.value or conflict.verdict.pending):
             conflict.why = why
-        conflict.verdict.note(True, now_s, is_flying=is_flying)  # noqa: FBT003  a sample
+        conflict.verdict.note(True, now_s, is_flying=is_flying)
         self._judge()
 
     def _judge(self) -> None:

@@ -53,7 +53,7 @@ class Shape:
         """Takes that it has a parameter."""
         if not self._as_said.is_multirotor(VtolState.UNDEFINED, {name: 1.0}):
             self._name = name
-            self._parameter.note(True, now_s, is_flying=is_flying)  # noqa: FBT003  a sample
+            self._parameter.note(True, now_s, is_flying=is_flying)
 
     def tick(self, now_s: float, *, is_flying: bool) -> None:
         """Does what is due; to be called often."""
