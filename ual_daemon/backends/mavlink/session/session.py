@@ -365,6 +365,8 @@ class Session:
         telemetry = self.telemetry
         if telemetry.is_hardware_in_the_loop:
             return SimulationVerdict(False, "it is a flight controller in a simulation (hardware in the loop)")
+        if telemetry.is_version_contradicted:
+            return SimulationVerdict(None, "its version and unique id are not sure: it has said two")
         return self.dialect.judge_simulation(telemetry.version, telemetry.parameters, self.system_id)
 
     def is_ready_to_arm(self) -> bool:

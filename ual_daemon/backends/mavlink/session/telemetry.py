@@ -209,6 +209,11 @@ class Telemetry:
         self.flight.update(self.armed.sample, self.landed.sample, now_s)
 
     @property
+    def is_version_contradicted(self) -> bool:
+        """Whether it has said another version of late, and not which one is right."""
+        return self._versions is not None and self._versions.is_open
+
+    @property
     def is_home_missing(self) -> bool:
         """Whether it is armed, and the home that it has since is not known."""
         return self._home.sample is None and bool(self.armed.value)

@@ -375,6 +375,8 @@ def test_another_vehicle_has_other_cameras() -> None:
         waiting.result(0)
     heartbeat = decoded(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3))
     bench.cameras.on_component(Source(8, 100), heartbeat, bench.now_s, 1.9e9)
+    assert [each.number for each in bench.cameras.found] == [0]  # one message finds none
+    bench.cameras.on_component(Source(8, 100), heartbeat, bench.now_s + 1.0, 1.9e9)
     assert [each.number for each in bench.cameras.found] == [0, 1]
 
 
@@ -421,7 +423,8 @@ def test_no_content_of_a_cameras_message_is_too_strange() -> None:
     harness = Harness()
     harness.receive(heartbeat())
     camera = mavlink.MAVLink(None, srcSystem=harness.session.system_id, srcComponent=100)
-    harness.receive(data=mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3).pack(camera))
+    for _ in range(2):
+        harness.receive(data=mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3).pack(camera))
     [link] = harness.discovery.protocols.cameras.found
     for _ in range(200):
         for message_id in sorted(MESSAGE_IDS):
@@ -447,15 +450,17 @@ def test_a_signed_vehicles_camera_must_sign_too() -> None:
     signer = Signer(b"k" * 32, lambda: 1.42e9 + 5e8)
     harness = Harness(signer=signer)
 
-    def signed(system_id: int, component_id: int, kind: int, autopilot: int) -> bytes:
-        codec = Codec(component_id, Signer(b"k" * 32, lambda: 1.42e9 + 5e8))
+    def signed(system_id: int, component_id: int, kind: int, autopilot: int, after_s: float = 0.0) -> bytes:
+        codec = Codec(component_id, Signer(b"k" * 32, lambda: 1.42e9 + 5e8 + after_s))
         codec.join(system_id)
         return codec.encode(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 0, 3))
 
     harness.receive(data=signed(1, 1, mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4))
     unsigned = mavlink.MAVLink(None, srcSystem=1, srcComponent=100)
     camera = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3)
-    harness.receive(data=camera.pack(unsigned))
+    for _ in range(2):
+        harness.receive(data=camera.pack(unsigned))
     assert harness.discovery.protocols.cameras.found == ()
-    harness.receive(data=signed(1, 100, mavlink.MAV_TYPE_CAMERA, 8))
+    for after_s in (0.0, 1.0):
+        harness.receive(data=signed(1, 100, mavlink.MAV_TYPE_CAMERA, 8, after_s))
     assert len(harness.discovery.protocols.cameras.found) == 1

@@ -111,6 +111,9 @@ def test_two_of_one_manager_have_numbers_of_their_own() -> None:
     bench.manager.device_id = 2
     bench.manager.inform()
     bench.step()
+    assert [(each.number, each.device_id) for each in bench.gimbals.found] == [(0, 1)]  # one message finds none
+    bench.manager.inform()
+    bench.step()
     assert [(each.number, each.device_id) for each in bench.gimbals.found] == [(0, 1), (1, 2)]
 
 

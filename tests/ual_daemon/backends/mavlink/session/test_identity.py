@@ -328,7 +328,7 @@ def test_one_version_does_not_make_a_flight_controller_a_simulator() -> None:
     identity = harness.session.info().identity
     harness.link.sent.clear()
     harness.receive(data=harness.forge(version(5283920058631409231)))
-    assert harness.session.judge_simulation().is_simulated is False
+    assert harness.session.judge_simulation().is_simulated is not True
     harness.fly(0.5)
     asked = [each for each in harness.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if each.param1 == 148]
     assert asked
