@@ -62,6 +62,13 @@ _MISSIONS = {
 _NAMED_AFTER_FRAMES = ("frame_id", "source_frame_id")
 
 
+class Filling(NamedTuple):
+    """How a request is filled: bools true or false, and fields that may be left out given or not."""
+
+    is_set: bool
+    has_optional: bool
+
+
 class Outcome(NamedTuple):
     """How one call ended."""
 
@@ -76,7 +83,7 @@ def requests_of(method: MethodDescriptor) -> Iterator[Message]:
     yield message_factory.GetMessageClass(method.input_type)()
     for is_set in (True, False):
         for has_optional in (True, False):
-            yield _message(method.input_type, is_set=is_set, has_optional=has_optional)
+            yield _message(method.input_type, Filling(is_set, has_optional))
 
 
 def call_all(address: str) -> list[Outcome]:
@@ -101,16 +108,15 @@ def _make(channel: grpc.Channel, name: str, request: Message) -> Outcome:
     return Outcome(name, str(request), status, details)
 
 
-def _message(kind: Descriptor, *, is_set: bool, has_optional: bool, choice: str = "") -> Message:
+def _message(kind: Descriptor, how: Filling, choice: str = "") -> Message:
     """Makes a message. Of a oneof it has the field `choice`, or the first one."""
     message: Message = message_factory.GetMessageClass(kind)()
-    how = {"is_set": is_set, "has_optional": has_optional}
     for field in kind.fields:
         oneof = field.containing_oneof
         is_optional = oneof is not None and len(oneof.fields) == 1
-        if is_optional and not has_optional:
+        if is_optional and not how.has_optional:
             continue
-        if kind.name == "TakeOffItem" and field.name == "place" and not has_optional:
+        if kind.name == "TakeOffItem" and field.name == "place" and not how.has_optional:
             continue  # one autopilot needs it, another refuses it
         if oneof is not None and not is_optional and field.name != (choice or oneof.fields[0].name):
             continue
@@ -120,26 +126,26 @@ def _message(kind: Descriptor, *, is_set: bool, has_optional: bool, choice: str 
     return message
 
 
-def _fill(message: Message, field: FieldDescriptor, how: dict[str, bool]) -> None:
+def _fill(message: Message, field: FieldDescriptor, how: Filling) -> None:
     value: Any = getattr(message, field.name)
     if field.is_repeated:
         value.extend(_several(field, how))
     elif field.message_type is not None:
         value.SetInParent()
         if not field.message_type.full_name.startswith("google."):  # no time is now, whenever that is
-            value.CopyFrom(_message(field.message_type, **how))
+            value.CopyFrom(_message(field.message_type, how))
     else:
-        setattr(message, field.name, _scalar(field, is_set=how["is_set"]))
+        setattr(message, field.name, _scalar(field, is_set=how.is_set))
 
 
-def _several(field: FieldDescriptor, how: dict[str, bool]) -> list[Any]:
+def _several(field: FieldDescriptor, how: Filling) -> list[Any]:
     """Returns three of a kind; of messages with a choice, one of each. Lists of numbers may be left out."""
     if field.message_type is None:
-        return [_scalar(field, is_set=how["is_set"])] if how["has_optional"] else []
+        return [_scalar(field, is_set=how.is_set)] if how.has_optional else []
     choices = [each.name for oneof in field.message_type.oneofs if len(oneof.fields) > 1 for each in oneof.fields]
     if field.message_type.name == "MissionItem":
-        choices = list(_MISSIONS[how["is_set"]])
-    made = [_message(field.message_type, **how, choice=each) for each in choices or [""] * 3]
+        choices = list(_MISSIONS[how.is_set])
+    made = [_message(field.message_type, how, each) for each in choices or [""] * 3]
     for number, each in enumerate(made):  # not all at one place, nor in a line
         for name, step in _STEPS.items():
             _move(each, name, step * (number if name in ("x", "latitude_deg") else number % 2))
@@ -150,9 +156,15 @@ def _move(message: Message, name: str, by: float) -> None:
     for field in message.DESCRIPTOR.fields:
         if field.name == name:
             setattr(message, name, getattr(message, name) + by)
-        elif field.message_type is not None and not field.is_repeated and message.HasField(field.name):
-            if not field.message_type.full_name.startswith(("google.", "ual.v1.Quaternion")):
-                _move(getattr(message, field.name), name, by)
+        elif _is_part(field) and message.HasField(field.name):
+            _move(getattr(message, field.name), name, by)
+
+
+def _is_part(field: FieldDescriptor) -> bool:
+    kind = field.message_type
+    return (
+        kind is not None and not field.is_repeated and not kind.full_name.startswith(("google.", "ual.v1.Quaternion"))
+    )
 
 
 def _scalar(field: FieldDescriptor, *, is_set: bool) -> Any:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from pathlib import Path
 
 import pytest
 
@@ -20,9 +19,9 @@ from tests.simulators.runner import flying
 from tests.ual_daemon.plausible_requests import METHODS, call_all, defects_among, requests_of
 from tests.waiting import until
 from ual.errors import LinkLostError, UalError, WrongStateError
-from ual.geometry import Pose, Twist, Vector3
+from ual.geometry import Pose, PoseStamped, Twist, Vector3
 from ual.missions.items import Waypoint
-from ual.types import PoseStamped, State
+from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -71,9 +70,7 @@ HEARD = {
 
 
 def wait_until_heard(uav: ual.Uav | UAL) -> None:
-    until(
-        lambda: not uav.telemetry().state_reason.startswith("nothing heard"), seen=lambda: uav.telemetry().state_reason
-    )
+    until(lambda: not uav.telemetry().state_reason.startswith("nothing heard"), seen=uav.telemetry)
 
 
 def require_no_defect(daemon: DaemonProcess) -> None:
@@ -113,8 +110,9 @@ def test_no_call_meets_a_defect_on_a_light_uav(flags: tuple[str, ...], start_dae
     require_no_defect(daemon)
 
 
+@pytest.mark.usefixtures("runtime_dir")
 @pytest.mark.parametrize("heard", ["nobody", "px4 without a position", "ardupilot without a position"])
-def test_the_class_says_what_a_plan_lacks(heard: str, runtime_dir: Path) -> None:
+def test_the_class_says_what_a_plan_lacks(heard: str) -> None:
     port = free_port()
     items = [Waypoint(47.3978, 8.5457, 10.0)]
     with HEARD[heard](port), UAL(backend="mavlink", url=f"udpin://{HOST}:{port}", ns="uav_1") as uav:

@@ -17,8 +17,8 @@ AGREEING_COUNT, AGREEING_S = 3, 1.0
 """So many samples in a row, over at least so long, make a verdict. A burst of one program's is shorter."""
 LAPSE_S = 2.5
 """A sample that is older than this agrees with none that comes later. A heartbeat comes each second."""
-ENDED_S, ENDED_COUNT = 5.0, 2
-"""Once no sample has backed the present verdict for so long, fewer in a row replace it."""
+ENDED_COUNT = 2
+"""Once the samples of a verdict have ended (`ended_s`), so many in a row replace it, however fast they come."""
 SETTLED_S = 5.0
 """Within this time of its beginning a first verdict counts in flight, too: a daemon may begin beside a flight."""
 OLD_ARMED_S = 2.5
@@ -60,13 +60,14 @@ class Agreement(Generic[T]):
         count: int = AGREEING_COUNT,
         span_s: float = AGREEING_S,
         ends_s: float = math.inf,
+        ended_s: float = math.inf,
     ) -> None:
         self.value = assumed if value is None else value
         self.pending: T | None = None
         """On what the samples agree, where that must not count yet, as the vehicle flies."""
         self._assumed = assumed
         self._needed_count, self._span_s = count, span_s
-        self._ends_s = ends_s
+        self._ends_s, self._ended_s = ends_s, ended_s
         self._begun_s = math.inf
         self._backed_s = -math.inf
         self._candidate: T | None = None
@@ -107,7 +108,7 @@ class Agreement(Generic[T]):
         return self.pending is not None and self._decide(now_s, is_flying=is_flying)
 
     def _decide(self, now_s: float, *, is_flying: bool) -> bool:
-        candidate, has_ended = self._candidate, self.is_backed and now_s - self._backed_s > ENDED_S
+        candidate, has_ended = self._candidate, self.is_backed and now_s - self._backed_s > self._ended_s
         do_agree = self._count >= self._needed_count and now_s - self._since_s >= self._span_s
         if candidate is None or not (do_agree or (has_ended and self._count >= ENDED_COUNT)):
             return False

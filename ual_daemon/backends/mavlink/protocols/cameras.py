@@ -107,14 +107,16 @@ class Cameras(Protocol):
     def _is_sure(self, source: Source, now_s: float) -> bool:
         """Whether a component has said twice that it is a camera: it keeps its number for good. Else it is asked."""
         there = self._doubted.setdefault(source.component_id, Agreement(assumed=False, count=2, span_s=0.0))
-        if there.note(True, now_s, is_flying=False):  # noqa: FBT003  a sample
+        if there.note(True, now_s, is_flying=False):
             del self._doubted[source.component_id]
             return True
         self._send(request_message(mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION).request.encode(source, 0))
         return False
 
     def _add(self, source: Source) -> CameraLink:
-        camera = CameraLink(self.first_number + len(self.found), source, self._send, self.look, self.carried, self._may_be_flying)
+        camera = CameraLink(
+            self.first_number + len(self.found), source, self._send, self.look, self.carried, self._may_be_flying
+        )
         self._by_component[source.component_id] = camera
         self.found = (*self.found, camera)
         _log.info("camera %d was found: component %d", camera.number, source.component_id)

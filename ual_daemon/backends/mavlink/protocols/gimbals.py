@@ -196,7 +196,7 @@ class Gimbals(Protocol):
         if key not in self._doubted and len(self._doubted) >= MOST_DOUBTED:
             return None
         there = self._doubted.setdefault(key, Agreement(assumed=False, count=2, span_s=0.0))
-        if not there.note(True, now_s, is_flying=False):  # noqa: FBT003  a sample
+        if not there.note(True, now_s, is_flying=False):
             self._next_again_s = -math.inf
             return None
         del self._doubted[key]

@@ -16,6 +16,8 @@ CONFLICT_S = 5.0
 """A conflict is over once nothing has shown it for this long."""
 REPLACED_S = 2.5
 """A vehicle of which no heartbeat comes has been replaced by another kind whose heartbeats come for this long."""
+ENDED_S = 5.0
+"""A vehicle of which no heartbeat has come for so long needs no such proof to be replaced."""
 BOOT_CLOCK_S = 1.0
 """Times since boot that differ by more are of different boots; jitter and late messages make less."""
 SAME_COUNTER = 16
@@ -43,7 +45,7 @@ class Identity:
         self.conflict = self.doubt = ""
         self.heartbeats_count = 0
         """How many heartbeats of its kind have come."""
-        self._kind = Agreement(kind, span_s=REPLACED_S)
+        self._kind = Agreement(kind, span_s=REPLACED_S, ended_s=ENDED_S)
         self._system_id = system_id
         self._own_heartbeat_s = -math.inf
         self._offsets_s: tuple[float, float] | None = None

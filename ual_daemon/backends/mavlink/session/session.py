@@ -83,7 +83,7 @@ ORIGIN_S = 0.5
 
 
 class Successor(NamedTuple):
-    """The vehicle of the session that has to follow: what its heartbeats say, what it is, and whether it is disguised."""
+    """The vehicle of the session that has to follow: what its heartbeats say, what it is, and the verdict on that."""
 
     heartbeats_kind: Kind
     kind: Kind
@@ -506,6 +506,9 @@ class Session:
 
     def _on_parameter(self, message: Message, now_s: float, _: float) -> None:
         self._protocols.handlers[mavlink.MAVLINK_MSG_ID_PARAM_VALUE](message, now_s)
+        if self.telemetry.changed_parameter:  # one message does not change how it flies for good
+            self._request_parameter(self.telemetry.changed_parameter)
+            self.telemetry.changed_parameter = ""
         self._shape.on_parameter(message.param_id, now_s, is_flying=self.telemetry.flight.is_flying(now_s))
         if self._fence_download is not None and message.param_id == self.dialect.zones_parameter:
             self._fence_download.want()

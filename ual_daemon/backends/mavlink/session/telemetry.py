@@ -125,6 +125,8 @@ class Telemetry:
         """Whether it says so: some autopilots do not have the bit."""
         self.parameters: dict[str, float] = {}
         """Those of `Dialect.parameters` that it has sent."""
+        self.changed_parameter = ""
+        """The name of one that has come with another value than before, so that it should be read again."""
         self.fence = FenceReader(dialect, self.parameters, awaits_zones=dialect.has_zones)
         self._earth = EarthReference()
         self._condition = Condition()
@@ -435,5 +437,7 @@ class Telemetry:
             return
         value = self._dialect.parameter_value(message)
         if value is not None and self.plausibility.accepts_parameter(name, value):
+            is_changed = self.parameters.get(name, value) != value
+            self.changed_parameter = name if is_changed else self.changed_parameter
             self.parameters[name] = value
             self.fence.update()

@@ -186,9 +186,9 @@ class Receiver:
             if self._selector.is_stray(now_s) or self._selector.is_successor(frame.source, now_s):
                 return self._select(frame, address, now_s)
             self._selector.on_other_heartbeat(frame.source, self._codec.decode(frame), address, now_s)
-        if self._source is not None and frame.system_id == self._source.system_id:
-            if self._selector.is_component_wanted(frame):
-                self._on_component(frame, address, now_s, utc_now_s)
+        is_of_system = self._source is not None and frame.system_id == self._source.system_id
+        if is_of_system and self._selector.is_component_wanted(frame):
+            self._on_component(frame, address, now_s, utc_now_s)
         return None
 
     def _on_component(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:

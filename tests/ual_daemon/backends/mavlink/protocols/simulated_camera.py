@@ -30,6 +30,10 @@ FLAGS = (
 )
 
 
+STRAY = Source(7, 103)
+"""Of this component one message comes, and no answer."""
+
+
 class SimulatedCamera:
     """Does as mavlink.io/en/services/camera.html says, but for what a test changes."""
 
@@ -76,7 +80,7 @@ class SimulatedCamera:
             return
         asked = self._asked(message.command, params)
         if asked is not None:
-            is_known = asked[0] not in self.lacks and self._answer(*asked)
+            is_known = asked[0] not in self.lacks and self.answer(*asked)
             self._ack(message.command, ACCEPTED if is_known else mavlink.MAV_RESULT_UNSUPPORTED)
             return
         self.orders.append((message.command, params))
@@ -129,7 +133,8 @@ class SimulatedCamera:
             )
         )  # fmt: skip
 
-    def _answer(self, message_id: int, parameter: float) -> bool:
+    def answer(self, message_id: int, parameter: float = 0.0) -> bool:
+        """Sends a message that is asked for. Returns whether it has it."""
         boot_ms = round(self.now_s * 1000.0)
         if message_id == mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION:
             names = (self.vendor.ljust(32, b"\0"), self.model.ljust(32, b"\0"))
@@ -182,7 +187,8 @@ class Bench:
         self._to_camera: list[Message] = []
         self.sent: list[Message] = []
         self.camera = SimulatedCamera(self._to_us.append)
-        self.cameras = Cameras(self._to_camera.append)
+        self.may_be_flying = False
+        self.cameras = Cameras(self._to_camera.append, lambda: self.may_be_flying)
         self.cameras.look = lambda: Viewpoint(self.place, 3)
         self.cameras.attach(Source(7, 1), Px4())
         self._next_heartbeat_s = 0.0
@@ -200,6 +206,8 @@ class Bench:
             self.camera.heartbeat()
         to_camera, self._to_camera[:] = self._to_camera[:], []
         for message in to_camera:
+            if (message.target_system, message.target_component) == STRAY:
+                continue
             self.sent.append(message)
             assert (message.target_system, message.target_component) == self._source
             if self._random.random() >= self.loss:

@@ -140,7 +140,10 @@ class Bench:
         self.requests: list[LongCommand] = []
         self.source = source
         self.manager = SimulatedManager(source, lambda who, message: self._to_us.append((who, message)))
-        means = Means(self._to_it.append, self._to_it.append, self._submit, lambda: OURS, lambda: True)
+        self.is_flying = False
+        means = Means(
+            self._to_it.append, self._to_it.append, self._submit, lambda: OURS, lambda: True, lambda: self.is_flying
+        )
         self.gimbals = Gimbals(means)
         self.gimbals.attach(AUTOPILOT, ArduCopter() if dialect is None else dialect)
 

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
-from tests.ual_daemon.backends.mavlink.protocols.simulated_camera import BUSY, DENIED, Bench, decoded
+from tests.ual_daemon.backends.mavlink.protocols.simulated_camera import BUSY, DENIED, STRAY, Bench, decoded
 from ual.cameras import CameraAbility, CameraMode, Photo, StorageState, VideoStream
 from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalTimeoutError
 from ual.geometry import Pose, Quaternion
@@ -464,3 +464,32 @@ def test_a_signed_vehicles_camera_must_sign_too() -> None:
     for after_s in (0.0, 1.0):
         harness.receive(data=signed(1, 100, mavlink.MAV_TYPE_CAMERA, 8, after_s))
     assert len(harness.discovery.protocols.cameras.found) == 1
+
+
+def test_one_message_finds_no_camera_and_changes_none() -> None:
+    bench = Bench()
+    link = bench.found()
+    info = link.info(bench.now_s)
+    stray = decoded(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3))
+    bench.cameras.on_component(STRAY, stray, bench.now_s, 1.9e9)
+    nobody = mavlink.MAVLink_camera_information_message(
+        1, list(b"x".ljust(32, b"\0")), list(b"y".ljust(32, b"\0")), 1, 1.0, 1.0, 1.0, 1, 1, 0, 0, 0, b""
+    )
+    link.on_message(decoded(nobody), bench.now_s, 1.9e9)
+    assert link.info(bench.now_s) == info
+    bench.run(5.0)  # it is asked again, and says what it is
+    assert link.info(bench.now_s) == info
+    assert bench.cameras.found == (link,)
+
+
+def test_a_camera_that_becomes_another_one_is_told_on_the_ground() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.may_be_flying = True
+    name, bench.camera.vendor = link.info(bench.now_s).name, b"Other"
+    bench.camera.answer(mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION)
+    bench.run(5.0)
+    assert link.info(bench.now_s).name == name
+    bench.may_be_flying = False
+    bench.run(2.0)
+    assert "Other" in link.info(bench.now_s).name

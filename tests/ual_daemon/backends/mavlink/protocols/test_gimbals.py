@@ -525,3 +525,39 @@ def test_whatever_it_says_is_no_defect(flags: int, q: list[float], capabilities:
     for found_range in (identity.roll, identity.pitch, identity.yaw):
         assert found_range is None or wrap_angle(found_range.least_rad) is not None
     assert CAPABILITIES
+
+
+# --- One message is no verdict ----------------------------------------------------------------------------------------
+
+
+def information(device_id: int = 1) -> Message:
+    """What another program says of it: it can do nothing."""
+    return mavlink.MAVLink_gimbal_manager_information_message(1, 0, device_id, *(0.0,) * 6)
+
+
+@pytest.mark.parametrize("source", [AUTOPILOT, OWN])
+def test_one_message_changes_no_gimbal_and_finds_none(source: Source) -> None:
+    bench = Bench(source)
+    link = bench.found()
+    info = link.info(bench.now_s)
+    bench.receive(source, information())
+    assert link.info(bench.now_s) == info
+    bench.receive(source, information(3))
+    bench.step(4.0)  # it is asked again, and says what it is
+    assert link.info(bench.now_s) == info
+    assert bench.gimbals.found == (link,)
+    assert not link.is_doubtful
+
+
+def test_a_gimbal_that_becomes_another_one_in_flight_counts_on_the_ground() -> None:
+    bench = Bench()
+    link = bench.found()
+    info = link.info(bench.now_s)
+    bench.is_flying = True
+    bench.manager.capabilities = mavlink.GIMBAL_MANAGER_CAP_FLAGS_HAS_NEUTRAL
+    bench.manager.inform()
+    bench.step(5.0)
+    assert link.info(bench.now_s).abilities == info.abilities
+    bench.is_flying = False
+    bench.step(2.0)
+    assert link.info(bench.now_s).abilities < info.abilities

@@ -218,10 +218,9 @@ class Flying(Harness):
             self.receive(*([px4(armed=is_armed)] if count % 5 == 0 else []), landed(self.landed), attitude())
             flags = mavlink.MAVLink_estimator_status_message(0, 0x37F, *[0.0] * 8)
             self.receive(flags, position(self.now_s))
-            self.states.add(self.state)
+            self.states.add(self.state())
             self.run(0.1)
 
-    @property
     def state(self) -> State:
         return estimate(self.snapshot(), Dialect.freshness).state
 
@@ -243,7 +242,7 @@ FORGED = {
 def test_one_message_takes_no_flying_uav_away(name: str, caplog: pytest.LogCaptureFixture) -> None:
     harness = Flying()
     session = harness.session
-    assert harness.state is State.FLYING_AUTO
+    assert harness.state() is State.FLYING_AUTO
     harness.states.clear()
     harness.receive(data=harness.forge(FORGED[name]))
     harness.run(0.05)
@@ -268,16 +267,16 @@ def test_another_kind_beside_a_flight_is_told_and_counts_on_the_ground(
     assert [each for each in events if each.startswith("vehicle")] == ["vehicle_doubtful"]
     harness.landed = mavlink.MAV_LANDED_STATE_ON_GROUND
     harness.fly(4.0, FORGED[name])
-    assert harness.state is State.UNINITIALIZED
+    assert harness.state() is State.UNINITIALIZED
     assert "send as system 1" in why(harness)
     harness.fly(8.0)
-    assert harness.state is State.LANDED_DISARMED
+    assert harness.state() is State.LANDED_DISARMED
 
 
 def test_a_vtol_state_that_stays_is_told_in_flight_and_counts_on_the_ground() -> None:
     harness = Flying()
     harness.fly(3.0, vtol(), 0.1)  # as many as of the true ones
-    assert harness.state is State.FLYING_AUTO
+    assert harness.state() is State.FLYING_AUTO
     assert harness.told == ""  # they do not agree
     for _ in range(30):
         harness.receive(px4(), vtol(mavlink.MAV_LANDED_STATE_IN_AIR), attitude(), position(harness.now_s))
@@ -291,7 +290,7 @@ def test_a_vtol_state_that_stays_is_told_in_flight_and_counts_on_the_ground() ->
     harness.landed = mavlink.MAV_LANDED_STATE_ON_GROUND
     harness.fly(3.0)  # it says so no longer
     assert harness.session.info().capabilities
-    assert harness.state is State.LANDED_DISARMED
+    assert harness.state() is State.LANDED_DISARMED
 
 
 def test_two_vehicles_beside_a_flight_do_not_end_it() -> None:
@@ -313,6 +312,26 @@ def test_a_stray_first_heartbeat_does_not_choose_the_autopilot_for_good() -> Non
         harness.run(1.0)
         harness.receive(px4(armed=False))
     assert harness.session.system_id == 1
+
+
+def test_a_parameter_that_changes_is_read_again() -> None:
+    harness = Harness()
+
+    def speed(value: float) -> Message:
+        return mavlink.MAVLink_param_value_message(b"MPC_XY_VEL_MAX", value, mavlink.MAV_PARAM_TYPE_REAL32, 900, 1)
+
+    def is_asked() -> bool:
+        return any(each.param_id == "MPC_XY_VEL_MAX" for each in harness.link.take("PARAM_REQUEST_READ"))
+
+    harness.receive(px4(armed=False), speed(12.0))
+    harness.link.sent.clear()
+    harness.receive(data=packer()(speed(0.5)))
+    assert is_asked()
+    harness.receive(speed(12.0))
+    assert harness.session.info().limits.horizontal_speed_m_s == 12.0
+    assert is_asked()
+    harness.receive(speed(12.0))
+    assert not is_asked()
 
 
 def test_one_version_does_not_make_a_flight_controller_a_simulator() -> None:
