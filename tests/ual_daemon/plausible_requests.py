@@ -62,14 +62,14 @@ _MISSIONS = {
 _NAMED_AFTER_FRAMES = ("frame_id", "source_frame_id")
 
 
-class Filling(NamedTuple):
+class RequestFilling(NamedTuple):
     """How a request is filled: bools true or false, and fields that may be left out given or not."""
 
     is_set: bool
     has_optional: bool
 
 
-class Outcome(NamedTuple):
+class CallOutcome(NamedTuple):
     """How one call ended."""
 
     method: str
@@ -83,32 +83,32 @@ def requests_of(method: MethodDescriptor) -> Iterator[Message]:
     yield message_factory.GetMessageClass(method.input_type)()
     for is_set in (True, False):
         for has_optional in (True, False):
-            yield _message(method.input_type, Filling(is_set, has_optional))
+            yield _message(method.input_type, RequestFilling(is_set, has_optional))
 
 
-def call_all(address: str) -> list[Outcome]:
+def call_all(address: str) -> list[CallOutcome]:
     """Calls every method with each of its requests, a few at a time. Returns how each call ended."""
     calls = [(name, each) for name, method in METHODS.items() if name not in _SKIPPED for each in requests_of(method)]
     with grpc.insecure_channel(address) as channel, ThreadPoolExecutor(_AT_ONCE) as pool:
         return list(pool.map(lambda call: _make(channel, *call), calls))
 
 
-def defects_among(outcomes: list[Outcome]) -> list[str]:
+def defects_among(outcomes: list[CallOutcome]) -> list[str]:
     """Returns those that no caller may meet, as text."""
     return sorted({f"{each.method}: {each.status}: {each.details}" for each in outcomes if each.status in DEFECTS})
 
 
-def _make(channel: grpc.Channel, name: str, request: Message) -> Outcome:
+def _make(channel: grpc.Channel, name: str, request: Message) -> CallOutcome:
     unary = channel.unary_unary(name, type(request).SerializeToString, bytes)
     status, details = "OK", ""
     try:
         unary(request, timeout=LIMIT_S)
     except grpc.RpcError as error:
         status, details = error.code().name, error.details() or ""
-    return Outcome(name, str(request), status, details)
+    return CallOutcome(name, str(request), status, details)
 
 
-def _message(kind: Descriptor, how: Filling, choice: str = "") -> Message:
+def _message(kind: Descriptor, how: RequestFilling, choice: str = "") -> Message:
     """Makes a message. Of a oneof it has the field `choice`, or the first one."""
     message: Message = message_factory.GetMessageClass(kind)()
     for field in kind.fields:
@@ -126,7 +126,7 @@ def _message(kind: Descriptor, how: Filling, choice: str = "") -> Message:
     return message
 
 
-def _fill(message: Message, field: FieldDescriptor, how: Filling) -> None:
+def _fill(message: Message, field: FieldDescriptor, how: RequestFilling) -> None:
     value: Any = getattr(message, field.name)
     if field.is_repeated:
         value.extend(_several(field, how))
@@ -138,7 +138,7 @@ def _fill(message: Message, field: FieldDescriptor, how: Filling) -> None:
         setattr(message, field.name, _scalar(field, is_set=how.is_set))
 
 
-def _several(field: FieldDescriptor, how: Filling) -> list[Any]:
+def _several(field: FieldDescriptor, how: RequestFilling) -> list[Any]:
     """Returns three of a kind; of messages with a choice, one of each. Lists of numbers may be left out."""
     if field.message_type is None:
         return [_scalar(field, is_set=how.is_set)] if how.has_optional else []

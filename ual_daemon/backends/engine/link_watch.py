@@ -123,6 +123,10 @@ class LinkWatch:
         """See `BootTime.is_foreign`."""
         return self._boot_time.is_foreign
 
+    def is_silent(self, now_s: float, for_s: float) -> bool:
+        """Whether it was heard once, and not for so long by now."""
+        return self.heard_s is not None and now_s - self.heard_s > for_s
+
     def is_up(self, now_s: float) -> bool:
         """Whether it was heard so lately that setpoints and commands make sense. From any thread."""
         return self.heard_s is not None and now_s - self.heard_s <= self.lost_s

@@ -178,10 +178,8 @@ class Discovery(Selector):
 
     @override
     def is_stray(self, now_s: float) -> bool:
-        session, heard_s = self.session, self.watch.heard_s
-        if session is None or heard_s is None:
-            return False
-        return session.identity.heartbeats_count <= 1 and now_s - heard_s > STRAY_S
+        session = self.session
+        return session is not None and session.identity.is_stray and self.watch.is_silent(now_s, STRAY_S)
 
     @override
     def on_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> Session | None:

@@ -6,7 +6,7 @@ import logging
 import math
 
 from ual_daemon import logs
-from ual_daemon.backends.engine.agreement import Agreement
+from ual_daemon.backends.engine.agreement import Agreement, FlightSeen
 from ual_daemon.backends.mavlink.dialects.detection import Kind, kind_text
 from ual_daemon.backends.mavlink.links import Address
 
@@ -38,13 +38,15 @@ class Identity:
     """The vehicle of a session, by the kind in its heartbeats, its time since boot, its address and sequence numbers.
 
     Not thread-safe: belongs to the thread that receives. While `conflict` is not empty, the vehicle must not be flown:
-    it says why, human-readable. In flight a conflict is only told (`doubt`).
+    it says why, human-readable. During a `flight` a conflict is only told (`doubt`).
     """
 
-    def __init__(self, system_id: int, kind: Kind) -> None:
+    def __init__(self, system_id: int, kind: Kind, flight: FlightSeen) -> None:
         self.conflict = self.doubt = ""
-        self.heartbeats_count = 0
-        """How many heartbeats of its kind have come."""
+        self._flight = flight
+        self._is_calm = False
+        """Whether nothing has shown another vehicle of late. Not at first: the verdicts note when they begin."""
+        self._heartbeats_count = 0
         self._kind = Agreement(kind, span_s=REPLACED_S, ended_s=ENDED_S)
         self._system_id = system_id
         self._own_heartbeat_s = -math.inf
@@ -61,16 +63,22 @@ class Identity:
         """What it is, by its heartbeats."""
         return self._kind.value
 
-    def on_heartbeat(self, kind: Kind, now_s: float, *, is_flying: bool = False) -> bool:
+    @property
+    def is_stray(self) -> bool:
+        """Whether no more than one heartbeat of its kind has come."""
+        return self._heartbeats_count <= 1
+
+    def on_heartbeat(self, kind: Kind, now_s: float) -> bool:
         """Takes the kind in a heartbeat. Returns whether the vehicle has been replaced by one of this kind."""
         own = self.kind
         if kind == own:
             self._own_heartbeat_s = now_s
-            self.heartbeats_count += 1
+            self._heartbeats_count += 1
         elif now_s - self._own_heartbeat_s <= REPLACED_S:
             why = f"{kind_text(own)} and {kind_text(kind)} send as system {self._system_id}"
-            self._show(self._kinds, why, now_s, is_flying=is_flying)
-        has_changed = self._kind.note(kind, now_s, is_flying=is_flying)
+            self._show(self._kinds, why, now_s)
+        self._is_calm = self._is_calm and kind == own
+        has_changed = self._kind.note(kind, now_s, is_flying=self._flight.is_flying(now_s))
         if has_changed:
             logs.event(
                 _log, logging.WARNING, "vehicle_replaced", system=self._system_id, old=kind_text(own),
@@ -78,7 +86,7 @@ class Identity:
             )  # fmt: skip
         return has_changed
 
-    def on_boot_time(self, boot_s: float, now_s: float, *, is_flying: bool = False) -> None:
+    def on_boot_time(self, boot_s: float, now_s: float) -> None:
         """Takes a time since boot: of two vehicles, one and the other come by turns."""
         offset_s = now_s - boot_s
         if self._offsets_s is None:
@@ -90,9 +98,9 @@ class Identity:
         self._offsets_s = (offset_s, current_s)
         if abs(offset_s - before_s) <= BOOT_CLOCK_S:
             why = f"two vehicles, booted {abs(offset_s - current_s):.0f} s apart, send as system {self._system_id}"
-            self._show(self._clocks, why, now_s, is_flying=is_flying)
+            self._show(self._clocks, why, now_s)
 
-    def on_frame(self, sequence: int, address: Address | None, now_s: float, *, is_flying: bool = False) -> None:
+    def on_frame(self, sequence: int, address: Address | None, now_s: float) -> None:
         """Takes where a frame came from, and its number."""
         step, self._sequence = (sequence - self._sequence) % 256, sequence
         current, before = self._addresses
@@ -102,19 +110,24 @@ class Identity:
         if address == before and not min(step, 256 - step) <= SAME_COUNTER:
             where = " and ".join(f"{each[0]}:{each[1]}" for each in (current, address) if each is not None)
             why = f"two vehicles (at {where}) send as system {self._system_id}"
-            self._show(self._addresses_used, why, now_s, is_flying=is_flying)
+            self._show(self._addresses_used, why, now_s)
 
-    def tick(self, now_s: float, *, is_flying: bool = False) -> None:
+    def tick(self, now_s: float) -> None:
         """Ends a conflict that does not show any more, and begins one that had to wait; to be called often."""
+        if self._is_calm:
+            return
+        is_flying = self._flight.is_flying(now_s)
+        self._kind.tick(now_s, is_flying=is_flying)
         for each in self._conflicts:
             each.verdict.tick(now_s, is_flying=is_flying)
-        self._kind.tick(now_s, is_flying=is_flying)
         self._judge()
+        self._is_calm = not (self._kind.is_open or any(v.verdict.is_open or v.verdict.value for v in self._conflicts))
 
-    def _show(self, conflict: _Conflict, why: str, now_s: float, *, is_flying: bool) -> None:
+    def _show(self, conflict: _Conflict, why: str, now_s: float) -> None:
         if not (conflict.verdict.value or conflict.verdict.pending):
             conflict.why = why
-        conflict.verdict.note(True, now_s, is_flying=is_flying)
+        self._is_calm = False
+        conflict.verdict.note(True, now_s, is_flying=self._flight.is_flying(now_s))
         self._judge()
 
     def _judge(self) -> None:

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon import logs
+from ual_daemon.backends.engine.agreement import FlightSeen
 from ual_daemon.backends.engine.command import FLYING, Verdict
 from ual_daemon.backends.engine.command_runner import Asked, CommandRunner
 from ual_daemon.backends.engine.limits import ANEW_S
@@ -110,13 +111,14 @@ class Session:
         self.source = source
         self.system_id = source.system_id
         self.dialect = dialect
-        self.identity = Identity(self.system_id, kind)
+        flight = FlightSeen()
+        self.identity = Identity(self.system_id, kind, flight)
         self.successor: Successor | None = None
         """The vehicle that this one has turned out to be, or that has taken its place; None if neither."""
-        self._shape = shape or Shape(dialect_of(kind), self._request_parameter)
-        self._shape.read = self._request_parameter
+        self._shape = shape or Shape(dialect_of(kind), flight, self._request_parameter)
+        self._shape.read, self._shape.flight = self._request_parameter, flight
         self._is_vtol = self._shape.is_vtol
-        self.telemetry = Telemetry(dialect, supervision.watch.begin_boot())
+        self.telemetry = Telemetry(dialect, supervision.watch.begin_boot(), flight)
         self.freshness = dialect.freshness
         """As the dialect's, with a shorter `link_s` where the autopilot leaves the mode of our setpoints sooner."""
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
@@ -221,16 +223,17 @@ class Session:
 
     def _identify(self, frame: Frame, message: Message | None, address: Address | None, now_s: float) -> None:
         """Checks that a frame is of the same vehicle as those before. A conflict discards what is known."""
-        identity, is_flying = self.identity, self.telemetry.flight.is_flying(now_s)
-        identity.on_frame(frame.sequence, address, now_s, is_flying=is_flying)
+        identity = self.identity
+        identity.on_frame(frame.sequence, address, now_s)
         boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
         if boot_ms > 0:
-            identity.on_boot_time(boot_ms / 1000.0, now_s, is_flying=is_flying)
+            identity.on_boot_time(boot_ms / 1000.0, now_s)
         if message is not None and frame.message_id == _HEARTBEAT:
             kind = kind_of(message)
-            if identity.on_heartbeat(kind, now_s, is_flying=is_flying):
+            if identity.on_heartbeat(kind, now_s):
                 self.successor = Successor(kind, kind)
-        self._follow_conflict(now_s)
+        if identity.conflict != self.telemetry.conflict:
+            self._follow_conflict(now_s)
 
     def _follow_conflict(self, now_s: float) -> None:
         if self.identity.conflict and not self.telemetry.conflict:
@@ -319,11 +322,11 @@ class Session:
     def _judge(self, now_s: float) -> None:
         """Makes the verdicts that are due."""
         telemetry, shape = self.telemetry, self._shape
-        telemetry.update_flight(now_s)
-        is_flying = telemetry.flight.is_flying(now_s)
-        self.identity.tick(now_s, is_flying=is_flying)
-        self._follow_conflict(now_s)
-        shape.tick(now_s, is_flying=is_flying)
+        telemetry.flight.update(telemetry.armed.sample, telemetry.landed.sample, now_s)
+        self.identity.tick(now_s)
+        if self.identity.conflict != telemetry.conflict:
+            self._follow_conflict(now_s)
+        shape.tick(now_s)
         if self.successor is None and shape.is_vtol != self._is_vtol:
             kind = self.identity.kind
             text = "is a VTOL: it is only watched" if shape.is_vtol else "does not say any more that it is a VTOL"
@@ -483,7 +486,7 @@ class Session:
         self._commands.on_state(now_s)
 
     def _on_vtol_state(self, message: Message, now_s: float, _: float) -> None:
-        self._shape.on_vtol_state(message.vtol_state, now_s, is_flying=self.telemetry.flight.is_flying(now_s))
+        self._shape.on_vtol_state(message.vtol_state, now_s)
 
     def _on_position(self, message: Message, now_s: float, _: float) -> None:
         if self._feed_forward is not None:
@@ -509,7 +512,7 @@ class Session:
         if self.telemetry.changed_parameter:  # one message does not change how it flies for good
             self._request_parameter(self.telemetry.changed_parameter)
             self.telemetry.changed_parameter = ""
-        self._shape.on_parameter(message.param_id, now_s, is_flying=self.telemetry.flight.is_flying(now_s))
+        self._shape.on_parameter(message.param_id, now_s)
         if self._fence_download is not None and message.param_id == self.dialect.zones_parameter:
             self._fence_download.want()
 

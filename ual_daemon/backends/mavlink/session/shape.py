@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 
 from ual_daemon import logs
-from ual_daemon.backends.engine.agreement import Agreement
+from ual_daemon.backends.engine.agreement import Agreement, FlightSeen
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
 from ual_daemon.backends.firmwares.numbers import VtolState
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
@@ -24,11 +24,15 @@ _DISGUISED = "it calls itself a multirotor, but says that it is a VTOL"
 class Shape:
     """Belongs to the thread that receives, and outlives the session: a verdict replaces that.
 
-    `as_said` is the dialect of the vehicle that its heartbeats name. `read` reads a parameter again.
+    `as_said` is the dialect of the vehicle that its heartbeats name. `read` reads a parameter again. `flight` is that
+    of the session.
     """
 
-    def __init__(self, as_said: Dialect, read: Callable[[str], None]) -> None:
+    def __init__(self, as_said: Dialect, flight: FlightSeen, read: Callable[[str], None]) -> None:
         self.read = read
+        self.flight = flight
+        self._is_calm = False
+        """Whether nothing says anything else than the verdicts. Not at first: they note when they begin."""
         self._as_said = as_said
         self._state, self._parameter = Agreement(assumed=False), Agreement(assumed=False, ends_s=ENDS_S)
         self._name = ""
@@ -45,20 +49,29 @@ class Shape:
         """What is told in flight, human-readable: from the landing on it is only watched; empty if nothing is."""
         return _DISGUISED if self._state.pending or self._parameter.pending else ""
 
-    def on_vtol_state(self, state: int, now_s: float, *, is_flying: bool) -> None:
+    def on_vtol_state(self, state: int, now_s: float) -> None:
         """Takes its MAV_VTOL_STATE."""
-        self._state.note(not self._as_said.is_multirotor(state, NO_PARAMETERS), now_s, is_flying=is_flying)
+        if self._is_calm and self._state.is_backed and state == VtolState.UNDEFINED:
+            return  # nearly always
+        is_vtol = not self._as_said.is_multirotor(state, NO_PARAMETERS)
+        self._state.note(is_vtol, now_s, is_flying=self.flight.is_flying(now_s))
+        self._is_calm = self._is_calm and not self._state.is_open
 
-    def on_parameter(self, name: str, now_s: float, *, is_flying: bool) -> None:
+    def on_parameter(self, name: str, now_s: float) -> None:
         """Takes that it has a parameter."""
         if not self._as_said.is_multirotor(VtolState.UNDEFINED, {name: 1.0}):
             self._name = name
-            self._parameter.note(True, now_s, is_flying=is_flying)
+            self._is_calm = False
+            self._parameter.note(True, now_s, is_flying=self.flight.is_flying(now_s))
 
-    def tick(self, now_s: float, *, is_flying: bool) -> None:
+    def tick(self, now_s: float) -> None:
         """Does what is due; to be called often."""
+        if self._is_calm:
+            return
+        is_flying = self.flight.is_flying(now_s)
         for each in (self._state, self._parameter):
             each.tick(now_s, is_flying=is_flying)
+        self._is_calm = not any(each.is_open or each.value for each in (self._state, self._parameter))
         is_asked = self._parameter.is_open or self._parameter.value
         if is_asked and now_s >= self._next_s:
             self._next_s = now_s + (SEEN_S if self._parameter.value else ASK_S)

@@ -72,7 +72,7 @@ class Telemetry:
     `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
     """
 
-    def __init__(self, dialect: Dialect, boots_count: int = 1) -> None:
+    def __init__(self, dialect: Dialect, boots_count: int = 1, flight: FlightSeen | None = None) -> None:
         self._dialect = dialect
         self._boots_count = boots_count
         self.mode_names = ModeNames(dialect)
@@ -112,7 +112,7 @@ class Telemetry:
         self._versions: Agreement[tuple[object, ...]] | None = None
         self.is_version_doubtful = False
         """Whether the version has come once, or another one since, so that it should be requested again."""
-        self.flight = FlightSeen()
+        self.flight = flight or FlightSeen()
         self.is_hardware_in_the_loop = False
         self.conflict = ""
         """See `ual_daemon.backends.values.LinkState`."""
@@ -204,11 +204,6 @@ class Telemetry:
             self._home.discard()
             self._home.is_next(now_s)
         self.armed.set(is_armed, now_s)
-        self.update_flight(now_s)
-
-    def update_flight(self, now_s: float) -> None:
-        """Updates whether it is in the air, as far as verdicts have to wait for that."""
-        self.flight.update(self.armed.sample, self.landed.sample, now_s)
 
     @property
     def is_version_contradicted(self) -> bool:
@@ -307,7 +302,6 @@ class Telemetry:
 
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
         self.landed.on_value(landed_state(message.landed_state), now_s)
-        self.update_flight(now_s)
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
         if not self.estimator.is_next(now_s):
