@@ -108,6 +108,11 @@ class MissionFlight:
             return position[2] <= self._to_local(item)[2] + 0.3
         return math.dist(position, goal) < REACHED_M
 
+    @property
+    def is_taking_off(self) -> bool:
+        """Whether it climbs in its take-off."""
+        return self.state == ACTIVE and self.item is not None and self.item.command == TAKEOFF
+
     def is_landing(self, position: Vector) -> bool:
         """Whether it is over the place where it lands."""
         item = self.item

@@ -45,7 +45,7 @@ MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED = Mode(1), Mode(2), Mode(3), Mode(6
 TAKEOFF, LOITER, MISSION, RTL, LAND = Mode(4, 2), Mode(4, 3), Mode(4, 4), Mode(4, 5), Mode(4, 6)
 MODES = frozenset({MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED, TAKEOFF, LOITER, MISSION, RTL, LAND})
 _PASSING = frozenset({TAKEOFF, RTL, LAND})
-"""Modes that end by themselves; after them the previous mode returns."""
+"""Modes that are not kept: once disarmed, it is in the mode that was asked for before (UserModeIntention.cpp)."""
 _BASE_MODE = {MANUAL: 81, ALTCTL: 81, POSCTL: 81, STABILIZED: 81, OFFBOARD: 17}
 _BASE_MODE_AUTO = 29
 _STANDARD_MODE = {POSCTL: 1, ALTCTL: 4, RTL: 5, LAND: 7, TAKEOFF: 8}
@@ -255,7 +255,7 @@ class Px4(Autopilot):
 
     def _boot(self, boot_s: float) -> None:
         super()._boot(boot_s)
-        self.intention = self._before = LOITER
+        self.intention = self._after_disarming = LOITER
         self.mission = self._new_mission(0)
         self.failsafe: Mode | None = None
         self._failsafe_kind = ""
@@ -304,6 +304,8 @@ class Px4(Autopilot):
             return int(mavlink.MAV_LANDED_STATE_TAKEOFF)
         if self._is_landed:
             return int(mavlink.MAV_LANDED_STATE_ON_GROUND)
+        if self.mode == MISSION and self.mission.is_taking_off:
+            return int(mavlink.MAV_LANDED_STATE_TAKEOFF)
         if self.mode == LAND or (self.mode == RTL and self._is_over_home()):  # a return that is far is in the air
             return int(mavlink.MAV_LANDED_STATE_LANDING)
         return int(mavlink.MAV_LANDED_STATE_IN_AIR)
@@ -324,15 +326,18 @@ class Px4(Autopilot):
             return False
         if mode in (MANUAL, ALTCTL, POSCTL, STABILIZED) and self.is_armed and not self.has_sticks:
             return False
-        if self.intention not in _PASSING:
-            self._before = self.intention
         if mode == TAKEOFF:
             self._takeoff_z_m = self.position[2] - self.parameters["MIS_TAKEOFF_ALT"]
-        was = self.mode
-        self.intention, self.failsafe = mode, None
+        was, self.failsafe = self.mode, None
+        self._intend(mode)
         self._failsafe_kind = ""
         self._entered(was)
         return True
+
+    def _intend(self, mode: Mode) -> None:
+        self.intention = mode
+        if mode not in _PASSING:
+            self._after_disarming = mode
 
     def _fall_back(self, failsafe: Mode | None) -> None:
         was = self.mode
@@ -403,6 +408,9 @@ class Px4(Autopilot):
             self.home = self.position
         if self.mode == TAKEOFF:
             self._takeoff_z_m = self.position[2] - self.parameters["MIS_TAKEOFF_ALT"]
+        if self.mode == MISSION:  # it flies it, and from its first item, however far it was
+            self.mission.reset()
+            self.mission.begin(self.position)
         self._event(*_ARMED)
         return ACCEPTED
 
@@ -422,8 +430,7 @@ class Px4(Autopilot):
         self.is_armed = False
         self.failsafe = None
         self._is_landed = True
-        if self.intention in _PASSING:
-            self.intention = self._before
+        self.intention = self._after_disarming
         self._status_changed_s = self.now_s
         self._event(*_DISARMED)
         self._entered(was)
@@ -594,7 +601,7 @@ class Px4(Autopilot):
         north, east, _ = self._hold
         if mode == TAKEOFF:
             if self.position[2] <= self._takeoff_z_m + _TAKEOFF_REACHED_M:
-                self.intention = LOITER
+                self._intend(LOITER)
                 self._entered(TAKEOFF)
                 self._hold = (north, east, self._takeoff_z_m)
             return Target((north, east, self._takeoff_z_m), yaw_rad=self._hold_yaw_rad)
@@ -623,7 +630,8 @@ class Px4(Autopilot):
         target = mission.target(self.position, self.now_s, self._hold_yaw_rad)
         is_return = mission.item is not None and mission.item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
         if is_return or (mission.state == COMPLETE and not self._is_landed):
-            was, self.intention = self.mode, RTL if is_return else LOITER
+            was = self.mode
+            self._intend(RTL if is_return else LOITER)
             self._entered(was)
             self._status_changed_s = self.now_s
             return self._target()
