@@ -35,6 +35,8 @@ _BOOT_S = 1.4
 _BY_STICKS = frozenset({STABILIZE, ALT_HOLD, LOITER, POSHOLD})
 _NEEDS_POSITION = frozenset({GUIDED, LOITER, RTL, POSHOLD, BRAKE})
 _NOT_ARMABLE = frozenset({AUTO, RTL, LAND, BRAKE})
+_AUTO_ARMABLE, _AUTO_TAKES_OFF = 1, 2
+"""Bits of AUTO_OPTIONS: it is armed in AUTO, and takes off there without a raised throttle."""
 _SWITCH_LIMITS = (1231, 1361, 1491, 1621, 1750)
 _SWITCH_S = 0.2
 _RADIO_LOST_S = 1.0
@@ -365,7 +367,7 @@ class ArduPilot(Autopilot):
         if self.is_armed:
             return ACCEPTED
         if not is_forced:
-            if self.mode in _NOT_ARMABLE:
+            if self.mode in _NOT_ARMABLE and not (self.mode == AUTO and self._auto_options & _AUTO_ARMABLE):
                 self.say(f"Arm: {MODES[self.mode]} mode not armable")
                 return FAILED
             if self.arm_refusal:
@@ -380,8 +382,16 @@ class ArduPilot(Autopilot):
         if self.has_satellites:
             self.home = self.position
         self._stop()
+        if self.mode == AUTO:
+            self.mission.reset()
+            self.mission.begin(self.position)
+            self._is_auto_armed = bool(self._auto_options & _AUTO_TAKES_OFF)
         self.at(0.0, self._tell_armed)
         return ACCEPTED
+
+    @property
+    def _auto_options(self) -> int:
+        return int(self.parameters.get("AUTO_OPTIONS", 0.0))
 
     def _tell_armed(self) -> None:
         for channel in self.channels:

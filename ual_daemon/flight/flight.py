@@ -25,6 +25,7 @@ from ual_daemon.flight.flown import SILENT, Ending, Flown
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
 from ual_daemon.flight.mission_stop import MissionStop
+from ual_daemon.flight.policy.arming import Arming
 from ual_daemon.flight.policy.authority import Authority
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
@@ -106,6 +107,7 @@ class Flight:
         self.geofence = geofence
         self.is_watch_only = watch_only
         self.authority = Authority()
+        self.arming = Arming()
         self.lease = Lease()
         self.drift = DriftCorrection()
         """What is added to a commanded velocity."""
@@ -130,7 +132,7 @@ class Flight:
 
     def raw_estimate(self, snapshot: Snapshot) -> Estimate:
         """Estimates the state from the autopilot's data alone, without the manoeuvre that is under way."""
-        return self._explanation.explained(estimate(snapshot, self._backend.freshness), snapshot)
+        return self._explained(estimate(snapshot, self._backend.freshness), snapshot)
 
     def estimate(self, snapshot: Snapshot) -> Estimate:
         """Estimates the state from the autopilot's data and the manoeuvre that is under way."""
@@ -139,9 +141,12 @@ class Flight:
         mission = "" if manoeuvre is None else manoeuvre.mission or manoeuvre.stops_mission
         found = estimate(snapshot, self._backend.freshness, declared, explanation.note, mission)
         if found.state is not State.UNINITIALIZED:
-            return found
+            return found if declared is not None else self.arming.explained(found)
         explained, does = explanation.explained(found, snapshot), "" if manoeuvre is None else manoeuvre.unseen
         return replace(explained, why=f"{explained.why}; {does}") if does else explained
+
+    def _explained(self, found: Estimate, snapshot: Snapshot) -> Estimate:
+        return self.arming.explained(self._explanation.explained(found, snapshot))
 
     @property
     def takes(self) -> Takes:
@@ -558,6 +563,7 @@ class Flight:
         """Makes one update."""
         raw, manoeuvre = self.raw_estimate(snapshot), self._flown.manoeuvre
         self.authority.follow(raw.state, snapshot)
+        self.arming.follow(snapshot)
         is_taking_off = manoeuvre is not None and manoeuvre.declares is State.TAKING_OFF
         is_led = _is_led(manoeuvre)
         is_on_way = is_led and manoeuvre is not None and manoeuvre.task is not None

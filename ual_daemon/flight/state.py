@@ -42,7 +42,8 @@ def estimate(
     control = known.mode.value.control
     mode = known.mode.value.own_text or known.mode.value.name
     if not known.armed.value:
-        return Estimate(State.LANDED_DISARMED, "not armed")
+        starts = known.mode.value.arming_starts
+        return Estimate(State.LANDED_DISARMED, f"not armed; {starts}" if starts else "not armed")
     if landed is LandedState.ON_GROUND:
         return Estimate(State.LANDED_ARMED, "armed, on the ground")
     if manoeuvre is State.TAKING_OFF:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable
 
 from ual.errors import PermissionDeniedError, UalError
 from ual.types import State
@@ -17,11 +18,12 @@ _READY_S = 1.0
 _PERIOD_S = 0.1
 
 
-async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates) -> None:
+async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates, why_not: Callable[[], str] = str) -> None:
     """Arms whenever the UAV has been disarmed and ready for 1 s of its own time. Runs until it is cancelled.
 
-    Ends, without sending anything, if the vehicle is found not to be simulated. Uses no processor time unless the UAV
-    is disarmed on the ground.
+    `why_not` returns why it is not to be armed, human-readable: in a mode in which that would start a flight. Ends,
+    without sending anything, if the vehicle is found not to be simulated. Uses no processor time unless the UAV is
+    disarmed on the ground.
     """
     since_s: float | None = None
     refused = ""
@@ -35,7 +37,11 @@ async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates) -> None:
         except PermissionDeniedError as error:
             logs.event(_log, logging.ERROR, "auto_arm_ended", why=error)
             return
-        now_s = clock.now_s()
+        now_s, why = clock.now_s(), why_not()
+        if why and why != refused:
+            logs.event(_log, logging.WARNING, "auto_arm_waits", why=f"{why}: select another mode, or arm by command")
+            refused = why
+        may_arm = may_arm and not why
         since_s = (now_s if since_s is None else since_s) if may_arm else None
         if since_s is not None and now_s - since_s >= _READY_S:
             since_s = None

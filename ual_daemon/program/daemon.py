@@ -296,7 +296,7 @@ class _Served:
         logs.uav.set(self._vehicle.log_name)
         self._vehicle.commands.is_armed_automatically = True
         try:
-            await auto_arm(pilot, self._vehicle.clock, self.server.updates)
+            await auto_arm(pilot, self._vehicle.clock, self.server.updates, self._vehicle.why_not_auto_arm)
         finally:
             self._vehicle.commands.is_armed_automatically = False
 

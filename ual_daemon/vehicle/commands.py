@@ -312,12 +312,18 @@ class Commands:
         return task if state in _NOT_FLOWN_YET and state not in self._abortable() else None
 
     def _abortable(self) -> tuple[State, ...]:
+        if self._flight.arming.is_ours_to_end:
+            return (State.FLYING_AUTO, State.TAKING_OFF, State.FLYING_MANUAL)
         if self._flight.has_safety_pilot:
             return (State.FLYING_AUTO,)
         return (State.FLYING_AUTO, State.TAKING_OFF, State.LANDING)
 
     def _is_flown_by_autopilot(self, snapshot: Snapshot) -> bool:
-        """Whether the autopilot takes off or lands by itself, where nobody but UAL can abort that."""
+        """Whether the autopilot flies by itself what UAL is to end: what our arming has begun, or a take-off or a
+        landing that nobody but UAL can abort.
+        """
+        if self._flight.arming.is_ours_to_end and snapshot.control.settled_mode:
+            return True
         is_by_itself = snapshot.control.mode is not None and snapshot.control.mode.value.control in (
             Control.TAKE_OFF,
             Control.LAND,
@@ -343,7 +349,9 @@ class Commands:
         return self._flight.is_on_mission and is_named
 
     def _take_back(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
-        """Takes the control back from the autopilot's own landing or take-off."""
+        """Takes the control back from the autopilot's own landing or take-off, or from what our arming has begun."""
+        if self._flight.arming.is_ours_to_end:
+            self._preconditions.require_no_failsafe(name, snapshot, force=False)
         command = AutopilotCommand("take our references")
         state = self._flight.raw_estimate(snapshot).state
         limits, take_control = self._flight.limits.get(), self._backend.take_control
@@ -455,6 +463,19 @@ class Commands:
                 lambda newer: newer.control.armed is not None and newer.control.armed.value is is_armed,
                 lease_id,
             )
+            if is_armed:
+                self._note_arming(future)
             command.send(self._backend.arm if is_armed else self._backend.disarm)
             accepted(name)
             return future
+
+    def _note_arming(self, future: Future[None]) -> None:
+        """Notes that the arming is UAL's, unless it fails."""
+        arming = self._flight.arming
+        arming.is_ours = True
+
+        def forget(ended: Future[None]) -> None:
+            if ended.cancelled() or ended.exception() is not None:
+                arming.is_ours = False
+
+        future.add_done_callback(forget)

@@ -70,7 +70,7 @@ class Preconditions(RefusalLog):
 
     def require_no_pilot(self, command: str, lease_id: str) -> Snapshot:
         """Returns the snapshot in which the end of a flight may begin: in FLYING_AUTO, or where the autopilot flies by
-        itself.
+        itself. It does, too, in a take-off that our arming has begun.
 
         Raises:
             WrongStateError: The safety pilot flies, the state is another one, or UAL is shutting down.
@@ -78,7 +78,10 @@ class Preconditions(RefusalLog):
             PermissionDeniedError: This daemon only watches.
 
         """
-        if self._flight.estimate(self._backend.snapshot()).state is not State.FLYING_MANUAL:
+        state = self._flight.estimate(self._backend.snapshot()).state
+        if state is State.TAKING_OFF and self._flight.arming.is_ours_to_end:
+            return self.require_state(command, lease_id, State.TAKING_OFF)
+        if state is not State.FLYING_MANUAL:
             return self.require_state(command, lease_id, State.FLYING_AUTO)
         snapshot = self.require_state(command, lease_id, State.FLYING_MANUAL)
         mode = snapshot.control.mode

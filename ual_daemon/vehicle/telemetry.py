@@ -98,15 +98,17 @@ def make_telemetry(
 
 
 def _health(snapshot: Snapshot, daemon_checks: tuple[str, ...]) -> Health | None:
-    """Returns the autopilot's health, with the failsafe, who holds the control, and what fails in the daemon."""
-    failsafe, held_by = snapshot.control.failsafe, snapshot.control.held_by
+    """Returns the autopilot's health, with the failsafe, who holds the control, what arming would start, and what fails
+    in the daemon.
+    """
+    failsafe, held_by, starts = snapshot.control.failsafe, snapshot.control.held_by, snapshot.control.arming_starts
     health = snapshot.condition.health
-    if failsafe is None and held_by is None and not daemon_checks:
+    if failsafe is None and held_by is None and not starts and not daemon_checks:
         return health
     health = health or Health()
     return replace(
         health,
-        failing_checks=(*health.failing_checks, *daemon_checks),
+        failing_checks=(*health.failing_checks, *((starts,) if starts else ()), *daemon_checks),
         failsafe="" if failsafe is None else failsafe.value,
         held_by="" if held_by is None else held_by.value,
     )

@@ -187,6 +187,10 @@ class Vehicle(ReportedVehicle):
         """Returns a simulated safety pilot; None for a real UAV."""
         return self.backend.safety_pilot()
 
+    def why_not_auto_arm(self) -> str:
+        """Returns why a simulated safety pilot must not arm it now, human-readable; empty if he may."""
+        return self.backend.snapshot().control.arming_starts
+
     def observe_packets(self, callback: Callable[[Packet], None]) -> bool:
         """Calls back with each packet of the link; see `Backend.on_packet`. Returns False where it has none."""
         if self.backend.has_packets:

@@ -57,6 +57,15 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class _ShowsArmed:
+    is_armed: bool
+
+    def __call__(self, snapshot: Snapshot, since_s: float) -> bool:
+        armed = snapshot.control.armed
+        return armed is not None and armed.time_s > since_s and armed.value is self.is_armed
+
+
+@dataclass(frozen=True, slots=True)
 class Command(Generic[R]):
     """A command.
 
@@ -113,6 +122,11 @@ class Command(Generic[R]):
         """Whether it does something, so that it must not be executed where others may fly meanwhile."""
         return bool(self.group) and not self.is_harmless
 
+    @property
+    def arms(self) -> bool:
+        """Whether it arms."""
+        return self.group == ARMING and isinstance(self.shows, _ShowsArmed) and self.shows.is_armed
+
     def leads_to(self, mode: Mode) -> bool:
         """Whether a mode is one to which it leads."""
         return mode.name == self.mode if self.own_modes is None else self.own_modes(mode)
@@ -120,12 +134,7 @@ class Command(Generic[R]):
 
 def shows_armed(*, is_armed: bool) -> Shows:
     """For `Command.shows`: it is armed, or disarmed."""
-
-    def shows(snapshot: Snapshot, since_s: float) -> bool:
-        armed = snapshot.control.armed
-        return armed is not None and armed.time_s > since_s and armed.value is is_armed
-
-    return shows
+    return _ShowsArmed(is_armed)
 
 
 def shows_mode(name: str) -> Shows:

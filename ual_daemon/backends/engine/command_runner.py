@@ -6,6 +6,7 @@ The rules of the pilot stand here once, for all backends, in `CommandRunner._hin
 - never over a mode that others chose since it was asked for;
 - never after it was withdrawn, which is cancelling its future;
 - never when it may be executed late: by a bridge that is held up, or by a thread of ours that did not run;
+- never an arming in a mode in which the autopilot would begin a flight by itself;
 - never again where its table does not say so.
 """
 
@@ -255,7 +256,11 @@ class CommandRunner(Generic[R]):
             for pending in self._in_flight.values()
         ) or any(
             pending.command.is_judged
-            and (self._watch.why_silent(now_s) or self._unknown(pending, self._snapshot(now_s), now_s))
+            and (
+                self._watch.why_silent(now_s)
+                or self._unknown(pending, self._snapshot(now_s), now_s)
+                or (pending.command.arms and _why_not_arm(self._snapshot(now_s)))
+            )
             for pending in self._waiting
         )
 
@@ -271,6 +276,7 @@ class CommandRunner(Generic[R]):
             self._watch.why_silent(now_s)
             or self._unknown(pending, snapshot, now_s)
             or self._late_hindrance()
+            or (_why_not_arm(snapshot) if command.arms else "")
             or ("" if command.waits is None else command.waits(snapshot))
             or self._too_few_setpoints(pending, now_s)
             or (self._not_again(pending, snapshot) if pending.sends_count else "")
@@ -539,6 +545,12 @@ class CommandRunner(Generic[R]):
             self._ended_s[pending.key] = now_s
             is_answered = pending.accepts_count > 0 or bool(pending.refusal)
             self._doubtful_until_s[pending.key] = now_s + (LATER_ACK_S if is_answered else STALE_ANSWER_S)
+
+
+def _why_not_arm(snapshot: Snapshot) -> str:
+    """Returns what arming would start in the present mode, human-readable; empty where it starts nothing."""
+    mode = snapshot.control.mode
+    return "its mode is not known" if mode is None else mode.value.arming_starts
 
 
 def _take_back(pending: _Pending[R]) -> None:

@@ -34,6 +34,7 @@ from ual_daemon.backends.values import (
     Control,
     Estimator,
     Mode,
+    OnArming,
     PositionSetpoint,
     Snapshot,
     VelocityResponse,
@@ -69,22 +70,6 @@ _MODES = {
     27: "AUTO_RTL",
     28: "TURTLE",
 }
-_UNARMABLE = frozenset(
-    {
-        "LAND",  # its mode after we have landed it
-        "BRAKE",  # its mode after the daemon has ended in flight
-        "AUTOROTATE",
-        "AUTOTUNE",
-        "AVOID_ADSB",
-        "CIRCLE",
-        "FLIP",
-        "FOLLOW",
-        "RTL",
-        "SMART_RTL",
-        "SYSTEMID",
-    }
-)
-"""Modes in which ArduCopter always refuses to be armed (`allows_arming` in its mode.h)."""
 _CONTROL = {"GUIDED": Control.REFERENCES, "LAND": Control.LAND}
 
 _SIMULATION_PARAMETER = "SIM_SPEEDUP"
@@ -135,6 +120,29 @@ _PILOTS_MODES = frozenset(
         "TURTLE",
     }
 )
+_ON_ARMING = {
+    **dict.fromkeys((*_PILOTS_MODES, "GUIDED", "GUIDED_NOGPS"), OnArming.STANDS),
+    **dict.fromkeys(
+        (
+            "LAND",  # its mode after we have landed it
+            "BRAKE",  # its mode after the daemon has ended in flight
+            "AUTOROTATE",
+            "AUTOTUNE",
+            "AUTO_RTL",
+            "AVOID_ADSB",
+            "CIRCLE",
+            "FLIP",
+            "FOLLOW",
+            "RTL",
+            "SMART_RTL",
+            "SYSTEMID",
+        ),
+        OnArming.REFUSES,
+    ),
+    "AUTO": OnArming.MAY_FLY,  # its mode after a mission; by AUTO_OPTIONS it refuses, waits for its throttle, or flies
+    "THROW": OnArming.MAY_FLY,  # once it falls
+}
+"""By `allows_arming` in its mode.h. In another one, of its scripts or of a later version, it may fly."""
 _AUTONOMOUS = frozenset({"AUTO", "AUTO_RTL", "BRAKE", "CIRCLE", "FOLLOW", "RTL", "SMART_RTL"})
 _FAILSAFE_TEXTS = (
     ("battery failsafe", Cause.BATTERY),
@@ -204,7 +212,7 @@ class ArduCopter(Autopilot):
     # BRAKE: LOITER would hold, too, but follows the throttle stick: with it at its bottom, or without a transmitter,
     # the UAV would descend.
     arming_mode = setpoint_mode  # as the take-off that follows needs it; there the throttle stick does not matter
-    unarmable_modes = _UNARMABLE
+    on_arming, on_arming_elsewhere = _ON_ARMING, OnArming.MAY_FLY
     pilots_modes = _PILOTS_MODES
     stays_without_setpoints = True  # in GUIDED it hovers for ever
     flies_takeoff_on_setpoints = False  # a setpoint on the way up cancels the take-off, silently
@@ -272,7 +280,12 @@ class ArduCopter(Autopilot):
 
     @override
     def mode_named(self, name: str) -> Mode:
-        return Mode(name, _CONTROL.get(name, Control.OTHER), is_autonomous=name in _AUTONOMOUS)
+        return Mode(
+            name,
+            _CONTROL.get(name, Control.OTHER),
+            is_autonomous=name in _AUTONOMOUS,
+            on_arming=_ON_ARMING.get(name, self.on_arming_elsewhere),
+        )
 
     @override
     def cause_of_text(self, text: str) -> Cause | None:

@@ -25,6 +25,7 @@ from ual_daemon.backends.values import (
     Estimator,
     FenceLimit,
     Mode,
+    OnArming,
     PositionSetpoint,
     Snapshot,
     VelocityResponses,
@@ -103,7 +104,7 @@ class Autopilot(ABC):
     land_mode = ""
     """The name of the mode in which it lands where it is."""
     arming_mode = ""
-    """The name of the mode from which it is armed where the present one forbids it."""
+    """The name of the mode in which it is armed where it cannot be, or would fly, in the present one."""
     setpoints_before_mode_s = 0.0
     """For how long setpoints must have come before it accepts the mode that follows them."""
     takes_feed_forward = False
@@ -116,8 +117,10 @@ class Autopilot(ABC):
     """The name of the mode of a pilot that a failsafe enters only where setpoints are missing."""
     stays_without_setpoints = False
     """Whether it stays in the mode that takes setpoints when none come, and reports its target there."""
-    unarmable_modes: frozenset[str] = frozenset()
-    """Names of the modes in which it always refuses to be armed."""
+    on_arming: Mapping[str, OnArming] = MappingProxyType({})
+    """What it does when it is armed in the mode of a name; see `ual_daemon.backends.values.Mode`."""
+    on_arming_elsewhere = OnArming.STANDS
+    """The same for the modes that `on_arming` does not name."""
     parameters: tuple[str, ...] = ()
     """Parameters to read: those that `limits` and `autopilot_fence` use."""
     optional_parameters: frozenset[str] = frozenset()
@@ -189,8 +192,8 @@ class Autopilot(ABC):
         return None
 
     def can_be_armed_in(self, mode: str) -> bool:
-        """Returns whether it can be armed in the mode of this name; `arm` leaves those in which it cannot."""
-        return mode not in self.unarmable_modes
+        """Returns whether it stands once it is armed in the mode of this name; `arm` leaves the others first."""
+        return self.on_arming.get(mode, self.on_arming_elsewhere) is OnArming.STANDS
 
     def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
         """Returns whether it can be the multirotor that its heartbeat says, by its MAV_VTOL_STATE and its parameters.

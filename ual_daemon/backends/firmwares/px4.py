@@ -29,6 +29,7 @@ from ual_daemon.backends.values import (
     Cause,
     Control,
     Mode,
+    OnArming,
     VelocityResponse,
     VelocityResponses,
 )
@@ -71,17 +72,21 @@ _CONTROL = {
     "AUTO.PRECLAND": Control.LAND,
 }
 _AUTONOMOUS = frozenset({"AUTO.LOITER", "AUTO.MISSION", "AUTO.RTL", "AUTO.FOLLOW_TARGET", "POSCTL.ORBIT"})
-_UNARMABLE = frozenset(
-    {
-        "OFFBOARD",  # without a stream of setpoints; PX4 enters it by itself after we have landed it
-        "AUTO.RTL",
-        "AUTO.LAND",
-        "AUTO.PRECLAND",
-        "AUTO.FOLLOW_TARGET",
-        "POSCTL.ORBIT",
-    }
-)
-"""Modes in which PX4 refuses to be armed (its mode_requirements.cpp: mode_req_prevent_arming, offboard signal)."""
+_PILOTS_MODES = frozenset({"MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "POSCTL.SLOW", "ALTITUDE_CRUISE"})
+_ON_ARMING = {
+    **dict.fromkeys((*_PILOTS_MODES, "AUTO.LOITER"), OnArming.STANDS),
+    "OFFBOARD": OnArming.REFUSES,  # without a stream of setpoints; PX4 enters it by itself after we have landed it
+    "TERMINATION": OnArming.REFUSES,
+    "AUTO.RTL": OnArming.REFUSES,
+    "AUTO.LAND": OnArming.REFUSES,
+    "AUTO.PRECLAND": OnArming.REFUSES,
+    "AUTO.FOLLOW_TARGET": OnArming.REFUSES,
+    "POSCTL.ORBIT": OnArming.REFUSES,
+    "AUTO.TAKEOFF": OnArming.FLIES,
+    "AUTO.VTOL_TAKEOFF": OnArming.FLIES,
+    "AUTO.MISSION": OnArming.FLIES,  # in which it is again after the landing of a mission, or of UAL out of one
+}
+"""By its mode_requirements.cpp (mode_req_prevent_arming, offboard signal). In another one another program may fly."""
 
 OFFBOARD_NEEDS_SETPOINTS_S = 0.4
 """How long setpoints must have come before PX4 accepts OFFBOARD: without them it refuses the mode, or the arming."""
@@ -128,8 +133,8 @@ class Px4(Autopilot):
     setpoints_before_mode_s = OFFBOARD_NEEDS_SETPOINTS_S
     takes_feed_forward = True
     takes_acceleration = True
-    unarmable_modes = _UNARMABLE
-    pilots_modes = frozenset({"MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "POSCTL.SLOW", "ALTITUDE_CRUISE"})
+    on_arming, on_arming_elsewhere = _ON_ARMING, OnArming.MAY_FLY
+    pilots_modes = _PILOTS_MODES
     fallback_mode = "POSCTL"  # COM_OBL_RC_ACT 0; without a transmitter it returns
     parameters = (
         "MPC_XY_VEL_MAX",
@@ -196,7 +201,12 @@ class Px4(Autopilot):
 
     @override
     def mode_named(self, name: str) -> Mode:
-        return Mode(name, _CONTROL.get(name, Control.OTHER), is_autonomous=name in _AUTONOMOUS)
+        return Mode(
+            name,
+            _CONTROL.get(name, Control.OTHER),
+            is_autonomous=name in _AUTONOMOUS,
+            on_arming=_ON_ARMING.get(name, self.on_arming_elsewhere),
+        )
 
     @override
     def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:

@@ -6,7 +6,7 @@ forward, y left, z up.
 
 from ual_daemon.backends.values.autopilot_fence import NO_FENCE, AutopilotFence, FenceLimit, Zone
 from ual_daemon.backends.values.link_report import LinkReport
-from ual_daemon.backends.values.modes import Cause, Control, LandedState, Mode
+from ual_daemon.backends.values.modes import Cause, Control, LandedState, Mode, OnArming
 from ual_daemon.backends.values.packet import Packet
 from ual_daemon.backends.values.sample import NEVER_S, Sample
 from ual_daemon.backends.values.setpoints import ExternalPose, PositionSetpoint, Setpoint, VelocitySetpoint
@@ -47,6 +47,7 @@ __all__ = [
     "LinkState",
     "Mode",
     "MotionState",
+    "OnArming",
     "Packet",
     "PositionSetpoint",
     "Sample",

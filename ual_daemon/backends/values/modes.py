@@ -29,6 +29,19 @@ class Control(Enum):
     """The safety pilot, or another mode of the autopilot."""
 
 
+class OnArming(Enum):
+    """What an autopilot does that is armed in a mode; the value is what people read of it, empty where it is safe."""
+
+    STANDS = ""
+    """It stands until it is commanded, or until its sticks are moved."""
+    REFUSES = "refuses"
+    """It refuses to be armed."""
+    MAY_FLY = "may start a flight"
+    """That depends on its parameters, or on a program that flies in this mode."""
+    FLIES = "starts a flight"
+    """It takes off by itself."""
+
+
 class Cause(Enum):
     """Who or what took the control from UAL, or holds it; the value is the metadata `by` of errors."""
 
@@ -83,6 +96,7 @@ _FAILSAFES = frozenset(
 class Mode:
     """The autopilot's mode: its name, human-readable, and what controls the vehicle in it.
 
+    `on_arming` is what it does when it is armed in it: no command of UAL arms it in one in which it does not stand.
     `is_autonomous` is whether the autopilot surely flies by itself in it, without sticks (hold, return): a landing may
     replace such a mode, and never one that the pilot flies. `own_text` has what the autopilot itself calls a mode that
     has no name here (an external mode of PX4, a script's of ArduPilot). It is only told: nothing is decided by it.
@@ -92,8 +106,16 @@ class Mode:
     control: Control
     is_autonomous: bool = False
     own_text: str = field(default="", compare=False)
+    on_arming: OnArming = OnArming.STANDS
 
     @property
     def text(self) -> str:
         """What it is called where people read it."""
         return self.own_text or self.name
+
+    @property
+    def arming_starts(self) -> str:
+        """That whoever arms it starts a flight, human-readable; empty where arming starts nothing."""
+        if self.on_arming not in (OnArming.FLIES, OnArming.MAY_FLY):
+            return ""
+        return f"whoever arms it in mode {self.text} {self.on_arming.value}"

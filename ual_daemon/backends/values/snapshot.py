@@ -63,6 +63,13 @@ class ControlState(NamedTuple):
         return "" if self.mode is None else self.mode.value.text
 
     @property
+    def arming_starts(self) -> str:
+        """That whoever arms it starts a flight, human-readable; empty where arming starts nothing, and once armed."""
+        if self.mode is None or self.armed is None or self.armed.value:
+            return ""
+        return self.mode.value.arming_starts
+
+    @property
     def settled_mode(self) -> str:
         """The name of the mode; empty if it may be the one from before the arming, which the arming has changed.
 

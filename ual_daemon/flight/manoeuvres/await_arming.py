@@ -71,7 +71,11 @@ def is_after_landing(snapshot: Snapshot) -> bool:
 
 
 def _why_not_ready(snapshot: Snapshot) -> str:
-    """Returns in words which checks of the autopilot fail; empty where none does, or it does not say."""
+    """Returns in words why nobody arms it: what that would start, or which checks of the autopilot fail. Empty where
+    neither is known.
+    """
+    if starts := snapshot.control.arming_starts:
+        return f": {starts}"
     health = snapshot.condition.health
     if health is None or health.is_ready_to_arm is not False:
         return ""

@@ -9,7 +9,7 @@ from typing_extensions import override
 
 from ual.errors import TaskAbortedError, UalError
 from ual.types import Limits, State
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import (
     Handover,
@@ -96,7 +96,10 @@ class Recover(Manoeuvre):
         if estimate.state is State.FLYING_AUTO:
             stop = brake(snapshot, self._limits)
             return Step(stop.setpoint(snapshot), has_ended=True, next_reference=stop)
-        if estimate.state is not self._out_of and not self._is_landing_of_mission(estimate.state, snapshot):
+        if self._out_of is State.TAKING_OFF and (step := self._step_take_off(snapshot, estimate.state)) is not None:
+            return step
+        is_elsewhere = estimate.state is not self._out_of and not self._has_climbed(estimate.state)
+        if is_elsewhere and not self._is_landing_of_mission(estimate.state, snapshot):
             return failed(
                 TaskAbortedError(
                     f"{self.name}: the state became {estimate.state.name}",
@@ -122,6 +125,27 @@ class Recover(Manoeuvre):
         if failure is not None:
             return failed(failure if self.task is None or not self.mission else with_advice(failure, _stays(snapshot)))
         return self._hold(snapshot)
+
+    def _step_take_off(self, snapshot: Snapshot, state: State) -> Step | None:
+        """Holds while the take-off is still told that UAL has ended, and on the ground that it had not left yet.
+
+        Returns None where it is as in the air.
+        """
+        held, mode = self._hold(snapshot), snapshot.control.mode
+        is_ours = self._is_sent and mode is not None and mode.value.control is Control.REFERENCES
+        if state is State.TAKING_OFF:
+            return held if is_ours else None
+        if state is not State.LANDED_ARMED:
+            return None
+        if is_ours:  # disarm and take_off may follow
+            motion = measured_motion(snapshot)
+            return held._replace(has_ended=True, next_reference=Hold(motion.position, motion.yaw_rad))
+        failure = self._command.failure(snapshot)
+        return held if failure is None else failed(failure)
+
+    def _has_climbed(self, state: State) -> bool:
+        """Whether the take-off out of which it is taken has ended meanwhile."""
+        return self._out_of is State.TAKING_OFF and state is State.FLYING_MANUAL
 
     def _is_landing_of_mission(self, state: State, snapshot: Snapshot) -> bool:
         """Whether the mission out of which it is taken began to return or to land just now.
