@@ -549,8 +549,7 @@ class CommandRunner(Generic[R]):
 
 def _why_not_arm(snapshot: Snapshot) -> str:
     """Returns what arming would start in the present mode, human-readable; empty where it starts nothing."""
-    mode = snapshot.control.mode
-    return "its mode is not known" if mode is None else mode.value.arming_starts
+    return "" if snapshot.control.mode is None else snapshot.control.mode.value.arming_starts
 
 
 def _take_back(pending: _Pending[R]) -> None:

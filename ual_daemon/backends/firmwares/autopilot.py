@@ -192,8 +192,11 @@ class Autopilot(ABC):
         return None
 
     def can_be_armed_in(self, mode: str) -> bool:
-        """Returns whether it stands once it is armed in the mode of this name; `arm` leaves the others first."""
-        return self.on_arming.get(mode, self.on_arming_elsewhere) is OnArming.STANDS
+        """Returns whether it stands once it is armed in the mode of this name; `arm` leaves the others first.
+
+        Where no mode is known yet there is none to leave.
+        """
+        return not mode or self.on_arming.get(mode, self.on_arming_elsewhere) is OnArming.STANDS
 
     def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
         """Returns whether it can be the multirotor that its heartbeat says, by its MAV_VTOL_STATE and its parameters.

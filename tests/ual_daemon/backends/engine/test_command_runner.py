@@ -20,7 +20,7 @@ from ual_daemon.backends.engine.command import FLYING, ONCE, Command, Verdict
 from ual_daemon.backends.engine.command_runner import EFFECT_S, MOST_TEXTS, CommandRunner, RunnerSettings
 from ual_daemon.backends.engine.limits import SETPOINTS_WAIT_S, UNSENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
-from ual_daemon.backends.values import Control, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import Control, LandedState, Mode, OnArming, Sample, Snapshot
 
 
 class Plain:
@@ -49,12 +49,19 @@ class Plain:
         )
         self.hear("manual")
 
-    def hear(self, mode: str, *, is_armed: bool = False, control: Control = Control.OTHER) -> None:
+    def hear(
+        self,
+        mode: str,
+        *,
+        is_armed: bool = False,
+        control: Control = Control.OTHER,
+        on_arming: OnArming = OnArming.STANDS,
+    ) -> None:
         self.watch.on_heard(self.now_s)
         self.known = changed(
             self.known,
             heard_s=self.now_s,
-            mode=Sample(Mode(mode, control), self.now_s),
+            mode=Sample(Mode(mode, control, on_arming=on_arming), self.now_s),
             armed=Sample(is_armed, self.now_s),
         )
         self.runner.on_state(self.now_s)
@@ -436,3 +443,34 @@ def test_a_command_of_before_a_reboot_is_not_sent_after_it() -> None:
     scripted.wait(3.0)
     assert scripted.requests == []
     assert "the autopilot has rebooted" in str(order.result.exception(0))
+
+
+@pytest.mark.parametrize("on_arming", [OnArming.FLIES, OnArming.MAY_FLY])
+def test_no_arming_leaves_where_it_starts_a_flight_until_the_mode_is_another_one(
+    plain: Plain, on_arming: OnArming
+) -> None:
+    plain.hear("script", on_arming=on_arming)
+    plain.runner.submit(arm_command(is_armed=True), plain.now_s)
+    plain.run(1.0, mode="")
+    plain.hear("script", on_arming=on_arming)
+    assert plain.sent == []
+    assert plain.runner.wants_state(plain.now_s)
+    plain.hear("manual")
+    plain.runner.tick(plain.now_s)
+    assert plain.sent == ["arm"]
+
+
+def test_an_arming_is_not_repeated_where_it_starts_a_flight_by_now(plain: Plain) -> None:
+    plain.runner.submit(arm_command(is_armed=True), plain.now_s)
+    assert plain.sent == ["arm"]
+    for _ in range(40):
+        plain.now_s += 0.05
+        plain.hear("script", on_arming=OnArming.FLIES)
+        plain.runner.tick(plain.now_s)
+    assert plain.sent == ["arm"]
+
+
+def test_a_disarming_leaves_in_any_mode(plain: Plain) -> None:
+    plain.hear("script", is_armed=True, on_arming=OnArming.FLIES)
+    plain.runner.submit(arm_command(is_armed=False), plain.now_s)
+    assert plain.sent == ["disarm"]

@@ -396,7 +396,18 @@ def test_its_mode_is_changed_when_somebody_asks_to_arm_it_where_it_cannot_be_arm
     assert len(harness.commands(ARM)) == 1
 
 
-@pytest.mark.parametrize("mode", [LOITER, GUIDED, 0, 3])
+@pytest.mark.parametrize("mode", [3, 18, 99])
+def test_a_mode_in_which_arming_may_start_a_flight_is_left_and_seen_to_be(mode: int) -> None:
+    harness = met(mode)
+    harness.session.submit(COPTER.arm(harness.snapshot()), harness.now_s)
+    harness.receive(ack(SET_MODE, ACCEPTED), beat(mode))
+    assert harness.link.take("COMMAND_LONG")[-1].command != ARM  # it says that it obeys, but is still there
+    harness.run(0.05)
+    harness.receive(beat(GUIDED))
+    assert len(harness.commands(ARM)) == 1
+
+
+@pytest.mark.parametrize("mode", [LOITER, GUIDED, 0])
 def test_a_mode_in_which_it_may_be_armed_is_the_pilots_choice(mode: int) -> None:
     harness = met(mode)
     harness.session.submit(COPTER.arm(harness.snapshot()), harness.now_s)
