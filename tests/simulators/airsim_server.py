@@ -12,6 +12,7 @@ import selectors
 import socket
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import msgspec
@@ -123,8 +124,7 @@ class AirsimServer:
         """Lets time pass, and serves what comes meanwhile at its moment."""
         for _ in range(round(duration_s / STEP_S)):
             with self._lock:
-                for key, _ in self._selector.select(0.0):
-                    self._serve(key.data)
+                self._serve_ready()
                 self._advance(1)
 
     def render(self) -> None:
@@ -139,37 +139,47 @@ class AirsimServer:
     def drop_connections(self) -> None:
         """Closes all connections, and goes on."""
         with self._lock:
-            for key in list(self._selector.get_map().values()):
+            for key in list((self._selector.get_map() or {}).values()):  # none once it has ended
                 if isinstance(key.data, Peer):
-                    key.data.socket.shutdown(socket.SHUT_RDWR)
+                    with suppress(OSError):  # it has ended by itself
+                        key.data.socket.shutdown(socket.SHUT_RDWR)
 
     def _run(self) -> None:
-        while not self._is_closing:
-            events = self._selector.select(0.02)
-            with self._lock:
-                for key, _ in events:
-                    self._serve(key.data)
-                if not self.is_silent:
-                    late, self._late = self._late, []
-                    for answer in late:
-                        answer()
-        for key in list(self._selector.get_map().values()):
-            key.fileobj.close()  # type: ignore[union-attr]
-        self._selector.close()
+        try:
+            while not self._is_closing:
+                self._selector.select(
+                    0.02
+                )  # waits only: until the lock is held, `run` may have served it, and closed it
+                with self._lock:
+                    self._serve_ready()
+                    if not self.is_silent:
+                        late, self._late = self._late, []
+                        for answer in late:
+                            answer()
+        finally:  # else its clients would wait for one that has died
+            self._end()
+
+    def _end(self) -> None:
+        with self._lock:
+            self._is_closing = True
+            for key in list(self._selector.get_map().values()):
+                key.fileobj.close()  # type: ignore[union-attr]
+            self._selector.close()
+
+    def _serve_ready(self) -> None:
+        """Serves what has come. Called with the lock held."""
+        if not self._is_closing:
+            for key, _ in self._selector.select(0.0):
+                self._serve(key.data)
 
     def _serve(self, peer: Peer | None) -> None:
         if peer is None:
-            try:
-                accepted, _ = self._listener.accept()
-            except BlockingIOError:  # `run` was faster
-                return
+            accepted, _ = self._listener.accept()
             accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._selector.register(accepted, selectors.EVENT_READ, Peer(accepted))
             return
         try:
             data = peer.socket.recv(1 << 16, socket.MSG_DONTWAIT)
-        except BlockingIOError:  # `run` was faster
-            return
         except OSError:
             data = b""
         if not data:

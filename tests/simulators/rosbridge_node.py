@@ -55,11 +55,12 @@ class RosbridgeNode:
             self._send({"op": "advertise_service", "service": name, "type": SERVICES[name]})
 
     def receive(self) -> None:
-        """Receives until the connection ends."""
-        for text in self._connection:
-            operation = json.loads(text)
-            with self.lock:
-                self._execute(operation)
+        """Receives until the connection ends, even in the middle of an answer."""
+        with suppress(ConnectionClosed):
+            for text in self._connection:
+                operation = json.loads(text)
+                with self.lock:
+                    self._execute(operation)
 
     def run(self) -> None:
         """Advances the aircraft in real time, until the connection ends."""

@@ -8,6 +8,7 @@ import ssl
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 
 from typing_extensions import Self
 from websockets.frames import Frame, Opcode
@@ -66,28 +67,33 @@ class RosbridgeServer:
     def drop(self, index: int) -> None:
         """Ends one connection, by the order in which they were made."""
         with self.lock:
-            self._clients[index].socket.shutdown(socket.SHUT_RDWR)
+            with suppress(OSError):  # it has ended by itself
+                self._clients[index].socket.shutdown(socket.SHUT_RDWR)
 
     def _run(self, listener: socket.socket) -> None:
         begun_s = time.monotonic() - self.bridge.now_s
-        with listener:
-            while not self._ending.is_set():
-                readers = [] if self.is_frozen else [listener, *(client.socket for client in self._clients)]
-                select.select(readers, [], [], _STEP_S)
-                if not self.is_frozen:
-                    with self.lock:
-                        self._step(listener, time.monotonic() - begun_s)
-                elif not readers:
-                    self._ending.wait(_STEP_S)
-        for client in self._clients:
-            client.end()
-        self._clients.clear()
+        try:
+            with listener:
+                while not self._ending.is_set():
+                    readers = [] if self.is_frozen else [listener, *(client.socket for client in self._clients)]
+                    select.select(readers, [], [], _STEP_S)
+                    if not self.is_frozen:
+                        with self.lock:
+                            self._step(listener, time.monotonic() - begun_s)
+                    elif not readers:
+                        self._ending.wait(_STEP_S)
+        finally:  # else its clients would wait for one that has died
+            with self.lock:
+                for client in self._clients:
+                    client.end()
+                self._clients.clear()
 
     def _step(self, listener: socket.socket, now_s: float) -> None:
         if select.select([listener], [], [], 0.0)[0]:
             sock, _ = listener.accept()
+            with suppress(OSError):  # it refuses the certificate, or has gone
+                self._clients.append(_Client(self._secured(sock), self.bridge.connect()))
             self.accepted_count += 1
-            self._clients.append(_Client(self._secured(sock), self.bridge.connect()))
         self.bridge.step(now_s)
         for client in list(self._clients):
             if not client.step():
