@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,6 +64,38 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
+def pytest_sessionstart() -> None:
+    """Lets a test fail as soon as one of its threads has died, and not when it has waited in vain."""
+    waiting.fail_waits_of_the_dead()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """Forgets the threads of the test before."""
+    waiting.forget_the_dead()
+
+
+def _open_files() -> set[str]:
+    """The files and sockets of this process, each as what it is."""
+    found = set()
+    for each in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):  # that of the list itself
+            found.add(f"{each.name} {each.readlink()}")
+    return found
+
+
+@pytest.fixture(autouse=True)
+def closed_at_the_end() -> Iterator[None]:
+    """Finds what a test leaves open, at its end. Python tells of it when it is collected: else during another test.
+
+    Ends after all other fixtures of the test. What fixtures of a wider scope hold open is not garbage.
+    """
+    before = _open_files()
+    yield
+    if _open_files() - before:
+        gc.collect()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def no_standstill_of_these_processes() -> Iterator[None]:
     """Takes no standstill of a test's own process for one of a daemon: on a busy machine its threads wait for seconds.
@@ -90,6 +122,10 @@ def painters_take_their_turn() -> Iterator[None]:
         yield
 
 
+_STAYS = ("listening",)
+"""What a daemon says once and remains: to wait for it again is no mistake."""
+
+
 class DaemonProcess:
     """One ``ual-daemon`` process; its log, one JSON object a line, tells tests what it does."""
 
@@ -104,6 +140,7 @@ class DaemonProcess:
         self.stderr = ""
         self._changed = threading.Condition()
         self._has_ended = False
+        self._told: list[dict[str, Any]] = []
         self._resources = ExitStack()
         self.process = self._start((*("--ns", ns, "--log-format", "json"), *flags), environment, module)
         self._reader = threading.Thread(target=self._read, name=f"log of {ns}", daemon=True)
@@ -132,7 +169,19 @@ class DaemonProcess:
         return str(self.wait_for("listening")["addresses"]).split()[0]
 
     def wait_for(self, event: str, after: dict[str, Any] | None = None, **fields: object) -> dict[str, Any]:
-        """The first such event in its log; the first since the event `after`."""
+        """The first such event in its log; the first since the event `after`.
+
+        Fails where it has told of this event before: it would wait for nothing.
+        """
+        found = self._find(event, after, fields)
+        if after is None and event not in _STAYS:
+            assert not any(each is found for each in self._told), (
+                f"{event} {fields} was there already: after which event?"
+            )
+            self._told.append(found)
+        return found
+
+    def _find(self, event: str, after: dict[str, Any] | None, fields: dict[str, object]) -> dict[str, Any]:
         deadline_s = time.monotonic() + LIMIT_S
         with self._changed:
             while True:

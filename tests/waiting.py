@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import inspect
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar
 
 from ual.types import State, Telemetry
@@ -16,6 +17,10 @@ LIMIT_S = 240.0
 machine. Shorter than pytest's own limit, which does not say what was waited for.
 """
 _PAUSE_S = 0.005
+
+
+_died: list[threading.ExceptHookArgs] = []
+"""The threads that have died of an error since the test began."""
 
 
 class Watched(Protocol):
@@ -44,6 +49,36 @@ def until(
         wait.check(answer)
         between()
     return answer
+
+
+def until_after(
+    events: Sequence[T], point: int, is_it: Callable[[T], bool], what: str = "", *, limit_s: float = LIMIT_S
+) -> T:
+    """Waits for an event after a point, and returns it. What is there already is not taken for it.
+
+    `events` only grows, and `point` is its length before what causes the event.
+    """
+
+    def found() -> list[T]:
+        return [each for each in events[point:] if is_it(each)]
+
+    return until(found, what or _source_of(is_it), seen=lambda: events[point:], limit_s=limit_s)[0]
+
+
+def fail_waits_of_the_dead() -> None:
+    """Lets waits fail as soon as a thread of this process has died: what they wait for may never come."""
+    hook = threading.excepthook
+
+    def died(args: threading.ExceptHookArgs) -> None:
+        hook(args)
+        _died.append(args)
+
+    threading.excepthook = died
+
+
+def forget_the_dead() -> None:
+    """Begins another test."""
+    _died.clear()
 
 
 async def until_async(
@@ -80,7 +115,10 @@ class _Wait:
         self._deadline_s = time.monotonic() + limit_s
 
     def check(self, answer: object) -> None:
-        """Fails once the limit has passed."""
+        """Fails once the limit has passed, or a thread has died."""
+        for died in _died:
+            name = None if died.thread is None else died.thread.name
+            raise AssertionError(f"the thread {name!r} has died: {died.exc_value!r}") from died.exc_value
         assert time.monotonic() < self._deadline_s, self._failure(answer)
 
     def _failure(self, answer: object) -> str:
@@ -89,7 +127,7 @@ class _Wait:
         return f"waited {self._limit_s:g} s in vain for: {what}; seen last: {seen}"
 
 
-def _source_of(condition: Callable[[], object]) -> str:
+def _source_of(condition: Callable[..., object]) -> str:
     """The lines of a lambda, or the name of another function."""
     name = getattr(condition, "__qualname__", repr(condition))
     return " ".join(inspect.getsource(condition).split()) if name.endswith("<lambda>") else name

@@ -163,7 +163,7 @@ def test_setpoints_are_not_held_back(gateway: str) -> None:
             deadline_s = time.monotonic() + LIMIT_S
             while not is_moving and time.monotonic() < deadline_s:
                 yield moving  # the stream stays open: were it buffered, nothing would come before its end
-                time.sleep(0.01)
+                time.sleep(0.01)  # at a pilot's rate
 
         call = stub.StreamSetpoints.future(setpoints(), metadata=(("ual-ns", "uav_1"),), timeout=LIMIT_S)
         while not is_moving and not call.done():

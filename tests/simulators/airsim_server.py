@@ -147,9 +147,7 @@ class AirsimServer:
     def _run(self) -> None:
         try:
             while not self._is_closing:
-                self._selector.select(
-                    0.02
-                )  # waits only: until the lock is held, `run` may have served it, and closed it
+                self._selector.select(0.02)  # waits only: `run` may serve it first, and close it
                 with self._lock:
                     self._serve_ready()
                     if not self.is_silent:

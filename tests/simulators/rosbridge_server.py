@@ -66,9 +66,8 @@ class RosbridgeServer:
 
     def drop(self, index: int) -> None:
         """Ends one connection, by the order in which they were made."""
-        with self.lock:
-            with suppress(OSError):  # it has ended by itself
-                self._clients[index].socket.shutdown(socket.SHUT_RDWR)
+        with self.lock, suppress(OSError):  # it has ended by itself
+            self._clients[index].socket.shutdown(socket.SHUT_RDWR)
 
     def _run(self, listener: socket.socket) -> None:
         begun_s = time.monotonic() - self.bridge.now_s

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
@@ -39,16 +38,10 @@ def run(autopilot: Stepped, stopped: threading.Event, speed: float = 1.0) -> Non
 def flying(*autopilots: Autopilot, speed: float = 1.0) -> Iterator[None]:
     """Runs these autopilots during the block, and then closes their links."""
     stopped = threading.Event()
-    errors: list[BaseException] = []
-
-    def fly(autopilot: Autopilot) -> None:
-        try:
-            run(autopilot, stopped, speed)
-        except BaseException as error:  # noqa: BLE001 - raised below, in the test's thread
-            traceback.print_exc()  # printed now, because tests that wait for this autopilot may wait for a long time
-            errors.append(error)
-
-    threads = [threading.Thread(target=fly, args=(each,), name=f"autopilot {each.system_id}") for each in autopilots]
+    threads = [
+        threading.Thread(target=run, args=(each, stopped, speed), name=f"autopilot {each.system_id}")
+        for each in autopilots
+    ]
     for thread in threads:
         thread.start()
     try:
@@ -59,5 +52,3 @@ def flying(*autopilots: Autopilot, speed: float = 1.0) -> Iterator[None]:
             thread.join()
         for each in autopilots:
             each.close()
-    if errors:
-        raise errors[0]

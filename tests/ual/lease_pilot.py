@@ -15,7 +15,7 @@ def fly(uav: ual.Uav, yaw_rate_rad_s: float, duration_s: float) -> None:
     end_s = time.monotonic() + duration_s
     while time.monotonic() < end_s:
         uav.set_velocity(Twist(Vector3(random.choice((-1.0, 1.0)), 0.0, 0.0), Vector3(0.0, 0.0, yaw_rate_rad_s)))
-        time.sleep(0.01)
+        time.sleep(0.01)  # at a pilot's rate
 
 
 def main(address: str, yaw_rate_rad_s: float, name: str) -> None:

@@ -238,7 +238,7 @@ def test_setpoints_fly_and_the_pilot_ends_them(daemon: DaemonProcess) -> None:
 async def keep_flying(uav: aio.Uav) -> None:
     for _ in range(1000):
         await uav.set_velocity(Twist())
-        await asyncio.sleep(0.02)
+        await asyncio.sleep(0.02)  # at a pilot's rate
 
 
 def test_without_a_daemon_it_says_what_to_do() -> None:
@@ -428,7 +428,7 @@ def test_a_refusal_that_grpc_has_lost_is_asked_for_again(monkeypatch: pytest.Mon
     async def stream_on(uav: aio.Uav) -> None:
         while True:
             await uav.set_velocity(Twist())
-            await asyncio.sleep(0.01)
+            await asyncio.sleep(0.01)  # at a pilot's rate
 
     async def fly(uav: aio.Uav) -> None:
         await uav.set_velocity(Twist())

@@ -15,7 +15,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
-from tests.waiting import until
+from tests.waiting import until, until_async
 from ual import State, Twist, Vector3, _calls
 from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError, TeamError, UnauthenticatedError
 from ual.interface import Uav
@@ -275,14 +275,12 @@ def test_for_asyncio_a_lease_that_was_lost_can_be_acquired_again(
         async with ual.aio.Uav(address=daemon.address) as first, ual.aio.Uav(address=daemon.address) as second:
             lease = await first.lease("survey")
             async with second.lease("rescue", take=True):
-                while lease.lost is None:  # noqa: ASYNC110  the lease sets no event
-                    await asyncio.sleep(0.01)
+                await until_async(lambda: lease.lost is not None)
                 await lease.release()
             await lease
             assert lease.lost is None
             kept.clear()
-            while not kept:  # noqa: ASYNC110  as above
-                await asyncio.sleep(0.01)
+            await until_async(lambda: bool(kept))
             await lease.release()
             assert await second.lease_info() is None
 

@@ -59,6 +59,7 @@ class Terminal:
         )
         os.close(its)
         self.text = ""
+        self._awaited: set[str] = set()
         self.is_answering = is_answering
         self.answers_count = 0
         self._is_closed = False
@@ -86,18 +87,22 @@ class Terminal:
         """Makes `wait_for` wait only for what is drawn from now on."""
         self.drain()
         self.text = ""
+        self._awaited.clear()
 
     def wait_until(self, is_so: Callable[[], bool]) -> None:
         """Waits for anything, and reads meanwhile."""
         until(is_so, seen=self._end, between=self._drain_and_pause)
 
     def wait_for(self, text: str) -> None:
+        """Waits for a text since the beginning, or since `forget`. To wait twice for it would wait for nothing."""
+        assert text not in self._awaited, f"{text!r} was there already: forget() before what draws it again"
+        self._awaited.add(text)
         while text not in self.text:
             assert self._read(), f"{text!r} never came:\n{self.text}"
 
     def press_until(self, keys: bytes, text: str) -> None:
-        """Presses keys again until the text is there: a program that was not scheduled for long may drop them."""
-        due_s = 0.0
+        """Presses keys again until the text comes: a program that was not scheduled for long may drop them."""
+        due_s, point = 0.0, len(self.text)
 
         def press_again() -> None:
             nonlocal due_s
@@ -106,14 +111,14 @@ class Terminal:
                 due_s = time.monotonic() + 3.0
             self._drain_and_pause()
 
-        until(lambda: text in self.text, repr(text), seen=self._end, between=press_again)
+        until(lambda: text in self.text[point:], repr(text), seen=self._end, between=press_again)
 
     def _end(self) -> str:
         return self.text[-5000:]
 
     def _drain_and_pause(self) -> None:
         self.drain()
-        time.sleep(0.01)
+        time.sleep(0.01)  # the pause of `until`
 
     def press(self, keys: bytes) -> None:
         os.write(self._ours, keys)

@@ -74,7 +74,7 @@ class Launched:
 
     def press_again(self) -> None:
         """Sends Ctrl-C so long after the log has told of the last one that it is another one."""
-        time.sleep(1.1 * ONE_PRESS_S)
+        time.sleep(1.1 * ONE_PRESS_S)  # what is sooner is the same press
         self.signal(signal.SIGINT)
 
     def signal(self, number: signal.Signals) -> None:

@@ -174,7 +174,7 @@ def test_a_light_uav_is_flown_and_stands_after_the_cable_was_pulled(
 
         def control() -> None:
             controls.control(pilot, b"", time.monotonic(), is_late=False)
-            time.sleep(PERIOD_S)
+            time.sleep(PERIOD_S)  # at the teleop's rate
 
         def fly_until(condition: Callable[[], bool]) -> None:
             until(condition, seen=uav.telemetry, between=control)

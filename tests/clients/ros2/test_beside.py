@@ -16,6 +16,7 @@ import pytest
 
 import ual
 from tests.clients.ros2 import messages
+from tests.waiting import until_async
 from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, CameraStatus, Photo
 from ual.corrections import CorrectionsStatus
 from ual.fences import FencePlan, FenceZone, KeptFence, RallyPoint
@@ -422,10 +423,7 @@ def test_a_log_is_written_by_one_download_at_a_time(tmp_path: Path) -> None:
         uav: Any = SimpleNamespace(logs=SlowLogs(), ns="uav_1")
         downloads, goal = logs.Downloads(tmp_path), SimpleNamespace(log_id="../../evil/1.ulg")
         first = asyncio.ensure_future(downloads.download(uav, goal))
-        for _ in range(1000):
-            if (downloads.progress(goal) or {}).get("done"):
-                break
-            await asyncio.sleep(0.001)
+        await until_async(lambda: (downloads.progress(goal) or {}).get("done"))
         with pytest.raises(ual.WrongStateError, match="is being downloaded already"):
             await asyncio.wait_for(downloads.download(uav, SimpleNamespace(log_id=goal.log_id)), 30.0)
         uav.logs.came.set()
@@ -467,10 +465,7 @@ async def _corrected(receiver: FakeReceiver, act: Callable[[corrections.Correcti
     running = asyncio.create_task(streaming.run())
     await run_ready()
     act(streaming)
-    for _ in range(1000):
-        if receiver.ended_count or streaming.refusal:
-            break
-        await asyncio.sleep(0.001)
+    await until_async(lambda: receiver.ended_count or streaming.refusal)
     await run_ready()
     running.cancel()
     return streaming

@@ -27,7 +27,7 @@ def saying(told: Publication, once: Report) -> Callable[[], None]:
 
     def say() -> None:
         told.put(once)
-        time.sleep(_PAUSE_S)
+        time.sleep(_PAUSE_S)  # the pause of `until`
 
     return say
 

@@ -83,7 +83,7 @@ def test_one_that_does_not_return_holds_up_no_other_when_the_next_sample_comes()
     for each in (stuck, *others):
         each.listener.put(sample(1))
     stuck.wait_for(1)
-    time.sleep(2.0 * SLOW_S)
+    time.sleep(2.0 * SLOW_S)  # only then does a worker count as delayed
     for number in (2, 3):
         for each in (stuck, *others):
             each.listener.put(sample(number))
@@ -122,7 +122,7 @@ def test_a_callback_that_took_long_has_a_worker_until_it_was_quick_for_a_while()
     def callback(telemetry: Telemetry) -> None:
         threads.append(threading.get_ident())
         if telemetry.sequence == 0:
-            time.sleep(2.0 * SLOW_S)
+            time.sleep(2.0 * SLOW_S)  # only then does a worker count as delayed
         called.release()
 
     listener = group.open(callback)
@@ -237,7 +237,7 @@ def test_slow_ones_and_quick_ones_that_come_and_go_never_run_twice_at_a_time_and
         for each in subscribers:
             each.listener.put(sample(sequence))
         if generator.random() < 0.1:
-            time.sleep(SLOW_S)
+            time.sleep(SLOW_S)  # only then does a worker count as delayed
         if generator.random() < 0.1:
             subscribers.pop(generator.randrange(len(subscribers))).close()
             subscribers.append(Subscriber(group))

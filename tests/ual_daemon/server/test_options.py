@@ -129,7 +129,7 @@ def test_uav_connects_again_when_its_connection_has_ended(transport: Choice) -> 
         with Uav(address=address, ns="uav_1") as uav:
             for _ in range(5):
                 assert uav.state() is State.LANDED_DISARMED
-                time.sleep(0.3)
+                time.sleep(0.3)  # longer than a connection may be idle
 
     async def run() -> None:
         vehicle = cast("Vehicle", FakeVehicle())

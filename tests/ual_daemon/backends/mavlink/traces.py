@@ -57,10 +57,14 @@ def replay(trace: Trace, port: int, *, speed_factor: float) -> None:
     """Sends a flight to a UDP port of this computer, as the autopilot did, only faster."""
 
     def let_pass(passed_s: float) -> bool:
-        time.sleep(passed_s / speed_factor)
+        time.sleep(passed_s / speed_factor)  # as it was recorded
         return True
 
     replay_stepped(trace, port, let_pass, speed_factor * _SHORTEST_S)
+
+
+def _pause() -> None:
+    time.sleep(_SHORTEST_S)  # shorter than that of `until`: a receiver reads at once
 
 
 def replay_stepped(trace: Trace, port: int, let_pass: Callable[[float], bool], step_s: float = 0.02) -> None:
@@ -73,7 +77,7 @@ def replay_stepped(trace: Trace, port: int, let_pass: Callable[[float], bool], s
         for time_s, frame in trace.frames:
             passed_s, last_s = passed_s + time_s - last_s, time_s
             if passed_s > step_s:
-                until(lambda: not _unread_bytes(port), "the receiver", between=lambda: time.sleep(_SHORTEST_S))
+                until(lambda: not _unread_bytes(port), "the receiver", between=_pause)
                 if not let_pass(passed_s):
                     return
                 passed_s = 0.0
