@@ -29,7 +29,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist release run test test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
+.PHONY: help install dev dist release run test test-all test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -73,7 +73,7 @@ dist: | $(VENV)/.made  ## The wheels of all three distributions into dist: docs/
 # What is flown with the wheels is what the SBOM lists: they are installed apart, in the versions of constraints.txt.
 release: $(DEV)  ## Checks this commit, builds its wheels and SBOM into dist, and tags it: CONTRIBUTING.md
 	$(BIN)/python tools/release.py check
-	$(MAKE) lint proto-check docs test
+	$(MAKE) lint proto-check docs test-all
 	$(MAKE) dist sbom
 	$(BIN)/python tools/release.py tag
 
@@ -91,15 +91,21 @@ run: $(INSTALLED)  ## Flies: a light (simulated) UAV, uav_1, armed by its simula
 # Four workers for each processor: most tests wait for a flight. Each conformance flight keeps to one of them.
 IN_PARALLEL = -n $$((4 * $$(nproc))) --dist loadgroup
 
-test: $(DEV)  ## The tests, but those that need a real autopilot
-	$(BIN)/python -m pytest $(IN_PARALLEL)
+ONCE = -m 'not repetition' --ignore=tests/sitl
+
+test: $(DEV)  ## The tests: each rule where it can fail first, but nothing that needs a real autopilot
+	$(BIN)/python -m pytest $(IN_PARALLEL) $(ONCE)
+
+test-all: $(DEV)  ## What `make test` leaves out, too: all flights over all backends, the examples, wheels, languages, ROS 2
+	UAL_TEST_HYPOTHESIS=thorough $(BIN)/python -m pytest $(IN_PARALLEL)
+	$(MAKE) test-newest-python test-oldest-grpc test-newest-grpc test-clients test-ros2
 
 test-changed: $(DEV)  ## The tests that can see what differs from main; SINCE=REVISION, WITHIN=0: however many imports lie between
 	@tests=$$($(BIN)/python tools/changed_tests.py $(if $(SINCE),--since $(SINCE)) $(if $(WITHIN),--within $(WITHIN))) \
 		&& if [ -n "$$tests" ]; then $(BIN)/python -m pytest $(IN_PARALLEL) $$tests; else echo 'no test sees the change'; fi
 
-coverage: $(DEV)  ## The tests, and how much of each room they reach; build/coverage.json has the lines
-	$(BIN)/python -m pytest $(IN_PARALLEL) --cov --cov-report=json:build/coverage.json
+coverage: $(DEV)  ## `make test`, and how much of each room it reaches; build/coverage.json has the lines
+	$(BIN)/python -m pytest $(IN_PARALLEL) $(ONCE) --cov --cov-report=json:build/coverage.json
 	$(BIN)/python tools/coverage_by_room.py build/coverage.json
 
 test-thorough: $(DEV)  ## The property tests, each with 1000 examples that are new each time
@@ -111,6 +117,8 @@ LAY_OVER = rm -rf $(1) && $(PIP_NEWEST) --quiet --target $(1)
 WITH = PYTHONPATH=$(CURDIR)/$(1)$${PYTHONPATH:+:$$PYTHONPATH} $(BIN)/python
 GRPC_TESTS := tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test_conformance.py \
 	-k 'not over_class and not unix_socket'
+# With TESTS, these fly less: CI flies calls of each kind over both transports.
+OR_TESTS = $(if $(TESTS),$(ONCE) $(TESTS),$(IN_PARALLEL) $(1))
 
 test-newest: $(DEV)  ## All tests, on PyPI's newest version of each package that flies
 	$(call LAY_OVER,build/newest) $(CLIENT) $(TOOLS) .
@@ -119,17 +127,17 @@ test-newest: $(DEV)  ## All tests, on PyPI's newest version of each package that
 
 test-newest-grpc: $(DEV)  ## What uses gRPC, on PyPI's newest grpcio and protobuf
 	$(call LAY_OVER,build/newest-grpc) --no-deps $(GRPC_FAMILY) 'protobuf<8'
-	$(call WITH,build/newest-grpc) -m pytest $(IN_PARALLEL) $(GRPC_TESTS)
+	$(call WITH,build/newest-grpc) -m pytest $(call OR_TESTS,$(GRPC_TESTS))
 
 # The engine, what flies and what serves: the rooms whose tests use most of what a new Python may change.
 test-newest-python:  ## A part of the tests on the newest Python of Debian's testing and the newest grpcio, with its coverage
-	COVERAGE_CORE=sysmon tools/newest_python.sh -m pytest $(IN_PARALLEL) --cov --cov-report=json:build/coverage.json \
-		tests/ual_daemon/backends/engine tests/ual_daemon/flight tests/ual_daemon/frames $(GRPC_TESTS)
-	python3 tools/coverage_by_room.py build/coverage.json
+	COVERAGE_CORE=sysmon tools/newest_python.sh -m pytest $(call OR_TESTS,--cov --cov-report=json:build/coverage.json \
+		tests/ual_daemon/backends/engine tests/ual_daemon/flight tests/ual_daemon/frames $(GRPC_TESTS))
+	$(if $(TESTS),,python3 tools/coverage_by_room.py build/coverage.json)
 
 test-oldest-grpc: $(DEV)  ## What uses gRPC, on the oldest grpcio that pyproject.toml allows
 	$(call LAY_OVER,build/oldest-grpc) --no-deps $(addsuffix ==1.76.0,$(GRPC_FAMILY))
-	$(call WITH,build/oldest-grpc) -m pytest $(IN_PARALLEL) $(GRPC_TESTS)
+	$(call WITH,build/oldest-grpc) -m pytest $(call OR_TESTS,$(GRPC_TESTS))
 
 test-clients: $(DEV) tools/bin/grpcurl  ## Builds and flies clients/ in each language that the machine has (CLIENTS='go or rust': these)
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory tools/node_modules; fi

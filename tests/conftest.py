@@ -24,6 +24,7 @@ import pytest
 from hypothesis.internal.conjecture import providers
 
 from tests import forkserver, waiting
+from tests.repetition import repeats
 from ual import discovery
 
 if TYPE_CHECKING:
@@ -59,8 +60,14 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
+@pytest.hookimpl(tryfirst=True)  # before what is deselected by its marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Runs the slow tests first: at the end, one of them would be waited for while other workers have nothing to do."""
+    """Marks what repeats another test, and runs the slow tests first: at the end, one of them would be waited for while
+    other workers have nothing to do.
+    """
+    for item in items:
+        if repeats(item):
+            item.add_marker("repetition")
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
@@ -122,7 +129,7 @@ def painters_take_their_turn() -> Iterator[None]:
         yield
 
 
-_STAYS = ("listening",)
+_STAYS = ("listening", "metrics")
 """What a daemon says once and remains: to wait for it again is no mistake."""
 
 

@@ -134,8 +134,12 @@ with ual.Team([sys.argv[1]]) as team:
 """
 
 
-def run(program: str, daemon: DaemonProcess) -> subprocess.CompletedProcess[str]:
+@pytest.fixture(autouse=True)
+def armed(daemon: DaemonProcess) -> None:
     daemon.wait_for("state", new="LANDED_ARMED")
+
+
+def run(program: str, daemon: DaemonProcess) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", program, daemon.address]
     return subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
 

@@ -75,7 +75,7 @@ class Held:
 
 def fly_forward(terminal: Terminal, uav: ual.Uav) -> None:
     """Holds the key until the UAV flies with full speed."""
-    terminal.wait_for("FLYING_AUTO")
+    terminal.wait_until(lambda: "FLYING_AUTO" in terminal.text)  # drawn once, it stays
     with Held(terminal, UP_ARROW):
         terminal.wait_until(lambda: speed(uav) > 0.8 * SPEED_M_S)
 

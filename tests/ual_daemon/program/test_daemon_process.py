@@ -16,6 +16,7 @@ import pytest
 import yaml
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
+from tests import forkserver
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ports import free_port
 from ual import discovery
@@ -183,21 +184,18 @@ def test_without_an_autopilot_it_answers_and_does_not_serve(start_daemon: StartD
 
 
 @pytest.fixture
-def refusal(tmp_path: Path) -> Callable[..., str]:
+def refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     """What ``ual-daemon`` says when it refuses its flags, with exit status 2 and in one line."""
+    monkeypatch.chdir(tmp_path)
 
     def run(*flags: str, **environment: str) -> str:
-        found = subprocess.run(
-            [sys.executable, "-m", "ual_daemon", *flags],
-            cwd=tmp_path,
-            env={**os.environ, discovery.RUNTIME_DIR_VARIABLE: str(tmp_path / "ual"), **environment},
-            capture_output=True,
-            text=True,
-            timeout=LIMIT_S,
+        refusing = forkserver.start(
+            flags, {**os.environ, discovery.RUNTIME_DIR_VARIABLE: str(tmp_path / "ual"), **environment}
         )
-        assert found.returncode == 2, found.stderr
-        assert found.stdout == ""
-        (line,) = found.stderr.splitlines()
+        with refusing.stderr:
+            said = refusing.stderr.read()
+        assert refusing.wait(LIMIT_S) == 2, said
+        (line,) = said.splitlines()
         return line
 
     return run

@@ -178,7 +178,8 @@ def test_a_port_that_is_taken_lets_none_be_served(workers: tuple[str, ...], runt
 
 def test_a_worker_that_dies_is_told_and_the_others_go_on(start_daemon: StartDaemon) -> None:
     daemon = start_daemon(*FLEET)
-    lost, left = sorted(workers_of(daemon), key=lambda pid: workers_of(daemon)[pid])
+    workers = workers_of(daemon)
+    lost, left = sorted(workers, key=workers.__getitem__)
     os.kill(lost, signal.SIGKILL)
     told = daemon.wait_for("worker_ended", pid=lost)
     assert (told["how"], told["uavs"], told["count"]) == ("killed by SIGKILL", "uav_1 to uav_2", 2)
