@@ -50,10 +50,21 @@ _OF_THE_WIRE = {
 
 # --- Faults -----------------------------------------------------------------------------------------------------------
 
-ALL_FAULTS = "px4"
-"""The vehicle over which each fault is shown at all its moments; over others at the first one."""
 SAME_BACKEND = {"ardupilot", "mavros ardupilot", "dji osdk", "hover"}
-"""Vehicles of the fault flights whose backend flies another one there, or is an example."""
+"""Vehicles of the fault flights whose backend flies another one there, or is an example.
+
+A fault is shown at all its moments over the first vehicle of a test, and at the first moment over the others.
+"""
+
+
+_MAVLINK = "tests/ual_daemon/backends/mavlink/test_autopilot_"
+BOTH_ALIKE = (
+    *(f"{_MAVLINK}{name}.py" for name in ("corrections", "daemons", "flights", "floor", "logs", "missions")),
+    *(f"{_MAVLINK}{name}.py" for name in ("public_plans", "settings", "small", "velocities")),
+    "tests/ual_daemon/backends/mavros/",
+    "tests/ual_tools/rtcm/",
+)
+"""Where two autopilots fly the same code of UAL: one of them does in `make test`."""
 
 
 def repeats(item: Any) -> bool:
@@ -62,10 +73,14 @@ def repeats(item: Any) -> bool:
     if item.nodeid.startswith(tuple(PROGRAMS)):
         return True
     parameters: dict[str, Any] = item.callspec.params if hasattr(item, "callspec") else {}
-    if "craft" in parameters and parameters["craft"] != ALL_FAULTS:
-        is_another_moment = any(each for name, each in item.callspec.indices.items() if name != "craft")
+    if not parameters:
+        return False
+    if item.callspec.indices.get("craft"):
+        is_another_moment = any(index for name, index in item.callspec.indices.items() if name != "craft")
         return is_another_moment or parameters["craft"] in SAME_BACKEND
     check = parameters.get("check")
+    if check is None and path.startswith(BOTH_ALIKE):
+        return any(parameters[name] == "ardupilot" and index for name, index in item.callspec.indices.items())
     return isinstance(check, Check) and not path.startswith("tests/sitl/") and _is_the_same_here(check, path, item.name)
 
 
