@@ -119,7 +119,10 @@ class Cable:
             thread.join(LIMIT_S)
 
     def _accept(self) -> None:
-        near, _ = self._listener.accept()
+        try:
+            near, _ = self._listener.accept()
+        except OSError:  # it is closed before anybody came
+            return
         far = socket.create_connection(self._server)
         self._sockets = [near, far]
         for source, sink in ((near, far), (far, near)):

@@ -149,9 +149,12 @@ class Caster:
         self._listening = socket.create_server(("127.0.0.1", 0))
         self.port = self._listening.getsockname()[1]
         self.requests: list[str] = []
-        threading.Thread(target=self._serve, daemon=True).start()
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
 
     def close(self) -> None:
+        self._listening.shutdown(socket.SHUT_RDWR)  # to close it would not end `accept`
+        self._thread.join()
         self._listening.close()
 
     def _serve(self) -> None:

@@ -108,6 +108,7 @@ def server(tiles: Path) -> Iterator[str]:
             pass
 
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=tiles)) as serving:
+        serving.daemon_threads = False  # its end is that of all its connections
         threading.Thread(target=serving.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{serving.server_port}/{{z}}/{{x}}/{{y}}.png"
         serving.shutdown()

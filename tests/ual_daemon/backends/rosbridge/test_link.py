@@ -365,13 +365,15 @@ def test_a_port_that_is_no_rosbridge_is_told() -> None:
 
         def answer() -> None:
             connection, _ = listener.accept()
-            connection.recv(1000)
-            connection.sendall(b"SSH-2.0-OpenSSH_9.2\r\n\r\n")
-            connection.close()
+            with connection:
+                connection.recv(1000)
+                connection.sendall(b"SSH-2.0-OpenSSH_9.2\r\n\r\n")
 
-        threading.Thread(target=answer, daemon=True).start()
+        answering = threading.Thread(target=answer)
+        answering.start()
         with listening(f"rosbridge://127.0.0.1:{port}") as heard:
             until(lambda: "no rosbridge" in heard.link.why_not)
+        answering.join()
 
 
 def test_tls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
