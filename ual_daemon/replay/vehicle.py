@@ -161,6 +161,10 @@ class PlayedVehicle(ReportedVehicle):
     def safety_pilot(self) -> None:
         """Returns None."""
 
+    def why_not_auto_arm(self) -> str:
+        """Returns nothing: there is no safety pilot."""
+        return ""
+
     def payload(self) -> None:
         """Returns None."""
 

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import math
 from collections.abc import Iterator
+from typing import cast
 
 import pytest
 
@@ -19,6 +20,7 @@ from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Cause
 from ual_daemon.program.auto_arm import auto_arm
+from ual_daemon.server.telemetry_stream import Updates
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 LONG_S = 12.0
@@ -84,11 +86,11 @@ def test_arming_in_the_mode_of_take_offs_starts_nothing(px4: Flight) -> None:
     assert stays_on_ground(px4, since_s)
 
 
-def test_arming_waits_until_the_mode_is_seen_to_have_been_left(px4: Flight) -> None:
+def test_arming_waits_until_the_mode_is_seen_to_have_been_left(px4: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in_take_off(px4)
     since_s = px4.now_s
     autopilot = px4_of(px4)
-    autopilot.request_mode = lambda _: True  # type: ignore[method-assign]  # it says that it obeys, and does not
+    monkeypatch.setattr(autopilot, "request_mode", lambda _: True)  # it says that it obeys, and does not
     with pytest.raises(Exception, match=r"AUTO\.TAKEOFF starts a flight"):
         px4.uav.arm()
     assert ARM not in px4.commands_since(since_s)
@@ -111,7 +113,8 @@ def test_the_state_and_health_say_what_arming_starts(flight: Flight) -> None:
 def test_the_automatic_arming_does_not_arm_in_such_a_mode(flight: Flight) -> None:
     land_a_mission(flight)
     since_s = flight.now_s
-    pilot = flight.uav.vehicle.safety_pilot()
+    vehicle = flight.uav.vehicle
+    pilot = vehicle.safety_pilot()
     assert pilot is not None
 
     class Polled:
@@ -127,7 +130,7 @@ def test_the_automatic_arming_does_not_arm_in_such_a_mode(flight: Flight) -> Non
             await asyncio.to_thread(flight.let_pass, timeout_s or 0.1)
 
     with contextlib.suppress(asyncio.CancelledError):
-        asyncio.run(auto_arm(pilot, flight.uav.vehicle.clock, Polled(), flight.uav.vehicle.why_not_auto_arm))  # type: ignore[arg-type]
+        asyncio.run(auto_arm(pilot, vehicle.clock, cast("Updates", Polled()), vehicle.why_not_auto_arm))
     assert flight.commands_since(since_s) == set()
     assert not flight.autopilot.is_armed
 

@@ -404,6 +404,7 @@ def test_a_mode_in_which_arming_may_start_a_flight_is_left_and_seen_to_be(mode: 
     assert harness.link.take("COMMAND_LONG")[-1].command != ARM  # it says that it obeys, but is still there
     harness.run(0.05)
     harness.receive(beat(GUIDED))
+    harness.run(0.05)
     assert len(harness.commands(ARM)) == 1
 
 
