@@ -141,7 +141,8 @@ class Flight:
         mission = "" if manoeuvre is None else manoeuvre.mission or manoeuvre.stops_mission
         found = estimate(snapshot, self._backend.freshness, declared, explanation.note, mission)
         if found.state is not State.UNINITIALIZED:
-            return found if declared is not None else self.arming.explained(found)
+            is_plain = declared is not None or found.state is State.FLYING_AUTO  # no call for each setpoint
+            return found if is_plain else self.arming.explained(found)
         explained, does = explanation.explained(found, snapshot), "" if manoeuvre is None else manoeuvre.unseen
         return replace(explained, why=f"{explained.why}; {does}") if does else explained
 
