@@ -132,7 +132,7 @@ class Flight:
 
     def raw_estimate(self, snapshot: Snapshot) -> Estimate:
         """Estimates the state from the autopilot's data alone, without the manoeuvre that is under way."""
-        return self._explained(estimate(snapshot, self._backend.freshness), snapshot)
+        return self._explanation.explained(estimate(snapshot, self._backend.freshness), snapshot)
 
     def estimate(self, snapshot: Snapshot) -> Estimate:
         """Estimates the state from the autopilot's data and the manoeuvre that is under way."""
@@ -145,9 +145,6 @@ class Flight:
             return found if is_plain else self.arming.explained(found)
         explained, does = explanation.explained(found, snapshot), "" if manoeuvre is None else manoeuvre.unseen
         return replace(explained, why=f"{explained.why}; {does}") if does else explained
-
-    def _explained(self, found: Estimate, snapshot: Snapshot) -> Estimate:
-        return self.arming.explained(self._explanation.explained(found, snapshot))
 
     @property
     def takes(self) -> Takes:
