@@ -1,8 +1,10 @@
-"""The rules for what `make test` leaves out speak of what there is: else they would leave out nothing, or all."""
+"""What `make test` leaves out, and that its workers share no flight: rules which fail silently."""
 
 from __future__ import annotations
 
 from pathlib import Path
+
+import pytest
 
 from tests import repetition
 from tests.ual.test_conformance import WAYS
@@ -23,3 +25,11 @@ def test_the_rules_name_what_there_is() -> None:
     names = {check.name for check in conformance.CHECKS}
     assert names > (repetition._OF_TRAJECTORIES | repetition._OF_THE_WIRE)
     assert set(repetition.WHOLE["tests/ual/test_conformance.py"]) < {str(way.id) for way in WAYS}
+
+
+@pytest.mark.xdist_group("flight")
+def test_a_group_of_tests_keeps_to_one_worker(request: pytest.FixtureRequest) -> None:
+    """pytest-xdist groups by the end of the name. With pytest 9.2 it had none, and each worker flew each flight."""
+    if not request.config.getoption("loadgroup", default=False):
+        pytest.skip("nothing is shared out by groups: -n 2 --dist loadgroup")
+    assert request.node.nodeid.endswith("@flight")
