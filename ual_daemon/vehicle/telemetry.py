@@ -101,8 +101,10 @@ def _health(snapshot: Snapshot, daemon_checks: tuple[str, ...]) -> Health | None
     """Returns the autopilot's health, with the failsafe, who holds the control, what arming would start, and what fails
     in the daemon.
     """
-    failsafe, held_by, starts = snapshot.control.failsafe, snapshot.control.held_by, snapshot.control.arming_starts
-    health = snapshot.condition.health
+    control, health = snapshot.control, snapshot.condition.health
+    failsafe, held_by = control.failsafe, control.held_by
+    is_armed = control.armed is not None and control.armed.value
+    starts = "" if is_armed else control.arming_starts  # no call for each sample of a flight
     if failsafe is None and held_by is None and not starts and not daemon_checks:
         return health
     health = health or Health()
