@@ -90,6 +90,10 @@ def vehicle_urls(name: str, url: str) -> list[str]:
     return kind.vehicle_urls(url) if issubclass(kind, Backend) else [url]
 
 
+_AUTOPILOTS = dict.fromkeys(("px4", "ardupilot", "arducopter", "apm"), "mavlink")
+"""Autopilots whose names are given for that of their backend."""
+
+
 def _kind(name: str) -> type:
     """Imports and returns the class of the backend with this name."""
     try:
@@ -99,7 +103,8 @@ def _kind(name: str) -> type:
             return kind
         found = next((point for point in entry_points() if point.name == name), None)
         if found is None:
-            meant = did_you_mean(name.lower(), NAMES)
+            spoken = _AUTOPILOTS.get(name.lower(), "")
+            meant = f"; {name} is flown by {spoken}" if spoken else did_you_mean(name.lower(), NAMES)
             raise ConfigError(f"there is no backend {name!r}; known are {', '.join(NAMES)}{meant}", "backend")
         kind = found.load()
     except ImportError as error:

@@ -344,7 +344,11 @@ def _estimated_motion(old: _Link | None, link: Transform, now_s: float) -> Frame
 def _require(name: str, links: _Links) -> None:
     if name != MAP and name not in links:
         known = ", ".join([MAP, *links])
-        raise UnknownFrameError(f"there is no frame {name}; known are {known}", {"frame_id": name, "known": known})
+        same = next((each for each in (MAP, *links) if each.lower() == name.lower()), "")
+        meant = f"; did you mean {same}?" if same else ""
+        raise UnknownFrameError(
+            f"there is no frame {name}; known are {known}{meant}", {"frame_id": name, "known": known}
+        )
 
 
 def _require_room(parent: str, child: str, links: _Links) -> None:

@@ -311,7 +311,8 @@ class _LateFields:
         def __getattr__(self, name: str) -> object:
             """Python asks here for what is not there."""
             if name not in self.__dataclass_fields__:
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+                text = f"{type(self).__name__!r} object has no attribute {name!r}"
+                raise AttributeError(text, name=name, obj=self)  # with both, Python says "Did you mean"
             value = self._make(name)
             object.__setattr__(self, name, value)
             return value

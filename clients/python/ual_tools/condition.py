@@ -49,6 +49,11 @@ class Condition:
     text: str = ""
     note: str = ""
 
+    @property
+    def is_lost(self) -> bool:
+        """Whether nothing true is known of its state."""
+        return self.level is Level.ALARM and self.state not in State.__members__
+
 
 def of_telemetry(t: Telemetry) -> Condition:
     """Returns how a UAV is by a sample that is the present."""
@@ -117,8 +122,13 @@ def battery_level(battery: Battery | None) -> Level:
 
 
 def worst_first(found: Iterable[T], condition_of: Callable[[T], Condition], name_of: Callable[[T], str]) -> list[T]:
-    """Returns UAVs sorted by urgency, then by name and number."""
-    return sorted(found, key=lambda each: (-condition_of(each).level, natural_order(name_of(each))))
+    """Returns UAVs sorted by urgency, those that are lost before all others, then by name and number."""
+
+    def rank(each: T) -> tuple[int, bool, object]:
+        how = condition_of(each)
+        return -how.level, not how.is_lost, natural_order(name_of(each))
+
+    return sorted(found, key=rank)
 
 
 def summary(conditions: Iterable[Condition]) -> str:

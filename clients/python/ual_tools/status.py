@@ -80,6 +80,7 @@ def _fields(each: _Known) -> dict[str, object]:
     return {
         "ns": each.daemon.ns,
         "state": None if sample is None else sample.state,
+        "state_reason": "" if sample is None else sample.state_reason,
         "reason": each.found.reason if isinstance(each.found, UalError) else each.found.state_reason,
         "battery_percent": None if battery is None else battery.remaining_percent,
         "level": each.how.level,
@@ -153,6 +154,7 @@ def state(session: Session) -> None:
         {
             "ns": ns,
             "state": telemetry.state,
+            "state_reason": telemetry.state_reason,
             "reason": telemetry.state_reason,
             "battery_percent": None if telemetry.battery is None else telemetry.battery.remaining_percent,
             "batteries": [dataclasses.asdict(each) for each in telemetry.batteries],

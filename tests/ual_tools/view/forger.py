@@ -41,6 +41,8 @@ class Forger:
         self.enabled_clicks: list[Any] = []
         self.nodes: dict[str, dict[str, Any]] = {}
         """What is in the scene, by name."""
+        self._updates: list[str] = []
+        """The texts that came, in their order."""
         self.send(**CAMERA)  # only then the server takes it for a page
 
     def send(self, **message: object) -> None:
@@ -53,6 +55,18 @@ class Forger:
     def read_until_text(self, text: str) -> None:
         """Reads until an element has a text with these words."""
         until(lambda: self._has(text), text, seen=lambda: self.elements, between=self._read)
+
+    def now(self) -> int:
+        """The point before everything that is read from now on."""
+        return len(self._updates)
+
+    def read_until_new(self, text: str, since: int) -> None:
+        """Reads until an element was given a text with these words, after a point (`now`)."""
+
+        def has_come() -> bool:
+            return any(text in each for each in self._updates[since:])
+
+        until(has_come, text, seen=lambda: self._updates[since:], between=self._read)
 
     def read_until_lines(
         self, name: str, are_these: Callable[[list[tuple[float, ...]]], bool] = bool
@@ -102,6 +116,7 @@ class Forger:
             self.nodes[message["name"]]["visible"] = message["visible"]
         elif message["type"] == "GuiUpdateMessage" and message["uuid"] in self.elements:
             self.elements[message["uuid"]].update(message["updates"])
+            self._updates += map(str, message["updates"].values())
         elif message["type"].startswith("Gui") and "props" in message:
             self.elements[message["uuid"]] = {**message["props"], "type": message["type"]}
 

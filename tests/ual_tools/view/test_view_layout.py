@@ -132,6 +132,12 @@ def test_the_table_has_the_worst_first_and_marks_what_is_chosen() -> None:
     assert fleet_table.with_alarms("UAL", found[:1]) == "UAL"
 
 
+def test_one_that_is_lost_ranks_above_a_failsafe() -> None:
+    lost = Shown("uav_2", "", GREY, Condition(Level.ALARM, "LOST", "lost", "lost"))
+    rows = fleet_table.table([uav("uav_1", Level.ALARM, "failsafe: fence"), lost], (), "UAL").split("<tr ")[1:]
+    assert ["uav_2" in rows[0], "uav_1" in rows[1]] == [True, True]
+
+
 def test_a_name_of_a_uav_is_no_markup() -> None:
     html = fleet_table.table([uav("a' onclick='x<")], (), "UAL")
     assert "data-ual-ns='a&#x27; onclick=&#x27;x&lt;'" in html

@@ -136,10 +136,13 @@ def test_a_page_takes_and_releases_the_lease_after_it_was_confirmed(
         until(lambda: other.lease_info() is not None)
         with pytest.raises(LeaseHeldError):
             other.take_off(2.0)
+        point = page.now()
         page.send(type="GuiUpdateMessage", uuid=release, updates={"value": True})
-        until(lambda: other.lease_info() is None)
+        page.read_until_new("release the lease\\: done", point)
+        assert other.lease_info() is None
+        point = page.now()
         page.send(type="GuiUpdateMessage", uuid=release, updates={"value": True})
-        page.read_until_text("these pages do not hold the lease")
+        page.read_until_new("these pages do not hold the lease", point)
 
 
 @pytest.mark.parametrize("height_m", ["high", None, [], 1e300, -5.0, {"a": 1}])

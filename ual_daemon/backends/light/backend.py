@@ -30,7 +30,7 @@ from ual_daemon.backends.light.gripper import LightGripper
 from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.simulation import LightSimulation
-from ual_daemon.backends.light.world import Vehicles, World
+from ual_daemon.backends.light.world import LAG_S, Vehicles, World
 from ual_daemon.backends.values import (
     Cause,
     Condition,
@@ -100,7 +100,7 @@ class LightBackend(Backend):
         if options.url is not None:
             raise ConfigError(f"{options.url}: a light UAV is simulated: it has no autopilot to connect to", "url")
         settings = convert(options.settings, LightSettings, self.name)
-        self.world = World(_speed_factor(settings)) if world is None else world
+        self.world = World(_speed_factor(settings), skips_lag=settings.skip_lag) if world is None else world
         self.clock = self.world
         self._settings = settings
         self._index = self.world.add(settings)
@@ -135,7 +135,7 @@ class LightBackend(Backend):
     def fleet(cls, options: Sequence[BackendOptions], places: Sequence[Vector3], first: int = 0) -> list[Backend]:
         settings = convert(options[0].settings, LightSettings, cls.name)
         origin = EllipsoidProjection(*settings.origin_geo)
-        world = World(_speed_factor(settings))
+        world = World(_speed_factor(settings), skips_lag=settings.skip_lag)
         fleet: list[Backend] = []
         for number, (each, place) in enumerate(zip(options, places, strict=True), first):
             there = origin.to_geo(place)
@@ -473,7 +473,7 @@ class LightBackend(Backend):
                 ),
                 gps=_gps(seen, self._corrections.age_s),
                 status_text=self._status_text,
-                health=_health(seen),
+                health=_health(seen, self.world.lag_s),
             ),
         )
         return self._snapshot
@@ -482,10 +482,15 @@ class LightBackend(Backend):
 _READY, _BLIND, _EMPTY = Health(True), Health(False, ("position",)), Health(False, ("battery",))
 
 
-def _health(seen: Report) -> Health:
+def _health(seen: Report, lag_s: float) -> Health:
+    found = _READY
     if not seen.has_position:
-        return _BLIND
-    return _EMPTY if seen.battery_percent < _LOWEST_BATTERY_PERCENT else _READY
+        found = _BLIND
+    elif seen.battery_percent < _LOWEST_BATTERY_PERCENT:
+        found = _EMPTY
+    if lag_s <= LAG_S:
+        return found
+    return replace(found, failing_checks=(*found.failing_checks, f"simulated time is {lag_s:.1f} s behind"))
 
 
 _FIX, _NO_FIX = GpsInfo(GpsFix.FIX_3D, 14, 0.5, 0.8), GpsInfo(GpsFix.NONE)

@@ -100,10 +100,12 @@ class LightSettings(Settings, frozen=True, kw_only=True):
     "max" is as fast as the computer can. `origin_geo` is the origin of the local frame on Earth (latitude, longitude,
     metres above mean sea level). The ground is level, at the height of `start`. `takes` says which setpoints the
     simulated autopilot takes (see `ual_daemon.backends.values.Takes`). `cameras` are those that it carries: one that
-    looks down, unless others are given. So are `gimbals`: one, on which nothing is mounted.
+    looks down, unless others are given. So are `gimbals`: one, on which nothing is mounted. `skip_lag` moves the stamps
+    ahead where the computer is too slow for simulated time.
     """
 
     speed_factor: Annotated[float, Meta(ge=0.0, le=100.0)] | Literal["max"] = 1.0
+    skip_lag: bool = False
     horizontal_speed_m_s: Positive = 1.6
     vertical_speed_m_s: Positive = 1.2
     horizontal_acceleration_m_s2: Positive = 2.0

@@ -40,6 +40,8 @@ _LOW_SHARE = 0.5
 """Updates become more frequent only if a step would then use less than this. The distance to `_MAX_SHARE` keeps the
 rate from switching back and forth.
 """
+LAG_S = 0.5
+"""Simulated time that is further behind than this is told."""
 _SMOOTHING_STEPS = 25.0
 _LARGEST_SHARE = 2.0
 """Larger values count as this: they come from a process that was stopped for a moment, not from a slow computer."""
@@ -90,7 +92,7 @@ class World:
     vectors.
     """
 
-    def __init__(self, speed_factor: float = 1.0) -> None:
+    def __init__(self, speed_factor: float = 1.0, *, skips_lag: bool = False) -> None:
         self.lock = threading.Lock()
         self.watch = LinkWatch("light", math.inf)
         """Of the links to all vehicles, which are never lost: a fault of one is its own."""
@@ -98,6 +100,11 @@ class World:
         self.painter = Painter()
         """Of the pictures of all vehicles."""
         self.epoch_s = time.time()
+        """The stamp of the first step; later where a lag was skipped."""
+        self.lag_s = 0.0
+        """How far simulated time is behind what the speed factor asks for."""
+        self._skips_lag = skips_lag
+        self._told_lag_s = LAG_S / 2.0
         self._steps = 0
         self._stepping = threading.RLock()
         self._listeners: dict[int, _Listener] = {}
@@ -184,6 +191,7 @@ class World:
             )
         with self._changed:
             self._speed_factor = speed_factor
+            self.lag_s, self._told_lag_s = 0.0, LAG_S / 2.0
             self._changed.notify_all()
         with self._stepping:
             pass
@@ -240,6 +248,25 @@ class World:
                 step_s,
             )
 
+    def _fall_behind(self, lost_s: float) -> None:
+        """Counts simulated time that will not be caught up, and tells it: each time that it has doubled."""
+        self.lag_s += lost_s
+        if self.lag_s <= max(LAG_S, 0.0 if self._skips_lag else 2.0 * self._told_lag_s):
+            return
+        if self._skips_lag:
+            skipped_s, self.lag_s = self.lag_s, 0.0
+            self.epoch_s += skipped_s  # stamps only: the flight goes on from where it is
+            _log.warning(
+                "the stamps of the light simulation skip %.1f s that this computer was too slow for", skipped_s
+            )
+            return
+        self._told_lag_s = self.lag_s
+        _log.warning(
+            "the time of the light simulation, and with it each stamp, is %.1f s behind: this computer is too slow; "
+            "light.skip_lag=true lets the stamps skip ahead",
+            self.lag_s,
+        )
+
     def _run(self) -> None:
         due_s = time.monotonic()
         while True:
@@ -257,9 +284,13 @@ class World:
                         self._changed.wait(due_s - now_s)
                         continue
                     # Catches up at most this many steps. On a computer that is too slow, simulated time falls behind.
-                    due_s = max(due_s, now_s - _MAX_STEPS_BEHIND * STEP_S / factor) + STEP_S / factor
+                    earliest_s = now_s - _MAX_STEPS_BEHIND * STEP_S / factor
+                    lost_s = max(0.0, earliest_s - due_s) * factor
+                    due_s = max(due_s, earliest_s) + STEP_S / factor
             if factor == math.inf:
                 time.sleep(0)  # lets other threads run
+            elif lost_s:
+                self._fall_behind(lost_s)
             with self._stepping:
                 factor = self._speed_factor
                 if 0.0 < factor <= 1.0 and len(self._listeners) > 1:

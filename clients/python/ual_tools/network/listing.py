@@ -92,6 +92,7 @@ def _fields(uav: NetworkUav, now_s: float, utc_s: float) -> dict[str, object]:
         "gone_since_s": None if uav.gone_s is None else utc_s - (now_s - uav.gone_s),
         "is_contested": uav.is_contested,
         "age_s": now_s - uav.heard_s,
+        "state_reason": sample.state_reason,
         "reason": sample.state_reason,
         "battery_percent": None if sample.battery is None else sample.battery.remaining_percent,
         "level": how.level,

@@ -50,16 +50,23 @@ class ControlPanel:
         self._count = -1
         self._named: list[tuple[viser.GuiButtonHandle, str]] = []
 
+    def build_stops(self, gui: viser.GuiApi) -> None:
+        """Adds what stops a flight, and the place of every answer and question."""
+        self._stops = [
+            self._add(gui, "Abort (stop)", "red", lambda: self._run("abort", lambda uav: uav.abort())),
+            self._add(gui, "Land", "red", lambda: self._run("land", lambda uav: uav.land(blocking=False))),
+        ]
+        for button in self._stops:
+            button.visible = False
+        self._text = gui.add_markdown(_HELP)
+        self._confirm = gui.add_button("Confirm", color="orange", visible=False)
+        self._cancel = gui.add_button("Cancel", visible=False)
+
     def build(self, client: viser.ClientHandle) -> None:
-        """Adds the buttons to the page."""
+        """Adds the other buttons to the page."""
         gui = client.gui
-        self._folder = gui.add_folder("Control")
-        with self._folder:
-            self._text = gui.add_markdown(_HELP)
-            self._confirm = gui.add_button("Confirm", color="orange", visible=False)
-            self._cancel = gui.add_button("Cancel", visible=False)
-            self._buttons = gui.add_folder("Fly", visible=False)
-            self._simulation = gui.add_folder("Simulation", visible=False, expand_by_default=False)
+        self._buttons = gui.add_folder("Fly", visible=False)
+        self._simulation = gui.add_folder("Simulation", visible=False, expand_by_default=False)
         with self._buttons:
             self._build_flight(gui)
         with self._simulation:
@@ -77,7 +84,8 @@ class ControlPanel:
         self._command_queue.withdraw()
         for button, what in self._named:
             button.label = f"{what} {ns}"
-        self._buttons.visible = bool(ns)
+        for each in (self._buttons, *self._stops):
+            each.visible = bool(ns)
 
     def update(self, moment: Moment, ns: str) -> None:
         """Shows what is proposed and how the last order went."""
@@ -106,8 +114,6 @@ class ControlPanel:
             self._marker.position = xyz(proposal.order.way)
 
     def _build_flight(self, gui: viser.GuiApi) -> None:
-        self._add(gui, "Abort (stop)", "red", lambda: self._run("abort", lambda uav: uav.abort()))
-        self._add(gui, "Land", "red", lambda: self._run("land", lambda uav: uav.land(blocking=False)))
         self._height = gui.add_number("Take-off height (m)", 3.0, min=0.0, step=0.5)
         self._add(gui, "Take off", None, lambda: self._propose(orders.take_off(float(self._height.value))))
         self._goal_m = gui.add_number("Goal's height over home (m)", 3.0, step=0.5)
@@ -131,10 +137,11 @@ class ControlPanel:
         self._add(gui, "Begin fault of", None, self._begin_fault)
         self._add(gui, "End faults of", None, lambda: self._run("end faults", lambda uav: uav.simulation.end_fault()))
 
-    def _add(self, gui: viser.GuiApi, what: str, colour: str | None, act: Callable[[], None]) -> None:
+    def _add(self, gui: viser.GuiApi, what: str, colour: str | None, act: Callable[[], None]) -> viser.GuiButtonHandle:
         button = gui.add_button(what, color=colour)  # type: ignore[arg-type]
         self._named.append((button, what))
         self._on(button, act)
+        return button
 
     def _on(self, button: viser.GuiButtonHandle, act: Callable[[], None]) -> None:
         # A coroutine, so that clicks are answered in their order; the command queue gives each call a thread.
@@ -167,8 +174,8 @@ class ControlPanel:
         member = self._fleet.members().get(uav.ns)
         if member is None or member.lease is None:
             raise LeaseLostError("these pages do not hold the lease")
-        member.lease.release()
-        member.lease = None
+        held, member.lease = member.lease, None  # first this: a second click finds none
+        held.release()
 
     def _confirmed(self) -> None:
         proposal = self._command_queue.proposal

@@ -57,6 +57,11 @@ class Page:
         self._moment: Moment | None = None
         gui = client.gui
         self._curtain = _Text(gui.add_html(""))
+        if self._control is not None and self._team is not None:
+            with gui.add_folder("Control"):
+                gui.add_html(f"<div {shell.STOPS_ATTRIBUTE}></div>")
+                self._team.build(gui)
+                self._control.build_stops(gui)
         self._head = _Text(gui.add_markdown(""))
         self._table = _Text(gui.add_html(""))
         self._choice = gui.add_text(
@@ -65,8 +70,6 @@ class Page:
             hint="One, several (uav_1, uav_3), or all: a click on a line chooses it.",
         )
         self._look_at = gui.add_button("Look at it")
-        if self._team is not None:
-            self._team.build(gui)
         self._details = _Text(gui.add_markdown(""))
         if self._control is not None:
             self._control.build(client)
@@ -119,9 +122,8 @@ class Page:
         self._chart.update({each: moment.tracks[each] for each in found}, marks, moment.now_s)
         self._log.set(panel.log(self._journal.lines()))
         self._draw_frames(ns if ns and not moment.uavs[ns].is_lost else "")
-        if self._control is not None and self._team is not None:
+        if self._control is not None:
             self._control.update(moment, ns)
-            self._team.update()
 
     def _details_of(self, ns: str, moment: Moment) -> str:
         member = self._fleet.members().get(ns)

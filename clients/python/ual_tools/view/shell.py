@@ -13,6 +13,8 @@ from ual_tools.view.chosen import ALL
 
 CHOICE_LABEL = "UAV"
 """Of the text that has the chosen UAVs."""
+STOPS_ATTRIBUTE = "data-ual-stops"
+"""In the folder that stops flights and answers: it stays at the top of the panel, whatever is scrolled."""
 
 _SCRIPT = """<script>
 (() => {
@@ -39,6 +41,9 @@ _SCRIPT = """<script>
   setInterval(() => {
     const told = document.querySelector("[data-ual-title]")
     if (told && document.title !== told.dataset.ualTitle) document.title = told.dataset.ualTitle
+    let top = document.querySelector("[@STOPS@]")
+    while (top && top.parentElement && !top.parentElement.contains(told)) top = top.parentElement
+    if (top && told) Object.assign(top.style, {position: "sticky", top: "0", zIndex: "5", background: "white"})
   }, 500)
   if (matchMedia("(max-width: 36em)").matches) {
     const folding = setInterval(() => {
@@ -59,7 +64,7 @@ def with_shell(body: bytes, encoding: str, title: str) -> bytes:
     if encoding not in ("", "identity", "gzip"):
         return body
     page = gzip.decompress(body) if is_zipped else body
-    script = _SCRIPT.replace("@LABEL@", CHOICE_LABEL).replace("@ALL@", ALL)
+    script = _SCRIPT.replace("@LABEL@", CHOICE_LABEL).replace("@ALL@", ALL).replace("@STOPS@", STOPS_ATTRIBUTE)
     page = page.replace(b"<title>Viser</title>", f"<title>{title}</title>".encode(), 1)
     page = page.replace(b"</head>", f"{script}{_STYLE}</head>".encode(), 1)
     return gzip.compress(page) if is_zipped else page

@@ -8,7 +8,7 @@ import viser
 
 from ual import Uav
 from ual.types import State
-from ual_tools.view import chosen, panel
+from ual_tools.view import chosen
 from ual_tools.view.command_queue import CommandQueue
 
 _LANDS_ALREADY = (State.LANDED_DISARMED, State.LANDED_ARMED, State.LANDING)
@@ -21,37 +21,27 @@ class TeamPanel:
         self._command_queue = command_queue
         self._names: tuple[str, ...] = ()
         self._all: tuple[str, ...] = ()
-        self._count = -1
 
     def build(self, gui: viser.GuiApi) -> None:
         """Adds the buttons to the page."""
-        self._folder = gui.add_folder("Team", visible=False)
-        with self._folder:
-            self._text = gui.add_markdown("")
-            self._buttons = [
-                self._add(gui, "Hold", "hold", lambda uav: uav.abort()),
-                self._add(gui, "Land", "land", land),
-            ]
+        self._buttons = [
+            self._add(gui, "Hold", "hold", lambda uav: uav.abort()),
+            self._add(gui, "Land", "land", land),
+        ]
 
     def choose(self, found: tuple[str, ...], names: Sequence[str]) -> None:
         """Takes the UAVs that are chosen among all of these."""
         if (found, tuple(names)) == (self._names, self._all):
             return
         self._names, self._all = found, tuple(names)
-        self._folder.visible = len(found) > 1
         for button, what in self._buttons:
+            button.visible = len(found) > 1
             button.label = f"{what} {chosen.title(found, names)}"
-
-    def update(self) -> None:
-        """Shows how the last order went."""
-        if self._count != self._command_queue.count:
-            self._count = self._command_queue.count
-            self._text.content = panel.plain(self._command_queue.said)
 
     def _add(
         self, gui: viser.GuiApi, label: str, what: str, act: Callable[[Uav], object]
     ) -> tuple[viser.GuiButtonHandle, str]:
-        button = gui.add_button(label, color="red")
+        button = gui.add_button(label, color="red", visible=False)
 
         # A coroutine, so that clicks are answered in their order; the command queue gives each call a thread.
         @button.on_click
