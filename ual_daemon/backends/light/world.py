@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Vector3
+from ual_daemon import logs
 from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.light.painter import Painter
@@ -256,16 +257,11 @@ class World:
         if self._skips_lag:
             skipped_s, self.lag_s = self.lag_s, 0.0
             self.epoch_s += skipped_s  # stamps only: the flight goes on from where it is
-            _log.warning(
-                "the stamps of the light simulation skip %.1f s that this computer was too slow for", skipped_s
-            )
+            logs.event(_log, logging.WARNING, "simulated_time_skipped", skipped_s=round(skipped_s, 2))
             return
         self._told_lag_s = self.lag_s
-        _log.warning(
-            "the time of the light simulation, and with it each stamp, is %.1f s behind: this computer is too slow; "
-            "light.skip_lag=true lets the stamps skip ahead",
-            self.lag_s,
-        )
+        advice = "this computer is too slow; with light.skip_lag=true the stamps skip ahead"
+        logs.event(_log, logging.WARNING, "simulated_time_behind", lag_s=round(self.lag_s, 2), advice=advice)
 
     def _run(self) -> None:
         due_s = time.monotonic()

@@ -417,3 +417,35 @@ def test_an_update_that_fails_ends_neither_the_world_nor_the_updates_of_others(
     assert sum("a defect of the layers above" in str(record.exc_info) for record in caplog.records) == 1
     first.close()
     second.close()
+
+
+# --- Time that falls behind -------------------------------------------------------------------------------------------
+
+
+def test_time_that_falls_behind_is_told_once_per_doubling_and_in_health(caplog: pytest.LogCaptureFixture) -> None:
+    world = World(0.0)
+    backend = LightBackend(BackendOptions("uav_1"), world)
+    epoch_s = world.epoch_s
+    for _ in range(40):  # to 4 s
+        world._fall_behind(0.1)
+    told = [each for each in caplog.records if "simulated_time_behind" in each.getMessage()]
+    assert len(told) == 3
+    health = backend.snapshot().condition.health
+    assert health is not None
+    assert health.failing_checks == ("simulated time is 4.0 s behind",)
+    assert (health.is_ready_to_arm, world.epoch_s) == (True, epoch_s)
+    world.set_speed_factor(0.0)
+    assert world.lag_s == 0.0
+
+
+def test_stamps_skip_ahead_and_the_flight_does_not() -> None:
+    world = World(0.0, skips_lag=True)
+    backend = LightBackend(BackendOptions("uav_1"), world)
+    before, epoch_s = backend.snapshot(), world.epoch_s
+    world._fall_behind(0.4)
+    assert world.epoch_s == epoch_s
+    world._fall_behind(0.4)
+    after = backend.snapshot()
+    assert (world.epoch_s - epoch_s, world.lag_s) == (pytest.approx(0.8), 0.0)
+    assert (after.time_s, after.motion.pose, world.steps) == (before.time_s, before.motion.pose, 0)
+    assert after.motion.stamp_s == pytest.approx(before.motion.stamp_s + 0.8)
