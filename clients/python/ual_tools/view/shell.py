@@ -38,12 +38,21 @@ _SCRIPT = """<script>
     const isMark = event.target.closest("[data-ual-mark]")
     choose(row.dataset.ualNs, event.ctrlKey || event.metaKey || event.shiftKey || isMark)
   })
+  const pin = () => {
+    const table = document.querySelector("[data-ual-title]")
+    let top = document.querySelector("[@STOPS@]")
+    while (top && top.parentElement && !top.parentElement.contains(table)) top = top.parentElement
+    let scroller = top && top.parentElement
+    while (scroller && !/auto|scroll/.test(getComputedStyle(scroller).overflowY)) scroller = scroller.parentElement
+    if (!scroller) return
+    const transform = `translateY(${scroller.scrollTop}px)`
+    Object.assign(top.style, {position: "relative", zIndex: "5", background: "white", transform})
+  }
+  document.addEventListener("scroll", pin, true)
   setInterval(() => {
     const told = document.querySelector("[data-ual-title]")
     if (told && document.title !== told.dataset.ualTitle) document.title = told.dataset.ualTitle
-    let top = document.querySelector("[@STOPS@]")
-    while (top && top.parentElement && !top.parentElement.contains(told)) top = top.parentElement
-    if (top && told) Object.assign(top.style, {position: "sticky", top: "0", zIndex: "5", background: "white"})
+    pin()
   }, 500)
   if (matchMedia("(max-width: 36em)").matches) {
     const folding = setInterval(() => {
