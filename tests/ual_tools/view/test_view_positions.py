@@ -50,7 +50,7 @@ def all_visible(page: Page, *labels: str, kind: str = "button") -> None:
                     scroll(page, share)
                     return page.evaluate(_VISIBLE % (kind, label))
 
-                page.wait_until(lambda: why_not() == "", f"{label} at {width}, {share}: {why_not()}")  # noqa: B023
+                page.wait_until(lambda: why_not() == "", f"{label} at {width}, {share}: {why_not()}")
 
 
 def test_what_stops_a_flight_is_in_sight_at_each_size_and_in_each_state(
