@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 
 from ual.errors import UalError
+from ual.shared.ages import without_seconds
 from ual_daemon import logs
 
 _log = logging.getLogger(__name__)
@@ -49,7 +50,7 @@ class RefusalLog:
 
     def log_refusal(self, command: str, error: UalError) -> None:
         """See `logging_refusal`."""
-        text, now_s = f"{command}: {error}", time.monotonic()
+        text, now_s = f"{command}: {without_seconds(str(error))}", time.monotonic()
         last_text, last_s = self._last_refusal
         if text == last_text and now_s - last_s <= _REPEATED_REFUSAL_S:
             self._left_out_count += 1

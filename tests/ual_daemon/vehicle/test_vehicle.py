@@ -42,6 +42,7 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import FrameSettings, LimitSettings, VehicleSettings
 from ual_daemon.tracker.references import Hold
+from ual_daemon.vehicle.refusal_log import RefusalLog
 from ual_daemon.vehicle.vehicle import Vehicle
 
 
@@ -528,6 +529,13 @@ def test_a_defect_of_what_is_beside_flying_does_not_end_the_flight(
 def test_an_unknown_task_is_an_invalid_argument(uav: Stepped) -> None:
     with pytest.raises(InvalidArgumentError, match="task_id"):
         uav.vehicle.task("go_to_waypoint-0")
+
+
+def test_a_refusal_is_logged_once_although_the_age_in_it_grows(caplog: pytest.LogCaptureFixture) -> None:
+    refusals = RefusalLog()
+    for age_s in (4.7, 4.8, 4.9):
+        refusals.log_refusal("set_pose", LinkLostError(f"nothing heard from the autopilot for {age_s} s"))
+    assert len(caplog.messages) == 1
 
 
 def test_refusals_and_state_changes_are_logged(uav: Stepped, caplog: pytest.LogCaptureFixture) -> None:

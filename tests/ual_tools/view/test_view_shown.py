@@ -231,3 +231,11 @@ def test_the_journal_has_each_change_once() -> None:
         "22:13:20 UTC uav_1: FLYING_AUTO (in the air)",
     ]
     assert journal.lines("uav_2") == []
+
+
+def test_the_journal_has_a_loss_once_although_its_age_grows() -> None:
+    journal = Journal()
+    for age_s in (4.7, 4.9, 5.1):
+        seen = Seen(NOW_S, dataclasses.replace(FLYING, status_text=f"nothing heard for {age_s:.1f} s"))
+        journal.look(look(seen), seen, UTC_S)
+    assert sum("nothing heard" in line for line in journal.lines("uav_1")) == 1

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 
+from ual.shared.ages import without_seconds
 from ual_daemon import logs
 from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.engine.link_watch import LinkWatch
@@ -218,8 +219,9 @@ class Discovery:
 
     def _say(self, why: str) -> None:
         """Logs a trouble, once until all is well again: several services fail in turn while MAVROS is gone."""
-        if why not in self._said and len(self._said) < _MOST_SAID:
-            self._said.add(why)
+        timeless = without_seconds(why)
+        if timeless not in self._said and len(self._said) < _MOST_SAID:
+            self._said.add(timeless)
             logs.event(_log, logging.WARNING, "mavros_trouble", why=why)
 
 

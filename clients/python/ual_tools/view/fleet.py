@@ -14,6 +14,7 @@ from ual.discovery import Registration
 from ual.errors import UalError
 from ual.interface import Lease
 from ual.shared import guard
+from ual.shared.ages import without_seconds
 from ual.types import Frame, Geofence, Info, Route, TaskStatus, Telemetry
 from ual_tools.network.feed import Feed, feeding
 from ual_tools.output import error_text
@@ -219,8 +220,8 @@ class Named:
 
     def refuse(self, why: str) -> None:
         """Says once why it is not shown."""
-        if why != self._said:
-            self._said = why
+        if without_seconds(why) != self._said:
+            self._said = without_seconds(why)
             self._say(f"{self.address}: {why}")
 
     def _ask(self) -> None:

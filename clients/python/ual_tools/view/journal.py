@@ -6,6 +6,7 @@ import threading
 from collections import deque
 
 from ual.errors import UalError
+from ual.shared.ages import without_seconds
 from ual.types import TaskInfo, TaskStatus, Telemetry
 from ual_tools.condition import Level
 from ual_tools.output import error_text, running_text
@@ -77,6 +78,7 @@ class Journal:
 
     def _note_text(self, ns: str, telemetry: Telemetry, utc_s: float) -> None:
         text = telemetry.status_text
-        if text and self._text.get(ns) != text:
+        timeless = without_seconds(text)
+        if text and self._text.get(ns) != timeless:
             self.write(ns, f"the autopilot says: {text}", utc_s)
-        self._text[ns] = text
+        self._text[ns] = timeless

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -10,14 +9,6 @@ import ual
 
 OK, WARN, ERROR = 0, 1, 2
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
-
-
-_SECONDS = re.compile(r"\b[0-9]+(?:\.[0-9]+)? s\b")
-
-
-def without_seconds(text: str) -> str:
-    """Returns a text without its numbers of seconds: ``nothing heard for 2.6 s`` says no more than ``2.7 s``."""
-    return _SECONDS.sub("s", text)
 
 
 @dataclass

@@ -15,6 +15,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, Twi
 from std_srvs.srv import Empty, Trigger
 
 import ual
+from ual.shared.ages import without_seconds
 from ual_ros2 import outcome, topics, values
 from ual_ros2.about import About
 from ual_ros2.beside.everything import Beside
@@ -316,7 +317,7 @@ class UavInterface:
     def _refuse(self, topic: str, error: ual.UalError) -> None:
         self._about.refuse(topic, error)
         text = f"{error.reason}: {error.message}"
-        if text != self._said.refused:
+        if without_seconds(text) != without_seconds(self._said.refused):
             _log.warning("%s: a setpoint is refused: %s", self._ns, text)
         self._said.refused = text
         self._said.refused_count += 1

@@ -15,6 +15,7 @@ from tf2_msgs.msg import TFMessage
 from ual_msgs.msg import State
 
 import ual
+from ual.shared.ages import without_seconds
 from ual_ros2 import health, values
 from ual_ros2.messages import Entity, Message
 from ual_ros2.ros_time import RosTime
@@ -60,7 +61,7 @@ class _Told(NamedTuple):
 
     def timeless(self) -> _Told:
         """Returns the same without the seconds that its reason counts."""
-        return self._replace(reason=health.without_seconds(self.reason))
+        return self._replace(reason=without_seconds(self.reason))
 
     @classmethod
     def of(cls, sample: ual.Telemetry) -> _Told:

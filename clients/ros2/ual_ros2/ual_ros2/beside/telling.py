@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from ual_msgs import msg
 
 import ual
+from ual.shared.ages import without_seconds
 from ual_ros2 import topics
 from ual_ros2.beside import cameras, corrections, equipment, gimbals, missions
 from ual_ros2.beside.corrections import Corrections
@@ -110,6 +111,6 @@ class Teller:
     def _note(self, error: ual.UalError) -> None:
         """Says once why nothing comes."""
         text = f"{error.reason}: {error.message}"
-        if text != self._trouble:
+        if without_seconds(text) != self._trouble:
             _log.warning("%s: nothing is told on %s: %s", self._ns, self._topic.name, text)
-        self._trouble = text
+        self._trouble = without_seconds(text)
