@@ -20,6 +20,9 @@ STRANGE_M = 3.0
 target that comes with a velocity until the next one comes."""
 STRANGE_COUNT, STRANGE_S = 2, 3.0
 """So many strange targets within so many seconds, while we send, show another program."""
+SILENT_S = 2.0
+"""When the autopilot was not heard for this long, it may show for `QUIET_S` what we had sent before, and what a link
+that was stuck delivers late."""
 SENDING_S = 0.5
 """A target is judged by ours once we have sent for so long: an older one is from before."""
 _SILENT = "another program sends setpoints: {}"
@@ -36,6 +39,9 @@ class SenderWatch:
         self._sent = sent
         self._stays = stays_without_setpoints
         self._flies_since_s = math.inf
+        self._heard_s = -math.inf
+        self._back_s = -math.inf
+        """When it was heard again after a silence."""
         self._target: _Target | None = None
         self._strange_s: deque[float] = deque(maxlen=STRANGE_COUNT)
         self._found = ""
@@ -45,7 +51,8 @@ class SenderWatch:
         """Takes the target that the autopilot flies to, in the local frame; what it does not have may be NaN."""
         new = _Target(now_s, _finite(position), _finite(velocity), has_position)
         old, self._target = self._target, new
-        if old is None or now_s < self._flies_since_s:
+        self._note_heard(now_s)
+        if old is None or now_s < self._flies_since_s or now_s - self._back_s <= QUIET_S:
             return
         silent_s = now_s - self._sent.last_s
         if silent_s <= SENDING_S:
@@ -71,11 +78,13 @@ class SenderWatch:
         landed: Sample[LandedState] | None,
     ) -> str:
         """Returns what shows another sender, human-readable; empty while nothing does."""
+        if mode is not None:
+            self._note_heard(mode.time_s)
         if not _is_flown_by_setpoints(armed, mode, landed):
             self._flies_since_s, self._found = math.inf, ""
             return ""
         self._flies_since_s = min(self._flies_since_s, now_s)
-        ours_s = max(self._flies_since_s, self._sent.last_s)
+        ours_s = max(self._flies_since_s, self._back_s, self._sent.last_s)
         is_quiet = now_s - ours_s > QUIET_S
         stays_s = 0.0 if mode is None else mode.time_s - ours_s  # a link that is lost says nothing of it
         if stays_s > QUIET_S and not self._stays:
@@ -83,6 +92,11 @@ class SenderWatch:
         if self._found and not is_quiet and now_s - self._found_s > QUIET_S:
             self._found = ""  # UAL flies now, and the other one has been silent
         return self._found
+
+    def _note_heard(self, time_s: float) -> None:
+        if math.isfinite(self._heard_s) and time_s - self._heard_s > SILENT_S:
+            self._back_s = time_s
+        self._heard_s = max(self._heard_s, time_s)
 
     def _find(self, what: str, now_s: float) -> None:
         self._found, self._found_s = _SILENT.format(what), now_s
