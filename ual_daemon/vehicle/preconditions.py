@@ -144,13 +144,22 @@ class Preconditions(RefusalLog):
         needed = " or ".join(state.name for state in allowed)
         raise WrongStateError(
             f"{command} needs the state {needed}, but it is {found.state.name}: {found.why}"
-            f"{_way_out(found.state, snapshot, allowed)}",
+            f"{_way_out(command, found.state, snapshot, allowed)}",
             {"state": found.state.name, "needed": needed, "command": command},
         )
 
 
-def _way_out(state: State, snapshot: Snapshot, allowed: Collection[State]) -> str:
-    """Returns what can be done where others fly the UAV; empty where they do not."""
+_NO_MOTIONS = ("abort", "land", "return_to_launch", "pause", "resume", "jump_to_item")
+"""Commands of a UAV in flight for which nobody takes off."""
+
+
+def _way_out(command: str, state: State, snapshot: Snapshot, allowed: Collection[State]) -> str:
+    """Returns what can be done on the ground, or where others fly the UAV; empty where nothing can."""
+    if State.FLYING_AUTO in allowed and command not in _NO_MOTIONS:
+        if state is State.LANDED_DISARMED:
+            return "; arm first" if State.LANDED_ARMED in allowed else "; arm and take off first"
+        if state is State.LANDED_ARMED:
+            return "; take off first"
     held_by = snapshot.control.held_by
     if state is State.FLYING_MANUAL and State.FLYING_AUTO in allowed:
         return f"; {takes_back(_needing_force(held_by) or snapshot.control.failsafe)}"

@@ -219,10 +219,28 @@ def test_no_setpoint_is_sent_unless_the_uav_is_ours(
     bring_to(uav, state)
     recorder = Recorder(uav, monkeypatch)
     for begin in both_ways(uav, name, setpoint):
-        with pytest.raises(WrongStateError, match=f"{name} needs the state FLYING_AUTO"):
+        with pytest.raises(WrongStateError, match=f"{name} needs the state FLYING_AUTO") as refused:
             begin()
+        assert refused.value.message.endswith("; take off first") == (state is State.LANDED_ARMED)
     uav.run(1.0)
     assert recorder.sent == []
+
+
+@pytest.mark.parametrize(
+    ("state", "way_out"),
+    [(State.LANDED_ARMED, "; take off first"), (State.LANDED_DISARMED, "; arm and take off first")],
+)
+def test_a_motion_on_the_ground_is_told_what_comes_first_and_a_landing_is_not(
+    uav: Stepped, state: State, way_out: str
+) -> None:
+    if state is State.LANDED_ARMED:
+        uav.arm()
+    assert uav.state is state
+    motions = [name for name, motion in MOTIONS.items() if motion.state is State.FLYING_AUTO]
+    for name in motions:
+        with pytest.raises(WrongStateError) as refused:
+            MOTIONS[name].prepare(uav)
+        assert refused.value.message.endswith(way_out) == (name != "land"), name
 
 
 # --- Dry runs ---------------------------------------------------------------------------------------------------------
