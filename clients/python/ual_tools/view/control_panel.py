@@ -84,8 +84,9 @@ class ControlPanel:
         self._command_queue.withdraw()
         for button, what in self._named:
             button.label = f"{what} {ns}"
-        for each in (self._buttons, *self._stops):
-            each.visible = bool(ns)
+        self._buttons.visible = bool(ns)
+        for stop in self._stops:
+            stop.visible = bool(ns)
 
     def update(self, moment: Moment, ns: str) -> None:
         """Shows what is proposed and how the last order went."""
