@@ -344,6 +344,27 @@ def test_as_json_a_failure_is_an_object_too() -> None:
     assert error["metadata"]["address"] == "127.0.0.1:1"
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["goto", "1", "2", "--json"], "Missing argument"),
+        (["--json", "goto", "1", "2", "3", "--yaww", "1"], "--yaww"),
+        (["--json", "--nonsense"], "--nonsense"),
+        (["nonsense", "--json"], "nonsense"),
+        (["mission", "start", "--from", "0", "--json"], "--from"),
+        (["--all", "--ns", "uav_1", "--json", "land"], "--all"),
+    ],
+    ids=" ".join,
+)
+def test_as_json_wrong_usage_is_one_object_too(words: list[str], told: str) -> None:
+    result = run(*words)
+    assert result.exit_code == 2
+    error = json.loads(result.stdout)["error"]
+    assert error["reason"] == "INVALID_ARGUMENT"
+    assert told in error["message"]
+    assert "Error: " in result.stderr
+
+
 def test_nobody_is_listed_when_nobody_is_there() -> None:
     assert done("list") == ""
 
@@ -382,7 +403,7 @@ def test_list_shows_every_daemon_of_this_computer(start_daemon: StartDaemon) -> 
 def test_what_a_uav_is_and_does(daemon: DaemonProcess) -> None:
     assert "light" in done("info")
     (info,) = done_json("info")
-    assert info["namespace"] == daemon.ns
+    assert info["ns"] == info["namespace"] == daemon.ns
     assert "TAKE_OFF" in info["capabilities"]
     assert done("state").strip() in State.__members__
     (state,) = done_json("state", "--ns", "uav_1")
@@ -534,6 +555,34 @@ def test_wait_prints_the_state_that_came_and_fails_without_it(daemon: DaemonProc
     assert late.stderr.startswith("ual: TIMEOUT: the state is not LANDING after 0.01 s, but LANDED_ARMED")
     assert run("wait", "nowhere").exit_code == 2
     assert run("wait").exit_code == 2
+
+
+def test_wait_waits_for_a_daemon_too(start_daemon: StartDaemon) -> None:
+    with subprocess.Popen([*UAL, "--json", "wait", "landed_armed"], stdout=-1, stderr=-1, text=True) as waiting:
+        assert waiting.stderr is not None
+        assert "waits for a daemon" in waiting.stderr.readline()
+        daemon = start_daemon("--auto-arm")
+        try:
+            output, _ = waiting.communicate(timeout=LIMIT_S)
+        finally:
+            waiting.kill()
+    assert waiting.returncode == 0
+    assert json.loads(output) == {"ns": daemon.ns, "state": "LANDED_ARMED"}
+
+
+def test_wait_fails_where_no_daemon_comes_in_time() -> None:
+    result = run("wait", "landed_armed", "--timeout", "0.3")
+    assert result.exit_code == 1
+    assert result.stderr.splitlines()[-1].startswith("ual: DAEMON_UNREACHABLE: ")
+
+
+def test_each_state_has_its_reason_under_one_name(daemon: DaemonProcess) -> None:
+    with ual.Uav(daemon.ns) as uav:
+        reason = uav.telemetry().state_reason
+    for words in (("state",), ("list",), ("watch", "--once")):
+        [found] = done_json(*words)
+        assert found["state_reason"] == reason
+        assert found["ns"] == daemon.ns
 
 
 def test_dry_runs_say_what_would_happen(daemon: DaemonProcess) -> None:

@@ -13,7 +13,7 @@ from typing_extensions import override
 from ual.errors import UalError
 from ual_tools import multi, options
 from ual_tools.help import ALIASES, Section, close, no_such_command, write_commands, write_examples
-from ual_tools.session import INTERRUPTED, REFUSED, session
+from ual_tools.session import INTERRUPTED, REFUSED, fail_usage, session
 from ual_tools.streams import OutputLostError, end_without_output
 
 
@@ -116,6 +116,14 @@ class UalCommand(_SharedOptions):
                 raise click.NoSuchOption(name, possibilities=close(name, known), ctx=ctx)
 
 
+def _has_json(words: Sequence[str]) -> bool:
+    """Whether what was typed has ``--json``: where it is wrong usage, click may not have come to it."""
+    return "--json" in words[: words.index("--")] if "--" in words else "--json" in words
+
+
+_IS_JSON = "ual_tools.is_json"
+
+
 class UalGroup(_SharedOptions, click.Group):
     """A group of commands. Ends the program with the exit status that fits an error or an interruption."""
 
@@ -144,13 +152,26 @@ class UalGroup(_SharedOptions, click.Group):
         write_commands(formatter, self.commands, sections)
 
     @override
-    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:  # (click's)
+    def make_context(
+        self,
+        info_name: str | None,
+        args: list[str],
+        parent: click.Context | None = None,
+        **extra: Any,
+    ) -> click.Context:
+        is_json = parent is None and _has_json(args)
         try:
-            return super().make_context(*args, **kwargs)
+            context = super().make_context(info_name, args, parent, **extra)
+        except click.UsageError as error:
+            if is_json:
+                fail_usage(error)
+            raise
         except KeyboardInterrupt:  # click would print "Aborted!"
             raise click.exceptions.Exit(INTERRUPTED) from None
         except OutputLostError as error:  # of help or version
             raise click.exceptions.Exit(0 if end_without_output(error) else REFUSED) from None
+        context.meta.setdefault(_IS_JSON, is_json)
+        return context
 
     @override
     def invoke(self, ctx: click.Context) -> Any:
@@ -159,6 +180,10 @@ class UalGroup(_SharedOptions, click.Group):
         except UalError as error:
             session(ctx).fail(error)
             ctx.exit(REFUSED)
+        except click.UsageError as error:
+            if ctx.parent is None and ctx.meta[_IS_JSON]:
+                fail_usage(error)
+            raise
         except KeyboardInterrupt:
             ctx.exit(INTERRUPTED)
         except OutputLostError as error:

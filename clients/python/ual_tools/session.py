@@ -178,6 +178,12 @@ class Session:
         return value if self.member is None or not isinstance(value, dict) else {"ns": self.member.name, **value}
 
 
+def fail_usage(error: click.UsageError) -> None:
+    """Prints wrong usage as one JSON object. click prints the text, and ends the program with 2."""
+    failure = InvalidArgumentError(as_typed(error.format_message()))
+    write(json.dumps({"error": to_json(failure)}, allow_nan=False), Line.DONE)
+
+
 def _is_done(value: object) -> bool:
     """Whether a result tells of what the command has done, not of what it was asked to find out."""
     return isinstance(value, TaskInfo) or (isinstance(value, Mapping) and "done" in value)

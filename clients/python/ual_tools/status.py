@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
+import threading
+import time
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -12,12 +14,13 @@ import click
 
 from ual import discovery
 from ual.discovery import Registration
-from ual.errors import UalError
+from ual.errors import DaemonUnreachableError, UalError
 from ual.types import Health, State, Telemetry
 from ual_tools import condition
 from ual_tools.app import Multi, command
 from ual_tools.condition import STYLES, Condition, Level
 from ual_tools.help import Section
+from ual_tools.output import to_json
 from ual_tools.selection import ask_all
 from ual_tools.session import REFUSED, Session, pass_session
 from ual_tools.tables import print_table
@@ -30,6 +33,8 @@ _COLOURS: dict[Level, dict[str, Any]] = {
 }
 """Of click."""
 _HEADER = ("uav", "state", "backend", "address", "pid", "battery")
+_LOOK_S = 0.2
+"""How often `ual wait` looks for a daemon that is not there."""
 _STATES = [state.name for state in State]
 
 
@@ -113,7 +118,9 @@ def info(session: Session) -> None:
     with session.connect() as uav:
         found = uav.info()
     if session.as_json:
-        session.emit(found)
+        fields = to_json(found)
+        assert isinstance(fields, dict)
+        session.emit({"ns": found.namespace, **fields})
         return
     limits = found.limits
     rows = (
@@ -175,14 +182,32 @@ def state(session: Session) -> None:
 @click.argument("states", metavar="STATE…", nargs=-1, required=True, type=click.Choice(_STATES, case_sensitive=False))
 @pass_session
 def wait(session: Session, states: tuple[str, ...]) -> None:
-    """Wait for a state, or for one of several, and print which.
+    """Wait for a state, or for one of several, and print which. It waits for a daemon, too.
 
     With --timeout it fails (exit status 1) if none of them comes in time: `ual wait landed_armed --timeout 60`.
     """
-    with session.connect() as uav:
-        reached = uav.wait_for(*(State[name] for name in states), timeout_s=session.timeout_s)
-        ns = uav.ns
+    ns, reached = _reached(session, [State[name] for name in states])
     session.emit({"ns": ns, "state": reached}, reached.name)
+
+
+def _reached(session: Session, states: Sequence[State]) -> tuple[str, State]:
+    """Waits for a daemon, and until its UAV is in one of some states. Returns the UAV's name and the state."""
+    alone = dataclasses.replace(session, member=None)  # it does not keep others waiting until its daemon is there
+    began_s, left_s = time.monotonic(), session.timeout_s
+    never, is_told = threading.Event(), False
+    while True:
+        try:
+            with alone.connect() as uav:
+                return uav.ns, uav.wait_for(*states, timeout_s=left_s)
+        except DaemonUnreachableError as error:
+            if session.timeout_s is not None:
+                left_s = began_s + session.timeout_s - time.monotonic()
+                if left_s <= 0.0:
+                    raise
+            if not is_told:
+                session.tell(f"waits for a daemon: {error.message}")
+                is_told = True
+        never.wait(_LOOK_S if left_s is None else min(_LOOK_S, left_s))
 
 
 def _state_text(telemetry: Telemetry, *, is_one: bool) -> str:

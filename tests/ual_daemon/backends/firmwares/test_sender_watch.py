@@ -16,7 +16,7 @@ GUIDED = 4
 
 
 def another(now_s: float, said_s: float) -> str:
-    """What shows another sender to a PX4 that got our last setpoint at 1 s, and said it is in OFFBOARD until `said_s`."""
+    """What shows another sender to a PX4 that got our last setpoint at 1 s, and was in OFFBOARD until `said_s`."""
     sent = SetpointMonitor()
     watch = SenderWatch(sent, stays_without_setpoints=False)
     armed, landed = Sample(True, said_s), Sample(LandedState.IN_AIR, said_s)
