@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ual._calls import Call, Service, built
+from ual.missions import checks
 from ual.missions.items import Item
 from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
 from ual.types import TaskInfo
@@ -23,13 +24,19 @@ _MAY_FLY = "if it reached the UAV it may fly the mission: ask for the state"
 
 
 def plan(items: Sequence[Item]) -> Call[MissionPlan]:
-    request = built(lambda: pb.PlanMissionRequest(items=wire.items_to_proto(items)), "items", items)
+    request = built(lambda: pb.PlanMissionRequest(items=_messages(items)), "items", items)
     return Call(Service.MISSION, "PlanMission", request, wire.plan_of_response)
 
 
 def upload(items: Sequence[Item]) -> Call[StoredMission]:
-    request = built(lambda: pb.UploadMissionRequest(items=wire.items_to_proto(items)), "items", items)
+    request = built(lambda: pb.UploadMissionRequest(items=_messages(items)), "items", items)
     return Call(Service.MISSION, "UploadMission", request, wire.stored_of_response, TRANSFER_S, _NOT_KNOWN)
+
+
+def _messages(items: Sequence[Item]) -> list[pb.MissionItem]:
+    """Makes the messages of items, if they are not too many."""
+    checks.require_count(items)
+    return wire.items_to_proto(items)
 
 
 def download() -> Call[StoredMission]:

@@ -324,3 +324,15 @@ def test_what_ardupilot_does_not_give_is_that_of_the_item_flown_before() -> None
 )
 def test_what_ardupilot_does_not_give_and_is_not_known_is_refused(faulty: list[dict[str, object]], words: str) -> None:
     assert refusal(plan(*faulty, firmware=ARDUPILOT)).startswith(words)
+
+
+@pytest.mark.parametrize("name", ["a.waypoints", "a.plan"])
+def test_a_file_of_too_many_items_is_refused_before_the_rest_of_it_is_read(name: str) -> None:
+    """Its last item is none, which nobody comes to know."""
+    most = 2 * checks.MOST_ITEMS
+    if name == "a.plan":
+        text = json.dumps({"fileType": "Plan", "mission": {"items": [at(1.0, 2.0)] * (most + 2) + ["no item"]}})
+    else:
+        text = wpl(*[(3, 16, 0, 0, 0, 0, 47.1, 8.1, 20)] * (most + 2)) + "no item\n"
+    with pytest.raises(RouteError, match=f"has more than {most} items: fly it in parts"):
+        parse(text.encode(), name)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
 from typing import Any
 
 from typing_extensions import override
 
+from ual.missions import checks
+from ual.missions.items import Item
 from ual.v1 import mission_pb2 as pb
 from ual.v1 import mission_pb2_grpc
 from ual.wire import convert
@@ -29,13 +31,13 @@ class MissionServicer(mission_pb2_grpc.MissionServiceServicer):
 
     @override
     async def PlanMission(self, request: pb.PlanMissionRequest, context: object) -> pb.PlanMissionResponse:
-        items = wire.items_from_proto(request.items)
+        items = _items(request.items)
         plan = await asyncio.to_thread(self._missions.plan, items)  # a thousand items in a fence take a second
         return pb.PlanMissionResponse(plan=wire.plan_to_proto(plan))
 
     @override
     async def UploadMission(self, request: pb.UploadMissionRequest, context: object) -> pb.UploadMissionResponse:
-        items, lease_id = wire.items_from_proto(request.items), lease_of(context)
+        items, lease_id = _items(request.items), lease_of(context)
         uploading = await asyncio.to_thread(self._missions.upload, items, lease_id)
         found = await ended(uploading, TRANSFER_S, "UploadMission")
         return pb.UploadMissionResponse(mission=wire.stored_to_proto(found))
@@ -90,6 +92,12 @@ class MissionServicer(mission_pb2_grpc.MissionServiceServicer):
                 last = progress
                 yield pb.WatchMissionResponse(progress=wire.progress_to_proto(progress))
             await asyncio.sleep(LOOK_S)
+
+
+def _items(messages: Sequence[pb.MissionItem]) -> list[Item]:
+    """Reads items, if they are not too many."""
+    checks.require_count(messages)
+    return wire.items_from_proto(messages)
 
 
 def mission_service(vehicle: CommandedVehicle) -> tuple[str, Callable[[Any], None]]:

@@ -51,9 +51,7 @@ def require(items: Sequence[Item]) -> None:
     """
     if not items:
         raise InvalidArgumentError("items: the mission has none", {"field": "items"})
-    if len(items) > MOST_ITEMS:
-        text = f"items: {len(items)} are more than the limit of {MOST_ITEMS}: fly the mission in parts"
-        raise ResourceExhaustedError(text, {"field": "items", "limit": str(MOST_ITEMS)})
+    require_count(items)
     for index, item in enumerate(items):
         if type(item) not in _FAULTS:
             raise InvalidArgumentError(f"items[{index}]: {item!r:.80} is no item of a mission", _metadata(items, index))
@@ -63,6 +61,13 @@ def require(items: Sequence[Item]) -> None:
     if not any(isinstance(item, PLACED) for item in items):
         raise InvalidArgumentError("items: none of them leads to a place", {"field": "items"})
     order.executed(items)
+
+
+def require_count(items: Sequence[object]) -> None:
+    """Checks how many items there are. Raises `ResourceExhaustedError`: there are too many."""
+    if len(items) > MOST_ITEMS:
+        text = f"items: {len(items)} are more than the limit of {MOST_ITEMS}: fly the mission in parts"
+        raise ResourceExhaustedError(text, {"field": "items", "limit": str(MOST_ITEMS)})
 
 
 def refused(items: Sequence[Item], index: int, fault: str) -> InvalidArgumentError:

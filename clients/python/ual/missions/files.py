@@ -11,13 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ual.missions import commands
+from ual.missions import checks, commands
 from ual.missions.items import Item, Waypoint
 from ual.routes import MOST_BYTES, RouteError, _document, _plan, _text, _wpl
 from ual.routes import parse as parse_route
 from ual.routes._route import FaultError, Route, naming
 from ual.types import AltitudeReference, GeoWaypoint
 
+_MOST_READ = 2 * checks.MOST_ITEMS
+"""Items of a file are read up to this number: some become none of the mission."""
 _PLANS = (".plan", ".mission")
 
 
@@ -77,13 +79,13 @@ def _of_commands(data: bytes, ending: str) -> Mission | None:
         return None  # the routes refuse or unpack it
     text = _text(data)
     if text.lstrip().startswith(_wpl.HEADER) or ending == ".waypoints":
-        items, firmware, has_home = _wpl.items_of(text)
+        items, firmware, has_home = _wpl.items_of(text, _MOST_READ)
         found, left_out = commands.items_of_file(items, firmware, None)
         return Mission(found, [_wpl.HOME, *left_out] if has_home else left_out)
     document = _document(text, ending)
     if not (_plan.is_plan(document) or ending in _PLANS):
         return None
-    items, firmware = _plan.items_of(document)
+    items, firmware = _plan.items_of(document, _MOST_READ)
     found, left_out = commands.items_of_file(items, firmware, _plan.planned_home(document))
     return Mission(found, [*left_out, *_plan.other_parts(document)])
 

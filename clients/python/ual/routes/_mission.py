@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -30,6 +30,8 @@ _SPEEDS_ALONG = (0, 1)
 """Kinds of DO_CHANGE_SPEED (SPEED_TYPE) along the path: airspeed and ground speed. The others are climb and descent."""
 _ENDS = {commands.RETURN_TO_LAUNCH: "return to launch", commands.LAND: "landing"}
 _NO_CHANGE = -1.0
+MOST_ITEMS = 100_000
+"""No file has more of them that fly `MOST_WAYPOINTS`."""
 _MOST_STEPS = 100_000
 """A loop of jumps that meets no waypoint ends at this number of items."""
 
@@ -67,6 +69,14 @@ class Item:
     def amount(self, number: int) -> float:
         """As `param`, with 0 for null."""
         return self.param(number) or 0.0
+
+
+def at_most(most: int, items: Iterable[Item]) -> Iterator[Item]:
+    """Yields items, and raises `FaultError` at once where there are more than `most`."""
+    for count, item in enumerate(items):
+        if count >= most:
+            raise FaultError(f"has more than {most} items: fly it in parts")
+        yield item
 
 
 def fly(items: Sequence[Item], firmware: Firmware) -> Route:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from ual.routes import _json
-from ual.routes._mission import Firmware, Item, fly
+from ual.routes._mission import MOST_ITEMS, Firmware, Item, at_most, fly
 from ual.routes._route import FaultError, Route, naming
 from ual.shared.numbers import shown
 
@@ -79,8 +79,10 @@ def planned_home(document: object) -> tuple[float, float] | None:
     return latitude_deg, longitude_deg
 
 
-def items_of(document: object) -> tuple[list[Item], Firmware]:
-    """Returns the items of a plan, and for whose autopilot it was made. Raises `FaultError`."""
+def items_of(document: object, most: int = MOST_ITEMS) -> tuple[list[Item], Firmware]:
+    """Returns the items of a plan, and for whose autopilot it was made. Raises `FaultError`, also where there are more
+    than `most` items.
+    """
     mission = _mission(document)
     items = mission.get("items")
     if not isinstance(document, Mapping) or not isinstance(items, list):
@@ -94,7 +96,7 @@ def items_of(document: object) -> tuple[list[Item], Firmware]:
         raise FaultError(f"is a plan for {_NOT_IN_THE_AIR[vehicle]}")
     made_for = _type(mission, "firmwareType" if "firmwareType" in mission else "MAV_AUTOPILOT")
     firmware = _FIRMWARES.get(made_for, Firmware.OTHER)
-    return list(_items(items, "")), firmware
+    return list(at_most(most, _items(items, ""))), firmware
 
 
 def _mission(document: object) -> Mapping[str, object]:

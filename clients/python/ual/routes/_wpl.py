@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from ual.routes import _commands as commands
-from ual.routes._mission import Firmware, Item, fly
+from ual.routes._mission import MOST_ITEMS, Firmware, Item, at_most, fly
 from ual.routes._route import FaultError, Route
 from ual.shared.numbers import are_commas_decimal, parse_number, shown, with_point
 from ual.shared.text import lines_of
@@ -28,16 +28,16 @@ def read(text: str) -> Route:
     return replace(route, left_out=[HOME, *route.left_out]) if has_home else route
 
 
-def items_of(text: str) -> tuple[list[Item], Firmware, bool]:
+def items_of(text: str, most: int = MOST_ITEMS) -> tuple[list[Item], Firmware, bool]:
     """Returns the items of a file without its home, for whose autopilot it was made, and whether it has a home.
-    Raises `FaultError`.
+    Raises `FaultError`, also where there are more than `most` items.
     """
     lines = [(number, line.strip()) for number, line in enumerate(lines_of(text), start=1) if line.strip()]
     header = lines[0][1] if lines else ""
     version = header.removeprefix(HEADER).strip()
     if not header.startswith(HEADER) or version not in _FIRMWARES:
         raise FaultError(f"begins with {shown(header)}, not with 'QGC WPL 110'")
-    items = list(_items(lines[1:]))
+    items = list(at_most(most, _items(lines[1:])))
     firmware = _FIRMWARES[version]
     if any(None in item.params for item in items):
         firmware = Firmware.PX4  # which tells a heading that is not given from 0, north
