@@ -36,6 +36,12 @@ def test_a_name_that_is_none_is_an_error_for_python_and_for_mypy(package: str, t
     assert 'has no attribute "Poze"' in ran.stdout, ran.stdout + ran.stderr
 
 
+def test_a_misspelled_value_of_a_sample_is_answered_with_what_was_meant() -> None:
+    code = "import ual; print(ual.Telemetry(ual.State.FLYING_AUTO).baterry)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "'Telemetry' object has no attribute 'baterry'. Did you mean: 'battery'?" in ran.stderr
+
+
 def test_a_route_is_read_by_a_name_as_by_a_path(tmp_path: Path) -> None:
     file = tmp_path / "saved.jsonl"
     file.write_text('{"x": 1.0, "y": 2.0, "z": 3.0}\n')

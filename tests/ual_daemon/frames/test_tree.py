@@ -133,6 +133,12 @@ def test_an_unknown_frame_is_refused_and_the_known_are_listed() -> None:
         assert caught.value.metadata == {"frame_id": "nowhere", "known": f"{MAP}, {ODOM}, {BODY}"}
 
 
+@pytest.mark.parametrize("known", [MAP, ODOM])
+def test_a_frame_in_other_capitals_is_answered_with_what_was_meant(known: str) -> None:
+    with pytest.raises(UnknownFrameError, match=rf"there is no frame {known.title()}; .*; did you mean {known}\?$"):
+        tree().require(known.title())
+
+
 @pytest.mark.parametrize("name", [MAP, ODOM, BODY, "field"])
 def test_a_built_in_or_configured_frame_stays_where_it_is(name: str) -> None:
     frames = tree(VehicleSettings(frames=(FrameSettings(frame_id="field"),)))

@@ -232,6 +232,11 @@ def test_wrong_flags_are_told_in_one_line(refusal: Callable[..., str], flags: li
     assert refusal(*flags).startswith(expected)
 
 
+@pytest.mark.parametrize("autopilot", ["px4", "ArduPilot"])
+def test_the_name_of_an_autopilot_is_answered_with_its_backend(refusal: Callable[..., str], autopilot: str) -> None:
+    assert refusal("--backend", autopilot).endswith(f"; {autopilot} is flown by mavlink")
+
+
 def test_a_wrong_file_is_told_with_line_and_key(refusal: Callable[..., str], tmp_path: Path) -> None:
     (tmp_path / "uav.yaml").write_text("ns: uav_1\nlight:\n  seed: many\nlimits: {climb_speed_m_s: 0}\n")
     assert refusal("--config", "uav.yaml").startswith(
