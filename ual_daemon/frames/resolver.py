@@ -1,7 +1,7 @@
 """The frame resolver: converts between the frames of the interface and the backend's local frame.
 
-``<ns>/odom`` has the local frame's axes; its origin is where `set_home` put it, and at first the local origin. It stays
-there on Earth when the autopilot's local frame moves, or is lost; see `LocalFrame`.
+The origin of ``<ns>/odom`` is where `set_home` put it, and at first the local origin. It stays there on Earth when the
+autopilot's local frame moves, or is lost; see `LocalFrame`. For its metres, see `OdomMetres`.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from ual_daemon.backends.values import Snapshot
 from ual_daemon.frames.anchor import Loss
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.frames.local_frame import LocalFrame
+from ual_daemon.frames.odom_metres import EarthMetres, FrameInLocal, OdomMetres
 from ual_daemon.frames.tree import MAP, FrameTree, horizontal
-from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Motion, Waypoint
 
@@ -70,7 +70,8 @@ class FrameResolver:
         """Held while home moves, and ``map`` with it. For readers of several values; conversions hold it themselves."""
         self.update = self._frame.update
         """Follows the local frame. Called by the update thread at each update."""
-        self._external_home: Vector3 | None = None
+        self._metres = OdomMetres(self._frame.home.local)
+        self._external_metres: OdomMetres | None = None
 
     def open(self) -> None:
         """Reads the file with home, if there is one. To be called once, before the first update."""
@@ -122,10 +123,14 @@ class FrameResolver:
 
     def to_odom(self, local: Pose) -> Pose:
         """Converts a pose from the local frame to ``<ns>/odom``. While that is lost, its origin is the local origin."""
-        home = self._frame.home.local
-        if home.x == home.y == home.z == 0.0:  # as long as nobody has set it: each sample passes here twice
-            return local
-        return Pose(local.position - home, local.orientation)
+        position = self._odom_metres.to_odom(local.position)
+        # The same while the origins are one and nobody has set home: each sample passes here twice.
+        return local if position is local.position else Pose(position, local.orientation)
+
+    @property
+    def _odom_metres(self) -> OdomMetres:
+        home, metres = self._frame.home.local, self._metres
+        return metres if metres.home is home else OdomMetres(home)
 
     def body(self, snapshot: Snapshot) -> Pose | None:
         """Returns the pose of the body in ``<ns>/odom``; None if it is not known."""
@@ -146,7 +151,7 @@ class FrameResolver:
 
     def describe(self, local: Vector3) -> str:
         """Returns a position in the local frame as text, in ``<ns>/odom`` while that is known."""
-        p = local - self._frame.home.local
+        p = self._odom_metres.to_odom(local)
         frame_id = self.tree.odom if self.odom_loss is None else "the autopilot's local frame"
         return f"{p.x:.1f}, {p.y:.1f}, {p.z:.1f} in {frame_id}"
 
@@ -238,8 +243,8 @@ class FrameResolver:
 
     def _waypoint_at(self, goal: Goal, now_s: float) -> Waypoint:
         with self.still:
-            to_odom, home = self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s), self._frame.home.local
-        return self._waypoint(goal, to_odom, home)
+            to_odom, metres = self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s), self._odom_metres
+        return self._waypoint(goal, to_odom, metres)
 
     def all_to_local(self, goals: Sequence[Goal | GeoWaypoint], snapshot: Snapshot) -> list[Waypoint]:
         """Converts goals to the backend's local frame, all at the same time: each frame is looked up once.
@@ -257,23 +262,23 @@ class FrameResolver:
                 self._require_known(frame_id)
             frame_ids -= {self.tree.odom}
             to_odom = {frame_id: self._to_odom(frame_id, snapshot) for frame_id in frame_ids}
-            home = self._frame.home.local
+            metres = self._odom_metres
         return [
-            self._waypoint(goal, to_odom.get(goal.frame_id), home)
+            self._waypoint(goal, to_odom.get(goal.frame_id), metres)
             if isinstance(goal, Goal)
             else self.geo_to_local(goal, snapshot)
             for goal in goals
         ]
 
-    def _waypoint(self, goal: Goal, to_odom: Transform | None, home: Vector3) -> Waypoint:
+    def _waypoint(self, goal: Goal, to_odom: Transform | None, metres: OdomMetres) -> Waypoint:
         position, rotation = goal.position, goal.rotation
         if to_odom is not None:
             position = validation.position(to_odom.apply(position), f"{goal.field} (in {self.tree.odom})")
             rotation = rotation and to_odom.rotation * rotation
-        return Waypoint(position + home, rotation.yaw_rad if rotation else None)
+        return Waypoint(metres.to_local(position), rotation.yaw_rad if rotation else None)
 
-    def frame_to_local(self, frame_id: str) -> Transform:
-        """Returns the transform from a fixed frame to the backend's local frame.
+    def in_local(self, frame_id: str) -> FrameInLocal:
+        """Returns where a fixed frame is in the backend's local frame.
 
         Raises:
             WrongStateError: It is not known where the frame is.
@@ -282,11 +287,10 @@ class FrameResolver:
         """
         with self.still:
             self._require_known(frame_id)
-            to_odom = self.tree.lookup(self.tree.odom, frame_id, None)
-            return Transform(to_odom.translation + self._frame.home.local, to_odom.rotation, "", frame_id)
+            return FrameInLocal(self.tree.lookup(self.tree.odom, frame_id, None), self._odom_metres)
 
-    def from_start(self, at_start: Transform) -> Transform:
-        """Returns a transform to the local frame of the start as one to the present local frame.
+    def from_start(self, at_start: FrameInLocal) -> FrameInLocal:
+        """Returns where a frame is that was in the local frame of the start, and stays: in the present local frame.
 
         Raises:
             FrameLostError: It is not known any more where the local frame was at the start.
@@ -294,10 +298,8 @@ class FrameResolver:
         """
         start = self._frame.start
         if start.loss is not None:
-            raise start.loss.error(at_start.child_frame_id)
-        return Transform(
-            at_start.translation + start.local, at_start.rotation, at_start.frame_id, at_start.child_frame_id
-        )
+            raise start.loss.error(at_start.to_odom.child_frame_id)
+        return FrameInLocal(at_start.to_odom, OdomMetres(at_start.metres.home + start.local))
 
     def external_pose(self, pose: PoseStamped, now_s: float) -> Pose:
         """Validates a pose from outside, and converts it to the backend's local frame, also before that has a place.
@@ -322,23 +324,23 @@ class FrameResolver:
         position = validation.position(pose.pose.position, "pose.pose.position")
         rotation = validation.rotation(pose.pose.orientation, "pose.pose.orientation")
         with self.still:
-            origin = self._external_origin(frame_id)
+            metres = self._metres_outside(frame_id)
             to_odom = self.tree.lookup(self.tree.odom, frame_id, None, now_s)
         there = validation.position(to_odom.apply(position), f"pose.pose.position (in {self.tree.odom})")
-        return Pose(there + origin, to_odom.rotation * rotation)
+        return Pose(metres.to_local(there), to_odom.rotation * rotation)
 
-    def _external_origin(self, frame_id: str) -> Vector3:
-        """Returns where the origin of ``<ns>/odom`` is, for a pose from outside in a frame; see `external_pose`."""
-        home, is_below_odom = self._frame.home, self.tree.is_below_odom(frame_id)
-        if is_below_odom and home.geo is None:
-            if self._external_home is None:
-                self._external_home = home.local
-            return self._external_home
+    def _metres_outside(self, frame_id: str) -> OdomMetres:
+        """Returns where ``<ns>/odom`` is, for a pose from outside in a frame; see `external_pose`."""
+        is_below_odom = self.tree.is_below_odom(frame_id)
+        if is_below_odom and self._frame.home.geo is None:
+            if self._external_metres is None:
+                self._external_metres = self._odom_metres
+            return self._external_metres
         if is_below_odom or self._map_origin is not None:
             self._require_known(frame_id)
-            return self._frame.home.local
+            return self._odom_metres
         start = self._frame.start
-        return Vector3() if start.geo is None else start.local
+        return OdomMetres(Vector3() if start.geo is None else start.local)
 
     def is_moved_by_set_home(self, frame_id: str) -> bool:
         """Returns whether `set_home` moves a fixed frame in the local frame.
@@ -416,13 +418,14 @@ class FrameResolver:
         if projection is None:
             if self.tree.has_home():
                 self.tree.forget_home()
+            self._metres = OdomMetres(self._frame.home.local)
             return
-        home = projection.to_geo(self._frame.home.local)
-        assert home.altitude_amsl_m is not None
-        in_map = EllipsoidProjection(*self._map_origin).to_local(
-            home.latitude_deg, home.longitude_deg, home.altitude_amsl_m
-        )
-        self.tree.set_home(in_map)
+        home, metres = self._frame.home.local, self._metres
+        if not isinstance(metres, EarthMetres) or metres.projection != projection or metres.home is not home:
+            metres = EarthMetres(projection, home)
+        in_map, turn = metres.in_map(self._map_origin)
+        self._metres = metres
+        self.tree.set_home(in_map, turn)
         if self.odom_loss is None:
             self._log_home(in_map)
 

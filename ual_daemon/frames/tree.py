@@ -141,10 +141,10 @@ class FrameTree:
             links[frame.frame_id] = _Link(frame.parent_frame_id, transform)
         return links
 
-    def set_home(self, position_in_map: Vector3) -> None:
+    def set_home(self, position_in_map: Vector3, turn: Quaternion = IDENTITY) -> None:
         """Moves ``<ns>/odom`` to a position in ``map``."""
         with self._lock:
-            self._replace(Transform(position_in_map, IDENTITY, MAP, self.odom))
+            self._replace(Transform(position_in_map, turn, MAP, self.odom))
 
     def forget_home(self) -> None:
         """Makes it unknown where ``<ns>/odom`` lies in ``map``."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 from ual.errors import WrongStateError
-from ual.geometry import Transform, Vector3
+from ual.geometry import Vector3
 from ual.types import Circle, Geofence, Route
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.policy import geofence as policy
+from ual_daemon.frames.odom_metres import FrameInLocal
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
 
@@ -27,12 +28,12 @@ def geofence_in_map(geofence: policy.Geofence, resolver: FrameResolver, snapshot
 
     """
     edges = geofence.edges(snapshot)
-    to_map = _level_to_map(resolver)
-    disc, base_m = edges.disc, to_map.translation.z
+    in_local = _level_map(resolver)
+    disc, base_m = edges.disc, in_local.from_local(Vector3()).z
     return Geofence(
         MAP,
-        tuple(to_map.apply(Vector3(x, y, 0.0)) for x, y in edges.corners),
-        None if disc is None else Circle(to_map.apply(Vector3(disc.x, disc.y, 0.0)), max(0.0, disc.radius_m)),
+        tuple(in_local.from_local(Vector3(x, y, 0.0)) for x, y in edges.corners),
+        None if disc is None else Circle(in_local.from_local(Vector3(disc.x, disc.y, 0.0)), max(0.0, disc.radius_m)),
         _finite(base_m + edges.lowest_m),
         _finite(base_m + edges.highest_m),
     )
@@ -49,16 +50,16 @@ def route_in_map(flight: Flight, resolver: FrameResolver, snapshot: Snapshot) ->
     way = flight.way(snapshot)
     if way is None:
         return None
-    to_map = resolver.frame_to_local(MAP).inverse()
-    return Route(MAP, tuple(map(to_map.apply, way.points)), way.task_id, way.is_goal_moving)
+    in_local = resolver.in_local(MAP)
+    return Route(MAP, tuple(map(in_local.from_local, way.points)), way.task_id, way.is_goal_moving)
 
 
-def _level_to_map(resolver: FrameResolver) -> Transform:
-    to_map = resolver.frame_to_local(MAP).inverse()
-    up = to_map.rotation.rotate(Vector3(0.0, 0.0, 1.0))
+def _level_map(resolver: FrameResolver) -> FrameInLocal:
+    in_local = resolver.in_local(MAP)
+    up = in_local.rotation.rotate(Vector3(0.0, 0.0, 1.0))
     if math.hypot(up.x, up.y) > _LEVEL:
         raise WrongStateError(f"the geofence cannot be told in {MAP}: the UAV's local frame is not level there")
-    return to_map
+    return in_local
 
 
 def _finite(height_m: float) -> float | None:

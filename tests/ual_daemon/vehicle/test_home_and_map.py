@@ -12,7 +12,7 @@ from typing_extensions import override
 from tests.ual_daemon.frames.test_local_frame import NO_FIX, at, moved
 from tests.ual_daemon.stepped import Stepped, stepped
 from tests.waiting import LIMIT_S
-from ual.geometry import Vector3
+from ual.geometry import Quaternion, Vector3
 from ual.types import GeoPoint
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.frames.resolver import FrameResolver
@@ -32,10 +32,10 @@ class Reader:
         self._thread = threading.Thread(target=lambda: self._seen.append(self._read()))
         monkeypatch.setattr(frames.tree, "set_home", self._set_home)
 
-    def _set_home(self, place: Vector3) -> None:
+    def _set_home(self, place: Vector3, turn: Quaternion) -> None:
         self._thread.start()
         self._thread.join(WINDOW_S)
-        self._follow(place)
+        self._follow(place, turn)
 
     def seen(self) -> tuple[float, ...]:
         self._thread.join(LIMIT_S)

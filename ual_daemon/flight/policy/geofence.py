@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from ual.errors import GeofenceError, WrongStateError
-from ual.geometry import IDENTITY, Transform, Vector3
+from ual.geometry import Transform, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import AutopilotFence, Snapshot
 from ual_daemon.flight.policy import autopilot_fence
@@ -20,6 +20,7 @@ from ual_daemon.flight.policy.ground import Datum, Ground
 from ual_daemon.flight.policy.reach import Reach, change, reach
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Exit, Fence
+from ual_daemon.frames.odom_metres import FrameInLocal, OdomMetres
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.room import Point3, Room
 from ual_daemon.settings import ConfigError, GeofenceSettings, VehicleSettings
@@ -43,7 +44,7 @@ _MOST_GIVEN_M = 0.1
 """A goal may be this much nearer to the ground than the clearance."""
 _LEVEL = 1e-6
 _AT_REST = Vector3()
-_ANYWHERE = Transform(Vector3(), IDENTITY, "", "")
+_ANYWHERE = FrameInLocal(Transform(), OdomMetres(Vector3()))
 _SAME_POINT_M = 1e-6
 _MOST_ROOMS = 3
 """So many are kept: a program that commands two velocities in turn, each near another corner, needs two."""
@@ -124,7 +125,7 @@ class Geofence:
         # A fence in odom moves with `set_home`, as configured. Elsewhere it stays: otherwise any client could move it
         # away, one `set_home` after the other.
         is_carried = resolver.is_moved_by_set_home(self._frame_id) and not resolver.tree.is_below_odom(self._frame_id)
-        self._stays_at = resolver.frame_to_local(self._frame_id) if is_carried else None
+        self._stays_at = resolver.in_local(self._frame_id) if is_carried else None
         Fence(settings.polygon or settings.polygon_geo)  # refuses a polygon that crosses itself now, not in the air
         self._cached: tuple[object, Fence] | None = None
         self._zoned: tuple[object, Fence] | None = None
@@ -184,15 +185,16 @@ class Geofence:
         """Returns the fence of goals and ways, and that of velocities."""
         if self._settings.polygon_geo and snapshot.earth.projection is None:
             raise WrongStateError("the geofence cannot be checked: the autopilot has not said where on Earth it is")
-        to_local = self._to_local()
+        frame = self._in_local()
         key = (
-            to_local.translation,
-            to_local.rotation,
+            frame.to_odom,
+            frame.metres.home,
+            frame.metres.projection,
             snapshot.earth.projection if self._settings.polygon_geo else None,
         )
         cached = self._cached
         if cached is None or cached[0] != key:
-            cached = self._cached = (key, self._make(to_local, snapshot))
+            cached = self._cached = (key, self._make(frame, snapshot))
         own = snapshot.autopilot_fence
         fence = cached[1] if own is None else self._within_autopilot_zones(cached[1], own, snapshot)
         lowest_m, highest_m = self._edges(datum)
@@ -231,23 +233,23 @@ class Geofence:
             cached = self._own = (key, (fence, low_fence))
         return cached[1]
 
-    def _to_local(self) -> Transform:
+    def _in_local(self) -> FrameInLocal:
         if not self._is_configured:
             return _ANYWHERE  # the floor and the ceiling depend on no frame
         if self._stays_at is not None:
             return self._resolver.from_start(self._stays_at)
-        return self._resolver.frame_to_local(self._frame_id)
+        return self._resolver.in_local(self._frame_id)
 
-    def _make(self, to_local: Transform, snapshot: Snapshot) -> Fence:
-        up = to_local.rotation.rotate(Vector3(0.0, 0.0, 1.0))
+    def _make(self, frame: FrameInLocal, snapshot: Snapshot) -> Fence:
+        up = frame.rotation.rotate(Vector3(0.0, 0.0, 1.0))
         if math.hypot(up.x, up.y) > _LEVEL:
             raise WrongStateError(f"the geofence cannot be checked: its frame {self._frame_id} is not level")
         if self._settings.polygon_geo:
             assert snapshot.earth.projection is not None
             corners = (snapshot.earth.projection.to_local(lat, lon, 0.0) for lat, lon in self._settings.polygon_geo)
         else:
-            corners = (to_local.apply(Vector3(x, y, 0.0)) for x, y in self._settings.polygon)
-        base_m = to_local.translation.z
+            corners = (frame.to_local(Vector3(x, y, 0.0)) for x, y in self._settings.polygon)
+        base_m = frame.to_local(Vector3()).z
         return Fence(
             [(corner.x, corner.y) for corner in corners], base_m + self._lowest_m(), base_m + self._highest_m()
         )
