@@ -188,7 +188,7 @@ class Backend(ABC):
 
     @abstractmethod
     def arm(self) -> Future[None]:
-        """Arms the motors. A mode in which arming starts a flight (`Mode.on_arming`) is left first, or it is refused."""
+        """Arms the motors. A mode in which that starts a flight (`Mode.on_arming`) is left first, or it is refused."""
 
     @abstractmethod
     def disarm(self) -> Future[None]:
