@@ -561,7 +561,7 @@ class Flight:
         """Makes one update."""
         raw, manoeuvre = self.raw_estimate(snapshot), self._flown.manoeuvre
         self.authority.follow(raw.state, snapshot)
-        self.arming.follow(snapshot)
+        self.arming.follow(snapshot, is_idle=manoeuvre is None)
         is_taking_off = manoeuvre is not None and manoeuvre.declares is State.TAKING_OFF
         is_led = _is_led(manoeuvre)
         is_on_way = is_led and manoeuvre is not None and manoeuvre.task is not None

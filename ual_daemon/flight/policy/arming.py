@@ -7,13 +7,14 @@ from dataclasses import replace
 
 from ual.types import State
 from ual_daemon import logs
-from ual_daemon.backends.values import Cause, Control, OnArming, Snapshot
+from ual_daemon.backends.values import Cause, Control, Mode, OnArming, Snapshot
 from ual_daemon.flight.state import Estimate
 
 _log = logging.getLogger(__name__)
 
 _THEIRS = "; the safety pilot or a ground station has armed it in mode {}, which starts a flight: UAL sends nothing"
 _OURS = "; UAL has armed it in mode {}, which starts a flight: abort and land end that"
+_SELECTED = "; after UAL has armed it others have selected mode {}, which starts a flight: abort and land end that"
 
 
 class Arming:
@@ -32,9 +33,13 @@ class Arming:
         """The mode in which it was armed, where that begins a flight by itself."""
         self._is_judged = True
         """Whether the mode in which it was armed is known, or never will be."""
+        self._is_selected = False
+        """Whether others have selected that mode on the ground, after our arming."""
+        self._has_stood = False
+        """Whether it stands armed, and has done so in a mode that begins no flight."""
 
-    def follow(self, snapshot: Snapshot) -> None:
-        """Notes what an update shows."""
+    def follow(self, snapshot: Snapshot, *, is_idle: bool) -> None:
+        """Notes what an update shows. `is_idle` is whether UAL flies nothing, which may be a mission, too."""
         armed, mode = snapshot.control.armed, snapshot.control.mode
         if armed is None or mode is None:
             return
@@ -42,8 +47,12 @@ class Arming:
             self._changed(is_armed=armed.value)
         if not self._is_judged and snapshot.control.settled_mode:
             self._judge(snapshot)
+        elif is_idle and self._has_stood and self.is_ours and not self._armed_in and _is_selected_by_others(snapshot):
+            self._begins(mode.value, is_selected=True)
         elif self.is_ours_to_end and self._is_taken(snapshot):
             self.is_ours_to_end = False
+        stands = self._has_stood or (bool(snapshot.control.settled_mode) and not _begins_a_flight(mode.value))
+        self._has_stood = armed.value and snapshot.control.is_on_ground and stands
 
     def explained(self, found: Estimate) -> Estimate:
         """Returns the same; of a flight that an arming has begun, its reason says whose arming."""
@@ -51,11 +60,12 @@ class Arming:
             return found
         if self.is_ours and not self.is_ours_to_end:
             return found
-        return replace(found, why=found.why + (_OURS if self.is_ours else _THEIRS).format(self._armed_in))
+        ours = _SELECTED if self._is_selected else _OURS
+        return replace(found, why=found.why + (ours if self.is_ours else _THEIRS).format(self._armed_in))
 
     def _changed(self, *, is_armed: bool) -> None:
         was_armed, self._is_armed = self._is_armed, is_armed
-        self._armed_in, self.is_ours_to_end = "", False
+        self._armed_in, self._is_selected, self.is_ours_to_end = "", False, False
         self._is_judged = not is_armed or was_armed is None
         if was_armed:
             self.is_ours = False
@@ -64,11 +74,13 @@ class Arming:
         mode = snapshot.control.mode
         assert mode is not None
         self._is_judged = True
-        if mode.value.on_arming not in (OnArming.FLIES, OnArming.MAY_FLY):
-            return
-        self._armed_in, self.is_ours_to_end = mode.value.text, self.is_ours
+        if _begins_a_flight(mode.value):
+            self._begins(mode.value, is_selected=False)
+
+    def _begins(self, mode: Mode, *, is_selected: bool) -> None:
+        self._armed_in, self._is_selected, self.is_ours_to_end = mode.text, is_selected, self.is_ours
         who = "UAL" if self.is_ours else "the safety pilot or a ground station"
-        logs.event(_log, logging.WARNING, "armed_in_flying_mode", by=who, mode=mode.value.text)
+        logs.event(_log, logging.WARNING, "armed_in_flying_mode", by=who, mode=mode.text, selected_after=is_selected)
 
     def _is_taken(self, snapshot: Snapshot) -> bool:
         """Whether UAL or others have led it to another mode. The autopilot itself ends in the one in which it holds."""
@@ -78,3 +90,14 @@ class Arming:
             return True
         holds = mode.value.is_autonomous and mode.value.on_arming is OnArming.STANDS
         return by is Cause.GROUND_STATION and mode.value.text != self._armed_in and not holds
+
+
+def _begins_a_flight(mode: Mode) -> bool:
+    return mode.on_arming in (OnArming.FLIES, OnArming.MAY_FLY)
+
+
+def _is_selected_by_others(snapshot: Snapshot) -> bool:
+    """Whether others have selected, for the armed UAV on the ground, a mode in which the autopilot begins a flight."""
+    control = snapshot.control
+    is_theirs = control.is_on_ground and control.held_by in (Cause.GROUND_STATION, Cause.OPEN)
+    return is_theirs and control.mode is not None and _begins_a_flight(control.mode.value)

@@ -169,6 +169,28 @@ def armed_into_a_flight(px4: Flight) -> None:
     px4.wait_for_state(State.TAKING_OFF)
 
 
+def selected_after_our_arming(px4: Flight) -> None:
+    """Another station selects the mission for the UAV that UAL has armed, and that stands."""
+    land_a_mission(px4)
+    px4.uav.arm()
+    px4.let_pass(0.5)
+    assert px4_of(px4).request_mode(MISSION)
+    px4.wait_for_state(State.TAKING_OFF)
+
+
+@pytest.mark.parametrize("at", [State.TAKING_OFF, State.FLYING_MANUAL])
+@pytest.mark.parametrize("ends_by", ["abort", "land"])
+def test_what_others_select_on_the_ground_after_our_arming_is_ours_to_end(px4: Flight, at: State, ends_by: str) -> None:
+    selected_after_our_arming(px4)
+    px4.wait_for_state(at)
+    assert "after UAL has armed it others have selected mode AUTO.MISSION" in px4.uav.telemetry().state_reason
+    if ends_by == "abort":
+        px4.uav.abort()
+        px4.wait_for_state(State.FLYING_AUTO)
+        px4.let_pass(4.0)  # it comes to rest
+    px4.land()
+
+
 @pytest.mark.parametrize("at", [State.TAKING_OFF, State.FLYING_MANUAL])
 def test_the_flight_that_our_arming_has_started_is_aborted(px4: Flight, at: State) -> None:
     armed_into_a_flight(px4)
@@ -208,3 +230,10 @@ def test_what_the_pilot_takes_of_it_is_his(px4: Flight) -> None:
     assert px4_of(px4).mode == POSCTL
     with pytest.raises(WrongStateError):
         px4.uav.abort()
+
+
+def test_a_mission_of_ours_is_not_told_as_selected_by_others(flight: Flight) -> None:
+    since_s = flight.now_s
+    land_a_mission(flight)
+    reasons = [telemetry.state_reason for time_s, telemetry in flight.seen if time_s >= since_s]
+    assert [each for each in reasons if "others have selected" in each] == []
