@@ -223,6 +223,8 @@ class ArduPilot(Autopilot):
         super()._boot(boot_s)
         self.mode = STABILIZE
         self.mission = self._new_mission(1)
+        self._compared_items = list(self.missions.lists[0])
+        """The mission before its last change."""
         self._is_auto_armed = False
         """Whether it may lift in AUTO: by MISSION_START, or a raised throttle."""
         self._target = Target()
@@ -314,6 +316,13 @@ class ArduPilot(Autopilot):
                 self.mission.begin((north, east, down))
             self._push(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         return True
+
+    def _on_mission_changed(self) -> None:
+        super()._on_mission_changed()
+        before, self._compared_items = self._compared_items, list(self.missions.lists[0])
+        seq = self.mission.seq
+        if self.mode == AUTO and before[seq : seq + 3] != self._compared_items[seq : seq + 3]:
+            self.say("Auto mission changed, restarted command")
 
     def _begins_with_take_off(self) -> bool:
         """Whether the first item that moves it is a take-off."""

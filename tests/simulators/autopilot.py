@@ -9,7 +9,7 @@ import random
 import struct
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -606,9 +606,17 @@ class Autopilot(ABC):
 
     def _new_mission(self, first: int) -> MissionFlight:
         found = MissionFlight(lambda: self.missions.lists[MISSION], first, self._mission_place, self._on_reached)
-        self.missions.on_mission = found.reset
+        self.missions.on_mission = self._on_mission_changed
         found.reset()
         return found
+
+    def _on_mission_changed(self) -> None:
+        self.mission.replaced()
+
+    def station_uploads(self, items: Sequence[MissionItem]) -> None:
+        """Another station brings a mission."""
+        with self.lock:
+            self.missions.keep(MISSION, items)
 
     def _mission_place(self, item: MissionItem) -> Vector:
         """Returns the place of an item, in metres north, east and down."""

@@ -41,6 +41,8 @@ class MissionFlight:
         self.speed_m_s: float | None = None
         self.hold: Vector = (0.0, 0.0, 0.0)
         """Where it stays while no item leads elsewhere."""
+        self.begins_count = 0
+        """How often it was begun since it was new."""
         self._jumps: Counter[int] = Counter()
         self._since_s: float | None = None
 
@@ -49,7 +51,15 @@ class MissionFlight:
         self.seq, self.speed_m_s = self._first, None
         self.state = NOT_STARTED if len(self._items()) > self._first else NONE
         self._jumps.clear()
+        self.begins_count = 0
         self._since_s = None
+
+    def replaced(self) -> None:
+        """Another mission was uploaded. One that is flown goes on in it, with the item of the same number."""
+        if self.state == ACTIVE and len(self._items()) > self._first:
+            self.seq, self._since_s = min(self.seq, len(self._items()) - 1), None
+        else:
+            self.reset()
 
     def choose(self, seq: int) -> bool:
         """Makes an item the current one. Returns whether there is such an item."""
@@ -73,6 +83,7 @@ class MissionFlight:
         if self.state == COMPLETE:
             self.reset()
         self.state = ACTIVE if len(self._items()) > self._first else NONE
+        self.begins_count += 1
 
     def leave(self) -> None:
         """Another mode was entered."""

@@ -28,6 +28,7 @@ from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.references import Reference
 from ual_daemon.vehicle.mission_file import FlownMission, MissionFile
 from ual_daemon.vehicle.mission_plan import MissionPlanner
+from ual_daemon.vehicle.mission_stage import judged_stage
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.reach_limit import ReachLimit
 from ual_daemon.vehicle.refusal_log import accepted
@@ -67,6 +68,8 @@ class Missions:
         """What the daemon flew before it was restarted, until that is found again or gone."""
         self._finding: Future[KeptMission] | None = None
         self._next_s = -math.inf
+        self._last: AutopilotMission | None = None
+        """The newest mission that was flown, or is."""
         self.changes_count = 0
         """How often something was about to be sent that changes the autopilot's mission."""
 
@@ -130,7 +133,9 @@ class Missions:
             is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
             reference = self._flight.brake(snapshot) if is_ours else None
             task = self._tasks.new(TaskKind.MISSION, f"mission of {len(kept.items)} items; {own.link_loss_text}")
-            self._flight.begin(self._manoeuvre(task, offer, kept, first, own, reference), order, snapshot)
+            manoeuvre = self._manoeuvre(task, offer, kept, first, own, reference)
+            self._flight.begin(manoeuvre, order, snapshot)
+            self._last = manoeuvre
             self._remember(task, kept)
             accepted(NAME, task_id=task.id, items=len(kept.items), first=first)
             return task
@@ -153,9 +158,13 @@ class Missions:
         task_id = info.id if info is not None and info.kind is TaskKind.MISSION else ""
         if report is None:
             return MissionProgress(MissionStage.UNKNOWN, task_id=task_id)
-        manoeuvre = self._flight.manoeuvre
-        reached = manoeuvre.reached(report) if isinstance(manoeuvre, AutopilotMission) else report.reached
-        return MissionProgress(report.stage, report.item, reached, task_id)
+        manoeuvre, last = self._flight.manoeuvre, self._last
+        flown = manoeuvre if isinstance(manoeuvre, AutopilotMission) else None
+        if flown is None and last is not None and not last.has_list_of(report):
+            last = None
+        reached = report.reached if flown is None else flown.reached(report)
+        stage = judged_stage(report, self._backend.snapshot(), offer.mode, flown, flown or last)
+        return MissionProgress(stage, report.item, reached, task_id)
 
     def require_task(self, command: str) -> str:
         """Returns the identifier of the mission's task.
@@ -273,7 +282,9 @@ class Missions:
             return
         self._lost = None
         task = self._tasks.new(TaskKind.MISSION, f"mission of {len(kept.items)} items, found again", lost.task_id)
-        if self._flight.adopt(self._manoeuvre(task, offer, kept, None, None)):
+        manoeuvre = self._manoeuvre(task, offer, kept, None, None)
+        if self._flight.adopt(manoeuvre):
+            self._last = manoeuvre
             self._remember(task, kept)
             logs.event(_log, logging.INFO, "mission_found", task_id=task.id)
             if self._flight.last_command.name == LEASE:  # it could not be stopped then: nobody knew whose it was

@@ -192,7 +192,7 @@ def test_a_mission_that_is_not_known_to_be_taken_goes_on_unseen(
     world.autopilot.silent_s = 100.0 if is_silent else 0.0
     world.autopilot.mode, world.autopilot.held_by = "DESCEND", Cause.POSITION
     world.run(5.0)
-    world.offer.told = MissionReport(MissionStage.COMPLETE, 1, 1, world.autopilot.time_s + 0.1)
+    world.offer.told = MissionReport(MissionStage.COMPLETE, 1, 1, world.autopilot.time_s + 0.1, 5)
     world.autopilot.mode, world.autopilot.held_by = world.offer.done_mode, None
     world.run(20.0)
     assert world.flight.manoeuvre is world.mission
@@ -375,7 +375,7 @@ def test_a_mission_that_ends_after_its_hold_was_refused_is_none_of_others(world:
     stop_without_position(world)
     world.wire.refuse("no position")
     world.run(1.0)
-    world.offer.told = MissionReport(MissionStage.COMPLETE, 1, 1, world.autopilot.time_s + 0.1)
+    world.offer.told = MissionReport(MissionStage.COMPLETE, 1, 1, world.autopilot.time_s + 0.1, 5)
     world.autopilot.mode, world.autopilot.held_by = world.offer.done_mode, Cause.GROUND_STATION
     world.run(5.0)
     world.wire.hidden = ()

@@ -33,6 +33,8 @@ class HeardMission(NamedTuple):
     reached: int | None = None
     reached_s: float = -math.inf
     """When that was told."""
+    changes: tuple[int, ...] = ()
+    """See `MissionReport.changes`."""
 
 
 class MissionAccess(NamedTuple):
@@ -121,7 +123,7 @@ class ListedMissions(AutopilotMissions):
             return None
         reached = None if heard.reached is None else _number(codec, heard.reached)
         item = _number(codec, heard.seq)
-        return MissionReport(heard.stage, item, reached, heard.time_s, heard.mission_id, heard.reached_s)
+        return MissionReport(heard.stage, item, reached, heard.time_s, heard.mission_id, heard.reached_s, heard.changes)
 
     @override
     def set_current(self, items: Sequence[Item], item: int, refusal: Refusal, *, anew: bool) -> Future[None]:
@@ -156,7 +158,7 @@ class ListedMissions(AutopilotMissions):
 
 
 def _kept(codec: MissionCodec, found: MissionList) -> KeptMission:
-    return KeptMission(tuple(codec.decode(found.items)), codec.digest(found.items))
+    return KeptMission(tuple(codec.decode(found.items)), codec.digest(found.items), found.opaque_id)
 
 
 def _number(codec: MissionCodec, seq: int) -> int | None:

@@ -7,6 +7,7 @@ They have no time, and are sent again to each new subscriber.
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -55,17 +56,26 @@ class MissionTopics:
     def _on_mission(self, message: Message, now_s: float) -> None:
         self._keep(MissionType.MISSION, message)
         seq = int(message["current_seq"])
+        if self.heard is not None and self.heard.seq == seq:  # it was read again, and flies to the same item
+            self.heard = self.heard._replace(time_s=now_s, changes=(self._mark(),))
+            return
         reached, reached_s = (None, -math.inf) if self.heard is None else (self.heard.reached, self.heard.reached_s)
         if self._stays_in_mode and reached is not None and seq <= reached:
             reached = None  # it flies there again
-        self.heard = HeardMission(MissionStage.UNKNOWN, seq, now_s, reached=reached, reached_s=reached_s)
+        changes = (self._mark(),)
+        self.heard = HeardMission(MissionStage.UNKNOWN, seq, now_s, 0, reached, reached_s, changes)
 
     def _on_reached(self, message: Message, now_s: float) -> None:
         if self.heard is None:
             return
         reached = int(message["wp_seq"])
         stage = MissionStage.COMPLETE if self._is_last(reached) else MissionStage.UNKNOWN
-        self.heard = HeardMission(stage, self.heard.seq, now_s, reached=reached, reached_s=now_s)
+        self.heard = HeardMission(stage, self.heard.seq, now_s, 0, reached, now_s, self.heard.changes)
+
+    def _mark(self) -> int:
+        """Returns a mark of the list as MAVROS has read it, which it does after each transfer that it sees."""
+        items = [each._replace(is_current=False) for each in self.lists[MissionType.MISSION].items]
+        return zlib.crc32(repr(items).encode())
 
     def _is_last(self, reached: int) -> bool:
         """Whether the mission is over with an item. ArduPilot stays in its mode then, and MAVROS passes no end on."""

@@ -21,10 +21,14 @@ UNCHANGED = "unchanged"
 
 
 class KeptMission(NamedTuple):
-    """The mission that the autopilot has, as it was read from it. `digest` is the same for the same mission."""
+    """The mission that the autopilot has, as it was read from it. `digest` is the same for the same mission.
+
+    `mission_id` is the autopilot's own checksum of it; 0 where it tells none.
+    """
 
     items: tuple[Item, ...]
     digest: str
+    mission_id: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,7 @@ class MissionReport:
         time_s: When it was heard last.
         mission_id: Its own checksum of the mission; 0 where it tells none.
         reached_s: When it told what it reached last.
+        changes: What else of it changes with the mission, such as its number of items: compared, and not read.
 
     """
 
@@ -48,6 +53,7 @@ class MissionReport:
     time_s: float
     mission_id: int = 0
     reached_s: float = -math.inf
+    changes: tuple[int, ...] = ()
 
 
 class OnItsOwn(NamedTuple):

@@ -33,6 +33,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     taken,
     with_advice,
 )
+from ual_daemon.flight.manoeuvres.mission_watch import MissionWatch
 from ual_daemon.flight.manoeuvres.recover import TAKES_BACK, Recover
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.flight.policy.jumps import Jump
@@ -121,8 +122,7 @@ class AutopilotMission(Manoeuvre):
         self._entered_s = 0.0
         self._begun_s = math.inf if first is not None else -math.inf
         """When it was entered first, before any pause; infinity until then."""
-        self._mission_id = 0
-        """The autopilot's own checksum of the mission, as it was told when that was known to be ours."""
+        self._watch = MissionWatch(offer, kept)
         self._done_s: float | None = None
         """Since when it is in the mode in which it holds after a mission."""
         self._was_in_air = first is None
@@ -146,6 +146,28 @@ class AutopilotMission(Manoeuvre):
     def item(self) -> int:
         """The item that is flown, counted from 1."""
         return self._item
+
+    def stage(self, snapshot: Snapshot) -> MissionStage:
+        """Returns how far it is, by what the autopilot is seen to do."""
+        if self._phase in _HOLDING:
+            return MissionStage.PAUSED
+        is_entered = self._phase is _Phase.ENTERING and _mode(snapshot) == self._offer.mode and self._was_in_air
+        if self._phase in (_Phase.CHOOSING, _Phase.ENTERING) and not is_entered:
+            return MissionStage.PAUSED if self._was_paused else MissionStage.NOT_STARTED
+        return MissionStage.ACTIVE
+
+    @property
+    def has_succeeded(self) -> bool:
+        """Whether it was flown to its end."""
+        return self.future.done() and not self.future.cancelled() and self.future.exception() is None
+
+    def has_list_of(self, report: MissionReport) -> bool:
+        """Returns whether the autopilot still tells the list that it told while this mission was flown."""
+        return self._watch.has_list_of(report)
+
+    def is_at_last(self, report: MissionReport) -> bool:
+        """Returns whether the last item that moves it is flown, or was reached: there the mission may end."""
+        return max(self._item, self.reached(report) or 0) >= self._last_moving
 
     def reached(self, report: MissionReport) -> int | None:
         """Returns the item that was reached last since it began, counted from 1."""
@@ -213,7 +235,7 @@ class AutopilotMission(Manoeuvre):
         self._look_at_items()
         self._was_in_air = self._was_in_air or estimate.state not in _LANDED
         if estimate.state in _LANDED and self._was_in_air:
-            return self._landed(estimate)
+            return self._landed(snapshot, estimate)
         if estimate.state is State.LANDED_DISARMED:
             return failed(TaskAbortedError(f"{NAME}: the motors were disarmed", {"by": "autopilot"}))
         return _STEPS[self._phase](self, snapshot)
@@ -279,7 +301,9 @@ class AutopilotMission(Manoeuvre):
             self.mission = ""  # the autopilot takes our references yet
         self._task.report(partial(Progress, (self._item - 1) / count, None, self._item - 1))
 
-    def _landed(self, estimate: Estimate) -> Step:
+    def _landed(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        if (step := self._unless_another(snapshot, is_end=True)) is not None:
+            return step
         if self._ends_on_ground():
             return Step(has_ended=True)
         what = name_of(self._kept.items, self._item - 1)
@@ -298,7 +322,6 @@ class AutopilotMission(Manoeuvre):
         logs.event(_log, logging.INFO, "mission_found", task_id=self._task.id, item=self._item)
         self._is_ours()
         self._phase, self._waited = _Phase.FLYING, None
-        self._mission_id = self._told_id()
         return Step()
 
     def _unless_kept(self, advice: str) -> Step | None:
@@ -311,9 +334,22 @@ class AutopilotMission(Manoeuvre):
         if isinstance(found, UalError):
             return failed(with_advice(found, advice))
         if found.digest != self._kept.digest:
-            why = f"{NAME}: the autopilot has another mission now, which UAL has not started"
-            return Step(has_ended=True, error=TaskAbortedError(why, {"by": "ground station"}), is_taken=True)
+            return _of_another()
         return None
+
+    def _unless_another(self, snapshot: Snapshot, *, is_end: bool = False) -> Step | None:
+        """Returns the end of a mission that another station has replaced; at its end also what to do until that is
+        known. None while it is ours.
+        """
+        watch = self._watch
+        watch.step(snapshot.time_s, self._item, is_end=is_end)
+        if watch.is_other:
+            return _of_another()
+        if not is_end or watch.is_sure(is_end=True):
+            return None
+        if watch.failure is None:
+            return Step()
+        return failed(with_advice(watch.failure, "it is not known whether the autopilot has flown our mission"))
 
     def _choosing(self, snapshot: Snapshot) -> Step:
         if (step := self._unless_ours(snapshot)) is not None:
@@ -333,7 +369,7 @@ class AutopilotMission(Manoeuvre):
     def _enter(self, snapshot: Snapshot) -> None:
         self.command = AutopilotCommand("fly the mission")
         self._phase, self._waited = _Phase.ENTERING, None
-        self._entered_s, self._mission_id = snapshot.time_s, self._told_id()
+        self._entered_s = snapshot.time_s
         self._begun_s = min(self._begun_s, snapshot.time_s)
         self._update_words()
         self.command.send(self._offer.fly)
@@ -354,15 +390,15 @@ class AutopilotMission(Manoeuvre):
         return self.command is not None and not self.command.is_answered and not self._was_in_air
 
     def _flying(self, snapshot: Snapshot) -> Step:
-        if self._is_complete(snapshot, self._offer.report()):
+        is_complete = self._is_complete(snapshot, self._offer.report())
+        if (step := self._unless_another(snapshot, is_end=is_complete)) is not None:
+            return step
+        if is_complete:
             return Step(handover=self._hand_back())
         if self._may_be_complete(snapshot):
             return Step()
         if (step := self._unless_flown(snapshot)) is not None:
             return step
-        if self._told_id() not in (0, self._mission_id):  # it flies one that another station has brought
-            self._phase, self._waited = _Phase.VERIFYING, None
-            return Step()
         if self._task.is_paused:
             self.command, self._trouble = AutopilotCommand("hold its position"), ""
             self._phase, self._began_in = _Phase.PAUSING, _mode(snapshot)
@@ -380,7 +416,8 @@ class AutopilotMission(Manoeuvre):
             and report.reached_s > self._entered_s  # not in a flight before
             and self._item >= self._last_moving  # it has not jumped back
         )
-        is_over = report.stage is MissionStage.COMPLETE or (has_reached and _mode(snapshot) != self._offer.mode)
+        is_told = report.stage is MissionStage.COMPLETE and self.is_at_last(report)  # else an end of another one
+        is_over = is_told or (has_reached and _mode(snapshot) != self._offer.mode)
         return is_over and _mode(snapshot) in (self._offer.mode, self._offer.done_mode)
 
     def _may_be_complete(self, snapshot: Snapshot) -> bool:
@@ -392,10 +429,6 @@ class AutopilotMission(Manoeuvre):
             return False
         self._done_s = snapshot.time_s if self._done_s is None else self._done_s
         return snapshot.time_s - self._done_s < _TOLD_S
-
-    def _told_id(self) -> int:
-        report = self._offer.report()
-        return 0 if report is None else report.mission_id
 
     @property
     def _last_moving(self) -> int:
@@ -502,6 +535,15 @@ class AutopilotMission(Manoeuvre):
         if error is None:
             return waited.result()
         return error if isinstance(error, UalError) else UalError(f"{NAME}: {error}")
+
+
+def _of_another() -> Step:
+    """Returns the end of a mission in whose place the autopilot has one that UAL has not brought there."""
+    why = (
+        f"{NAME}: the autopilot has another mission now, which UAL has not started: another station has brought it; "
+        "UAL sends nothing, and recover_from_manual takes control back"
+    )
+    return Step(has_ended=True, error=TaskAbortedError(why, {"by": "ground station"}), is_taken=True)
 
 
 def _mode(snapshot: Snapshot) -> str:

@@ -635,3 +635,30 @@ def test_one_that_does_not_give_the_control_is_held_by_the_autopilot(
     monkeypatch.undo()
     flight.uav.recover_from_manual()
     flight.land()
+
+
+def test_how_far_it_is_is_judged_by_what_it_does(flight: Flight) -> None:
+    """PX4 told ACTIVE after the abort of one that had been paused, and COMPLETE once disarmed, with one item reached."""
+    flight.take_off()
+    start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M), at(flight, 0, FAR_M)])
+    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.uav.mission.pause()
+    flight.wait_for(lambda: flight.uav.mission.progress().stage is MissionStage.PAUSED, "its pause")
+    on_way: list[MissionStage] = []
+    flight.when(
+        lambda told: told.flight_mode in ("AUTO.MISSION", "AUTO") and "flies our" in told.state_reason,
+        lambda: on_way.append(flight.uav.mission.progress().stage),
+    )
+    flight.uav.mission.resume()
+    flight.wait_for(lambda: place_m(flight)[0] > 15.0, "its way again")
+    assert on_way == [MissionStage.ACTIVE]
+    flight.uav.mission.jump_to(2)
+    flight.uav.abort()
+    flight.wait_for_state(State.FLYING_AUTO)
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode in ("OFFBOARD", "GUIDED"), "the control")
+    flight.let_pass(3.0)
+    assert flight.uav.mission.progress().stage is MissionStage.PAUSED
+    flight.land()
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.let_pass(3.0)
+    assert flight.uav.mission.progress().stage is MissionStage.NOT_STARTED

@@ -23,7 +23,7 @@ from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission, Tak
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Hold
 
-KEPT = KeptMission((Waypoint(47.0, 8.0, 5.0),), "1")
+KEPT = KeptMission((Waypoint(47.0, 8.0, 5.0),), "1", 5)
 
 
 class Missions(AutopilotMissions):
@@ -209,7 +209,7 @@ def test_others_who_take_it_while_it_is_paused_end_it(lab: Lab) -> None:
 def test_a_failsafe_that_holds_at_the_last_item_is_no_end_of_the_mission(lab: Lab, stage: MissionStage) -> None:
     """PX4 holds in the mode that follows a mission, too. It was told as FLYING_AUTO for 2.5 s, or taken back."""
     lab.fly()
-    lab.offer.told = MissionReport(stage, 1, 1, lab.autopilot.time_s + 0.1)
+    lab.offer.told = MissionReport(stage, 1, 1, lab.autopilot.time_s + 0.1, 5)
     lab.autopilot.mode, lab.autopilot.held_by = "HOLD", Cause.RC
     step = lab.autopilot.step(lab.mission)
     assert step.is_taken
@@ -219,7 +219,7 @@ def test_a_failsafe_that_holds_at_the_last_item_is_no_end_of_the_mission(lab: La
 
 def test_an_item_that_was_reached_in_a_flight_before_is_none_of_this_one(lab: Lab) -> None:
     """Whoever held it was then told as its end, and UAL took the control back from them."""
-    lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, 1, 0.0, reached_s=0.0)
+    lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, 1, 0.0, 5, reached_s=0.0)
     assert lab.mission.reached(lab.offer.told) is None
     lab.fly()
     lab.offer.told = replace(lab.offer.told, time_s=lab.autopilot.time_s)
@@ -237,7 +237,7 @@ def test_an_item_that_was_reached_in_a_flight_before_is_none_of_this_one(lab: La
 def test_an_item_that_is_reached_is_its_end_where_the_autopilot_holds(lab: Lab) -> None:
     lab.fly()
     now_s = lab.autopilot.time_s
-    lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, 1, now_s, reached_s=now_s)
+    lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, 1, now_s, 5, reached_s=now_s)
     assert lab.mission.reached(lab.offer.told) == 1
     lab.autopilot.mode = lab.offer.done_mode
     with pytest.raises(NotImplementedError):  # it takes the control back
@@ -264,6 +264,6 @@ def test_a_failsafe_that_left_the_mission_flying_does_not_keep_its_end_from_bein
     lab.offer.done_mode = lab.offer.mode
     lab.autopilot.held_by = Cause.RC
     lab.fly()
-    lab.offer.told = MissionReport(MissionStage.COMPLETE, 1, 1, lab.autopilot.time_s + 0.1)
+    lab.offer.told = MissionReport(MissionStage.COMPLETE, 1, 1, lab.autopilot.time_s + 0.1, 5)
     with pytest.raises(NotImplementedError):  # it takes the control back
         lab.run()

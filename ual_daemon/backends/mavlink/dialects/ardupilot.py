@@ -40,6 +40,8 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
 
     # The streams requested below come at 10 Hz and more; the heartbeat, until it is requested, at 1 Hz.
     freshness = Freshness(link_s=1.2, pose_s=1.5, mode_s=4.0, landed_s=2.0, estimator_s=2.0)
+    # ModeAuto::run compares the next three items; the second comes on the link of the upload only.
+    mission_change_texts = ("Auto mission changed", "Flight plan received")
     estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
     optional_messages = frozenset({mavlink.MAVLINK_MSG_ID_BATTERY_STATUS})  # without a monitor there are none
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)

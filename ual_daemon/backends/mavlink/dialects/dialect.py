@@ -53,6 +53,8 @@ class Dialect(Autopilot):
     """Whether it may have a file that describes its parameters."""
     packed_parameters = ""
     """The file with all parameters and their values; empty where there is none."""
+    mission_change_texts: tuple[str, ...] = ()
+    """The beginnings of the texts by which it says that its mission was changed."""
     keeps_items = False
     """Whether UAL transfers its mission, its fence and its rally points by the mission protocol."""
 

@@ -73,7 +73,8 @@ def missions_of(
         if found is None:
             return None
         stage = _STAGES.get(found.state, MissionStage.UNKNOWN)
-        return HeardMission(stage, found.seq, found.time_s, found.mission_id, found.reached, found.reached_s)
+        reached = found.reached, found.reached_s
+        return HeardMission(stage, found.seq, found.time_s, found.mission_id, *reached, found.changes)
 
     def choose(seq: int, shown_by: frozenset[int], refusal: Refusal) -> Future[None]:
         def begin(protocols: Protocols, future: Future[None]) -> None:

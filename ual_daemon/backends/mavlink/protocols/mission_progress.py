@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from typing_extensions import override
 
@@ -29,7 +29,10 @@ TRIES_COUNT = 10
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """The newest of what was heard of the mission: MISSION_CURRENT, and the number and time of MISSION_ITEM_REACHED."""
+    """The newest of what was heard of the mission: MISSION_CURRENT, and the number and time of MISSION_ITEM_REACHED.
+
+    `total` is the number of its items, `texts_count` how many texts said that it was changed.
+    """
 
     state: int
     seq: int
@@ -37,6 +40,13 @@ class Heard:
     mission_id: int
     reached: int | None = None
     reached_s: float = -math.inf
+    total: int = 0
+    texts_count: int = 0
+
+    @property
+    def changes(self) -> tuple[int, int]:
+        """What tells a change of the mission beside its checksum."""
+        return self.total, self.texts_count
 
 
 class SetCurrent(Exchange[None]):
@@ -95,6 +105,7 @@ class MissionProgress(Protocol):
         self._is_up = is_up
         self._target: Source | None = None
         self._setting: SetCurrent | None = None
+        self._change_texts: tuple[str, ...] = ()
         self.heard: Heard | None = None
 
     @property
@@ -103,12 +114,13 @@ class MissionProgress(Protocol):
         return {
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self._on_current,
             mavlink.MAVLINK_MSG_ID_MISSION_ITEM_REACHED: self._on_reached,
+            mavlink.MAVLINK_MSG_ID_STATUSTEXT: lambda message, _: self._on_text(message),
         }
 
     @override
     def attach(self, target: Source, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
-        self._target = target
+        self._target, self._change_texts = target, dialect.mission_change_texts
 
     @override
     def drop(self, why: str) -> None:
@@ -140,15 +152,21 @@ class MissionProgress(Protocol):
 
     def _on_current(self, message: Message, now_s: float) -> None:
         state, mission_id = getattr(message, "mission_state", 0), getattr(message, "mission_id", 0)
-        heard = self.heard
-        if heard is None or heard.mission_id != mission_id:  # what was reached is an item of another mission
-            self.heard = Heard(state, message.seq, now_s, mission_id)
-        else:
-            self.heard = Heard(state, message.seq, now_s, mission_id, heard.reached, heard.reached_s)
+        heard, total = self.heard, getattr(message, "total", 0)
+        texts_count = 0 if heard is None else heard.texts_count
+        told = Heard(state, message.seq, now_s, mission_id, total=total, texts_count=texts_count)
+        if heard is not None and (heard.mission_id, heard.total) == (mission_id, total):
+            told = replace(told, reached=heard.reached, reached_s=heard.reached_s)  # else it is of another mission
+        self.heard = told
         if self._setting is not None:
             self._setting.on_current(message.seq)
 
     def _on_reached(self, message: Message, now_s: float) -> None:
         heard = self.heard
         if heard is not None:
-            self.heard = Heard(heard.state, heard.seq, heard.time_s, heard.mission_id, message.seq, now_s)
+            self.heard = replace(heard, reached=message.seq, reached_s=now_s)
+
+    def _on_text(self, message: Message) -> None:
+        heard = self.heard
+        if heard is not None and self._change_texts and message.text.startswith(self._change_texts):
+            self.heard = replace(heard, texts_count=heard.texts_count + 1)

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ual.errors import LinkLostError, UalError, UalTimeoutError, WrongStateError
+from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.mission_progress import RETRY_S, TRIES_COUNT, Heard, MissionProgress
 from ual_daemon.backends.mavlink.wire.frames import Source
@@ -17,6 +18,7 @@ from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 ACTIVE = mavlink.MISSION_STATE_ACTIVE
 CURRENT, REACHED = mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, mavlink.MAVLINK_MSG_ID_MISSION_ITEM_REACHED
+TEXT = mavlink.MAVLINK_MSG_ID_STATUSTEXT
 
 
 class Bench:
@@ -30,9 +32,15 @@ class Bench:
         self.progress = MissionProgress(self.sent.append, lambda _: self.is_up)
         self.progress.attach(Source(7, 1), Px4())
 
-    def current(self, seq: int, state: int = ACTIVE, mission_id: int = 5) -> None:
+    @property
+    def changes(self) -> tuple[int, int]:
+        """What tells a change of the mission."""
+        assert self.progress.heard is not None
+        return self.progress.heard.changes
+
+    def current(self, seq: int, state: int = ACTIVE, mission_id: int = 5, total: int = 9) -> None:
         """A MISSION_CURRENT comes."""
-        message: Any = mavlink.MAVLink_mission_current_message(seq, 9, state, 0)
+        message: Any = mavlink.MAVLink_mission_current_message(seq, total, state, 0)
         message.mission_id = mission_id  # a newer field
         self._take(CURRENT, message)
 
@@ -55,6 +63,21 @@ class Bench:
             self.progress.tick(self.now_s)
 
 
+def test_a_text_and_the_number_of_items_tell_a_change_of_the_mission() -> None:
+    bench = Bench()
+    bench.progress.attach(Source(7, 1), ArduCopter())
+    bench.current(3, mission_id=0)
+    told = [bench.changes]
+    for text in (b"Mission: 3 WP", b"Auto mission changed, restarted command"):
+        bench._take(TEXT, mavlink.MAVLink_statustext_message(6, text))
+        told.append(bench.changes)
+    bench.current(3, mission_id=0)
+    told.append(bench.changes)
+    bench.current(3, mission_id=0, total=2)
+    told.append(bench.changes)
+    assert told == [(9, 0), (9, 0), (9, 1), (9, 1), (2, 1)]
+
+
 def test_the_newest_word_on_the_mission_is_kept() -> None:
     bench = Bench()
     assert bench.progress.heard is None
@@ -63,11 +86,11 @@ def test_the_newest_word_on_the_mission_is_kept() -> None:
     bench.current(3)
     bench.now_s += 1.0
     bench.reached(3)
-    assert bench.progress.heard == Heard(ACTIVE, 3, 100.0, 5, 3, 101.0)
+    assert bench.progress.heard == Heard(ACTIVE, 3, 100.0, 5, 3, 101.0, 9)
     bench.current(4)
-    assert bench.progress.heard == Heard(ACTIVE, 4, 101.0, 5, 3, 101.0)
+    assert bench.progress.heard == Heard(ACTIVE, 4, 101.0, 5, 3, 101.0, 9)
     bench.current(1, mission_id=6)  # another mission
-    assert bench.progress.heard == Heard(ACTIVE, 1, 101.0, 6)
+    assert bench.progress.heard == Heard(ACTIVE, 1, 101.0, 6, total=9)
     bench.progress.drop("the autopilot has booted")
     assert bench.progress.heard is None
 

@@ -1,0 +1,87 @@
+"""A mission of UAL that another station replaces while it is flown, in the vehicle's time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import LIMIT_S
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, landing, place_m, start
+from ual.errors import TaskAbortedError
+from ual.missions import Item
+from ual.types import State
+
+REPLACED = "has another mission now, which UAL has not started: another station has brought it"
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Flight]:
+    class Kept(Flight):
+        home_file = tmp_path / "uav_1.home"
+
+    flight = Kept(str(request.param))
+    yield flight
+    flight.uav.close()
+
+
+def bring(flight: Flight, count: int, changed: tuple[int, ...] = ()) -> float:
+    """Another station brings the first items of the mission, some of them 30 m higher. Returns when."""
+    items = flight.autopilot.missions.lists[0]
+    brought = [each._replace(z=each.z + 30.0 * (seq in changed)) for seq, each in enumerate(items[:count])]
+    flight.autopilot.station_uploads(brought)
+    return flight.now_s
+
+
+def four(flight: Flight) -> list[Item]:
+    return [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M), at(flight, 0, FAR_M), at(flight, 0, FAR_M + 9)]
+
+
+@pytest.mark.parametrize(("count", "changed"), [(3, ()), (5, (1,))])  # told by the number of items, and by a text
+def test_one_that_is_replaced_in_flight_ends_at_once(flight: Flight, count: int, changed: tuple[int, ...]) -> None:
+    """ArduPilot: it was told as ours, and SUCCEEDED with items unflown."""
+    flight.take_off()
+    task = flight.uav.task(start(flight, four(flight)))
+    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    brought_s = bring(flight, count, changed)
+    with pytest.raises(TaskAbortedError, match=REPLACED):
+        task.wait(LIMIT_S)
+    assert flight.first_s(lambda told: told.state is State.FLYING_MANUAL, brought_s) < brought_s + 3.0
+
+
+@pytest.mark.parametrize("flight", ["ardupilot"], indirect=True)  # it says nothing of what is further on
+@pytest.mark.parametrize("is_landing", [True, False])
+def test_one_whose_further_items_are_replaced_never_succeeds(flight: Flight, *, is_landing: bool) -> None:
+    flight.take_off()
+    way: list[Item] = [at(flight, 8.0 * step, 0) for step in range(1, 6)]
+    end: Item = landing(flight, 40, 8) if is_landing else at(flight, 40, 8)
+    task = flight.uav.task(start(flight, [*way, end]))
+    flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
+    items = flight.autopilot.missions.lists[0]
+    flight.autopilot.station_uploads([*items[:-1], items[-1]._replace(x=items[-1].x + 100)])
+    assert not flight.autopilot.said.startswith("Auto mission changed")
+    with pytest.raises(TaskAbortedError, match=REPLACED):
+        task.wait(LIMIT_S)
+
+
+def test_one_that_is_replaced_as_it_is_started_ends(flight: Flight) -> None:
+    """What was told of the mission was noted only then: that of the other station counted as ours."""
+    flight.take_off()
+    flight.when(lambda told: told.task is not None, lambda: flight.autopilot.station_uploads(brought))
+    items = four(flight)
+    flight.uav.mission.upload(items)
+    brought = flight.autopilot.missions.lists[0][:3]
+    task = flight.uav.task(flight.uav.mission.start().id)
+    with pytest.raises(TaskAbortedError, match=REPLACED):
+        task.wait(LIMIT_S)
+    flight.wait_for_state(State.FLYING_MANUAL)
+
+
+def test_the_same_mission_that_is_brought_again_is_still_ours(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, 12, 0), at(flight, 12, 12)]))
+    flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
+    bring(flight, 9)
+    assert task.wait(LIMIT_S).status.name == "SUCCEEDED"

@@ -1,0 +1,63 @@
+"""How far a mission is, where the autopilot's word is late or wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.ual_daemon.flight.hand_made import Autopilot
+from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import Lab
+from ual.missions.plan import MissionStage
+from ual_daemon.backends.offers.missions import MissionReport
+from ual_daemon.backends.values import Control, LandedState
+from ual_daemon.vehicle.mission_stage import judged_stage
+
+NONE, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = list(MissionStage)[1:]
+
+
+def judged(told: MissionStage, mode: str, *, armed: bool = True, lab: Lab | None = None) -> MissionStage:
+    """Returns the stage of a mission that is no task, of which a task was the last one."""
+    autopilot = Autopilot(control=Control.OTHER, landed=LandedState.IN_AIR, mode=mode, armed=armed)
+    last = None if lab is None else lab.mission
+    return judged_stage(MissionReport(told, 1, 1, 0.0, 5), autopilot.snapshot(), "MISSION", None, last)
+
+
+@pytest.mark.parametrize(
+    ("told", "mode", "armed", "stage"),
+    [
+        (ACTIVE, "OFFBOARD", True, PAUSED),  # for 30 s, as UAL flew a go-to
+        (PAUSED, "MISSION", True, ACTIVE),
+        (NOT_STARTED, "OFFBOARD", True, NOT_STARTED),
+        (ACTIVE, "MISSION", False, NOT_STARTED),
+        (COMPLETE, "HOLD", True, COMPLETE),
+        (NONE, "MISSION", True, NONE),
+        (MissionStage.UNKNOWN, "MISSION", True, MissionStage.UNKNOWN),
+    ],
+)
+def test_the_mode_is_newer_than_what_is_told(
+    told: MissionStage, mode: str, *, armed: bool, stage: MissionStage
+) -> None:
+    assert judged(told, mode, armed=armed) is stage
+
+
+@pytest.mark.parametrize(("armed", "stage"), [(True, PAUSED), (False, NOT_STARTED)])
+def test_one_that_did_not_reach_its_last_item_is_not_complete(*, armed: bool, stage: MissionStage) -> None:
+    lab = Lab()
+    lab.kept = lab.kept._replace(items=lab.kept.items * 3)
+    lab.mission = lab.make()
+    assert judged(COMPLETE, "HOLD", armed=armed, lab=lab) is stage
+
+
+def stage_of(lab: Lab) -> MissionStage:
+    return lab.mission.stage(lab.autopilot.snapshot())
+
+
+def test_a_task_tells_what_it_was_seen_to_do() -> None:
+    lab = Lab()
+    told = [stage_of(lab)]
+    lab.fly()
+    told.append(stage_of(lab))
+    lab.pause()
+    told.append(stage_of(lab))
+    report = MissionReport(ACTIVE, 1, None, 0.0, 5)
+    assert told == [NOT_STARTED, ACTIVE, PAUSED]
+    assert judged_stage(report, lab.autopilot.snapshot(), "MISSION", lab.mission, lab.mission) is PAUSED

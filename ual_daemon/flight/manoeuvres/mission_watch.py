@@ -1,0 +1,96 @@
+"""Whether the autopilot still has the mission that it was started with, or one that another station has brought."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Future
+from typing import NamedTuple
+
+from ual.errors import UalError
+from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport
+
+AGAIN_S = 1.0
+"""The time from a read that failed to the next one."""
+SETTLE_S = 0.3
+"""The time from a change to its read: amid an upload ArduPilot refuses it, and it is asked for again a second later."""
+_PAUSE_FACTOR = 9.0
+"""Reads for a new item alone wait so many times as long as the last one took: they get a tenth of the time."""
+
+
+class _Told(NamedTuple):
+    """What the autopilot tells of its mission, which changes with it."""
+
+    mission_id: int
+    changes: tuple[int, ...]
+
+
+class MissionWatch:
+    """Compares what the autopilot tells of its mission, and reads it anew where that does not say enough.
+
+    PX4 tells a checksum. ArduPilot tells the number of items, and by a text that one of the next three has changed. So
+    there the mission is read once it is flown, with new items, and before it counts as flown to its end.
+    """
+
+    def __init__(self, offer: AutopilotMissions, kept: KeptMission) -> None:
+        self._offer, self._kept = offer, kept
+        self._sure: _Told | None = None
+        """What was told when the mission was ours; None before the first comparison."""
+        self._newest: _Told | None = None
+        self._asked: _Told | None = None
+        """What was told when the read under way began, or the last one."""
+        self._reading: Future[KeptMission] | None = None
+        self._is_of_end = self._is_end_read = False
+        self._item = 0
+        """The item that was flown when the last read began."""
+        self._began_s, self._next_s, self._next_item_s = 0.0, -math.inf, -math.inf
+        self.is_other = False
+        """Whether the autopilot has another mission."""
+        self.failure: UalError | None = None
+        """Why the last read failed."""
+
+    def step(self, now_s: float, item: int, *, is_end: bool = False) -> None:
+        """Compares, takes what was read, and begins to read where that is due. `is_end`: all items seem to be flown."""
+        if self._reading is not None and self._reading.done():
+            self._take(self._reading, now_s)
+        told = self._told()
+        if told is None or self._reading is not None or self.is_other:
+            return
+        if told.mission_id and told.mission_id == self._kept.mission_id:
+            self._sure = told
+        if self._newest not in (None, told):
+            self._next_s = now_s + SETTLE_S
+        self._newest = told
+        is_of_item = not told.mission_id and item != self._item and now_s >= self._next_item_s
+        if now_s >= self._next_s and (is_of_item or not self.is_sure(is_end=is_end)):
+            self._asked, self._is_of_end, self._item, self._began_s = told, is_end, item, now_s
+            self._reading = self._offer.download()
+
+    def is_sure(self, *, is_end: bool) -> bool:
+        """Returns whether the mission is ours by all that is told, and by what was read at its end."""
+        told = self._told()
+        if told is None:
+            return True
+        return told == self._sure and (not is_end or bool(told.mission_id) or self._is_end_read)
+
+    def has_list_of(self, report: MissionReport) -> bool:
+        """Returns whether the list told now is the one that was ours; also while none was told."""
+        return self._sure is None or self._sure == _told(report)
+
+    def _told(self) -> _Told | None:
+        report = self._offer.report()
+        return None if report is None else _told(report)
+
+    def _take(self, reading: Future[KeptMission], now_s: float) -> None:
+        self._reading, self.failure = None, None
+        error = None if reading.cancelled() else reading.exception()
+        if reading.cancelled() or error is not None:
+            self.failure = error if isinstance(error, UalError) else UalError(f"the mission was not read: {error}")
+            self._next_s = now_s + AGAIN_S
+            return
+        self.is_other = reading.result().digest != self._kept.digest
+        self._sure, self._is_end_read = self._asked, self._is_of_end
+        self._next_item_s = now_s + _PAUSE_FACTOR * (now_s - self._began_s)
+
+
+def _told(report: MissionReport) -> _Told:
+    return _Told(report.mission_id, report.changes)
