@@ -696,7 +696,9 @@ class Px4(Autopilot):
             mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: self._hil_state,
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._estimator_status,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._current_mode,
-            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: lambda: self.missions.current(self.mission.seq, self._mission_told()),
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: lambda: self.missions.current(
+                self.mission.seq, self._mission_told()
+            ),
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self._odometry,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: filler(85),
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda: None,  # accepted; without a transmitter none comes

@@ -10,7 +10,7 @@ from functools import partial
 
 from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.missions import checks
-from ual.missions.items import MOVING, Item, TakeOff
+from ual.missions.items import MOVING, Item, Jump, TakeOff, name_of
 from ual.missions.plan import MissionPlan, MissionProgress, MissionStage
 from ual.types import State, TaskKind
 from ual_daemon import logs
@@ -132,12 +132,14 @@ class Missions:
                 )
             is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
             reference = self._flight.brake(snapshot) if is_ours else None
-            task = self._tasks.new(TaskKind.MISSION, f"mission of {len(kept.items)} items; {own.link_loss_text}")
+            skipped = _skipped(kept.items, first)
+            words = f"mission of {len(kept.items)} items; {own.link_loss_text}{skipped}"
+            task = self._tasks.new(TaskKind.MISSION, words)
             manoeuvre = self._manoeuvre(task, offer, kept, first, own, reference)
             self._flight.begin(manoeuvre, order, snapshot)
             self._last = manoeuvre
             self._remember(task, kept)
-            accepted(NAME, task_id=task.id, items=len(kept.items), first=first)
+            accepted(NAME, task_id=task.id, items=len(kept.items), first=first, skipped=skipped.removeprefix("; "))
             return task
 
     def jump(self, item: int, lease_id: str = NOBODY) -> Future[None]:
@@ -148,6 +150,8 @@ class Missions:
             if not isinstance(manoeuvre, AutopilotMission):
                 raise WrongStateError("jump_to_item: no mission of UAL is flown", {"command": "jump_to_item"})
             self._require_item(manoeuvre.items, item)
+            if not isinstance(manoeuvre.items[item - 1], MOVING):
+                raise checks.refused(manoeuvre.items, item - 1, "a jump leads to an item that flies, not to this one")
             future = manoeuvre.jump(item, partial(self._why_not_jump, lease_id))
             accepted("jump_to_item", item=item)
             return future
@@ -200,8 +204,8 @@ class Missions:
     def _require_item(self, items: Sequence[Item], item: int) -> None:
         if not 1 <= item <= len(items):
             raise WrongStateError(f"{NAME}: it has {len(items)} items, and no item {item}", {"count": str(len(items))})
-        if not isinstance(items[item - 1], MOVING):
-            raise checks.refused(items, item - 1, "a mission goes on with an item that flies, not with this one")
+        if isinstance(items[item - 1], Jump) or not any(isinstance(each, MOVING) for each in items[item - 1 :]):
+            raise checks.refused(items, item - 1, "no item that flies follows: a mission does not go on with this one")
 
     def _manoeuvre(
         self,
@@ -300,6 +304,15 @@ class Missions:
         logs.event(_log, logging.INFO, "mission_over", why=why)
         if self._file is not None:
             self._file.remove()
+
+
+def _skipped(items: Sequence[Item], first: int) -> str:
+    """Returns which settings a start with an item leaves out, as they stand before it; empty where it leaves out none."""
+    kinds: dict[type[Item], str] = {}
+    for index, item in enumerate(items[: first - 1]):
+        if not isinstance(item, (*MOVING, Jump)):
+            kinds[type(item)] = name_of(items, index)
+    return f"; it begins with item {first}, without {', '.join(kinds.values())}" if kinds else ""
 
 
 def _require_here(begins: TakeOff, snapshot: Snapshot) -> None:

@@ -56,11 +56,8 @@ class MissionTopics:
     def _on_mission(self, message: Message, now_s: float) -> None:
         self._keep(MissionType.MISSION, message)
         seq = int(message["current_seq"])
-        if self.heard is not None and self.heard.seq == seq:  # it was read again, and flies to the same item
-            self.heard = self.heard._replace(time_s=now_s, changes=(self._mark(),))
-            return
         reached, reached_s = (None, -math.inf) if self.heard is None else (self.heard.reached, self.heard.reached_s)
-        if self._stays_in_mode and reached is not None and seq <= reached:
+        if self._stays_in_mode and reached is not None and seq < reached:
             reached = None  # it flies there again
         changes = (self._mark(),)
         self.heard = HeardMission(MissionStage.UNKNOWN, seq, now_s, 0, reached, reached_s, changes)

@@ -123,6 +123,8 @@ class AutopilotMission(Manoeuvre):
         self._begun_s = math.inf if first is not None else -math.inf
         """When it was entered first, before any pause; infinity until then."""
         self._watch = MissionWatch(offer, kept)
+        self._is_ending = False
+        """Whether its end was told, and is compared with what the autopilot has."""
         self._done_s: float | None = None
         """Since when it is in the mode in which it holds after a mission."""
         self._was_in_air = first is None
@@ -391,6 +393,9 @@ class AutopilotMission(Manoeuvre):
 
     def _flying(self, snapshot: Snapshot) -> Step:
         is_complete = self._is_complete(snapshot, self._offer.report())
+        if self._is_ending and _mode(snapshot) in (self._offer.mode, self._offer.done_mode):
+            is_complete = not _is_by_failsafe(snapshot)  # MAVROS forgets the end as the mission is read again
+        self._is_ending = is_complete
         if (step := self._unless_another(snapshot, is_end=is_complete)) is not None:
             return step
         if is_complete:

@@ -662,3 +662,28 @@ def test_how_far_it_is_is_judged_by_what_it_does(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
     flight.let_pass(3.0)
     assert flight.uav.mission.progress().stage is MissionStage.NOT_STARTED
+
+
+def test_one_that_begins_with_a_speed_takes_off_and_flies_at_it(flight: Flight) -> None:
+    """It was uploaded, and no start was possible but one that skipped the speed."""
+    stand_armed(flight)
+    task = flight.uav.task(start(flight, [Speed(2.0), TakeOff(6.0), at(flight, 30, 0), landing(flight, 30, 0)]))
+    flight.wait_for(lambda: place_m(flight)[0] > 12.0, "its way")
+    speed_m_s = flight.uav.velocity().twist.linear.norm()
+    assert speed_m_s == pytest.approx(2.0, abs=0.4)
+    assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+
+
+def test_a_start_in_the_middle_says_which_settings_it_skips(flight: Flight) -> None:
+    flight.take_off()
+    items = [Speed(2.0), at(flight, FAR_M, 0), Speed(3.0), at(flight, FAR_M, FAR_M), at(flight, 0, FAR_M)]
+    task = flight.uav.task(start(flight, items, 4))
+    assert "it begins with item 4, without item 3 (speed)" in task.info().description
+    flight.uav.abort()
+    flight.wait_for_state(State.FLYING_AUTO)
+    again = flight.uav.task(flight.uav.mission.start(3).id)
+    assert "it begins with item 3, without item 1 (speed)" in again.info().description
+    flight.wait_for(lambda: flight.uav.mission.progress().item == 4, "its second waypoint")
+    with pytest.raises(InvalidArgumentError, match="a jump leads to an item that flies"):
+        flight.uav.mission.jump_to(3)
+    flight.uav.abort()
