@@ -435,12 +435,14 @@ class Px4(Autopilot):
         self._event(*_DISARMED)
         self._entered(was)
 
-    def _mission_told(self) -> int:
+    def _mission_current(self) -> Message:
         """Returns how far it tells that its mission is: untruths of the real one, too."""
         state = self.mission.state
         if state in (ACTIVE, PAUSED) and not self.is_armed:
-            return COMPLETE
-        return ACTIVE if state == PAUSED and self.mission.begins_count > 1 else state
+            state = COMPLETE
+        elif state == PAUSED and self.mission.begins_count > 1:
+            state = ACTIVE
+        return self.missions.current(self.mission.seq, state)
 
     def pilot_readies(self) -> None:
         with self.lock:
@@ -696,9 +698,7 @@ class Px4(Autopilot):
             mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: self._hil_state,
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._estimator_status,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._current_mode,
-            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: lambda: self.missions.current(
-                self.mission.seq, self._mission_told()
-            ),
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self._mission_current,
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self._odometry,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: filler(85),
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda: None,  # accepted; without a transmitter none comes

@@ -307,7 +307,7 @@ class Missions:
 
 
 def _skipped(items: Sequence[Item], first: int) -> str:
-    """Returns which settings a start with an item leaves out, as they stand before it; empty where it leaves out none."""
+    """Returns which settings before an item a start with it leaves out; empty where there are none."""
     kinds: dict[type[Item], str] = {}
     for index, item in enumerate(items[: first - 1]):
         if not isinstance(item, (*MOVING, Jump)):

@@ -638,7 +638,7 @@ def test_one_that_does_not_give_the_control_is_held_by_the_autopilot(
 
 
 def test_how_far_it_is_is_judged_by_what_it_does(flight: Flight) -> None:
-    """PX4 told ACTIVE after the abort of one that had been paused, and COMPLETE once disarmed, with one item reached."""
+    """PX4 told ACTIVE after the abort of one that had been paused, and COMPLETE once disarmed, with one reached."""
     flight.take_off()
     start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M), at(flight, 0, FAR_M)])
     flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
