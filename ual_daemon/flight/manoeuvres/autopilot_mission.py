@@ -27,6 +27,7 @@ from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import (
     Handover,
+    Led,
     Manoeuvre,
     Step,
     failed,
@@ -123,6 +124,8 @@ class AutopilotMission(Manoeuvre):
         self._begun_s = math.inf if first is not None else -math.inf
         """When it was entered first, before any pause; infinity until then."""
         self._watch = MissionWatch(offer, kept)
+        self._before: Led | None = None
+        """To which modes the mission before, or its stop, may lead late; None where there was none."""
         self._is_ending = False
         """Whether its end was told, and is compared with what the autopilot has."""
         self._done_s: float | None = None
@@ -177,6 +180,8 @@ class AutopilotMission(Manoeuvre):
 
     @override
     def replaces(self, old: Manoeuvre) -> None:
+        if old.mission or old.stops_mission:
+            self._before = old.leads()
         if old.mission and self._phase is _Phase.CHOOSING:
             self.mission = "the autopilot still flies the mission before"  # nobody took the UAV meanwhile
 
@@ -389,7 +394,8 @@ class AutopilotMission(Manoeuvre):
 
     def _is_starting(self) -> bool:
         """Whether its command has not been answered yet: on the ground ArduPilot needs more than the mode."""
-        return self.command is not None and not self.command.is_answered and not self._was_in_air
+        is_early = not self._was_in_air or self._before is not None  # the mode may be that of the mission before
+        return self.command is not None and not self.command.is_answered and is_early
 
     def _flying(self, snapshot: Snapshot) -> Step:
         is_complete = self._is_complete(snapshot, self._offer.report())
@@ -518,7 +524,13 @@ class AutopilotMission(Manoeuvre):
     def _unless_ours(self, snapshot: Snapshot) -> Step | None:
         """Returns the end of a mission before which others took the UAV; None while it is in the mode it began in."""
         self._began_in = self._began_in or self.mode_begun or _mode(snapshot)
-        return None if _mode(snapshot) == self._began_in else taken(snapshot, NAME)
+        if _mode(snapshot) == self._began_in:
+            return None
+        is_led = False if self._before is None or self._phase in _HOLDING else self._before.to(snapshot)
+        if is_led:
+            self._began_in = _mode(snapshot)
+            return None
+        return Step() if is_led is None else taken(snapshot, NAME)
 
     def _why_not(self) -> UalError | None:
         return TaskAbortedError(f"{NAME}: it has ended", {"by": NAME}) if self.future.done() else None

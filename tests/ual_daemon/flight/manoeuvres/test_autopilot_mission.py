@@ -124,6 +124,38 @@ def test_a_pilot_who_takes_over_in_the_moment_of_the_start_keeps_it(lab: Lab) ->
     assert lab.offer.asked == []
 
 
+def test_one_that_replaces_another_in_the_moment_of_its_start_is_flown(lab: Lab) -> None:
+    """The mode to which the first one led came late, and counted as one of others: PX4 flew it, and nobody stopped it."""
+    first = lab.mission
+    first.begins_in("OFFBOARD")
+    lab.run()
+    assert lab.offer.asked == ["set_current", "fly"]
+    lab.offer.chosen = Future()
+    lab.task = lab.autopilot.task(TaskKind.MISSION)
+    lab.mission = lab.make()
+    lab.mission.begins_in("OFFBOARD")
+    lab.mission.replaces(first)
+    lab.run()
+    lab.enter("MISSION")
+    lab.offer.chosen.set_result(None)
+    lab.run()
+    assert lab.offer.asked[-1] == "fly"
+    assert "flies our mission" in lab.mission.mission
+
+
+def test_a_pilot_who_takes_over_as_one_replaces_another_keeps_it(lab: Lab) -> None:
+    first = lab.mission
+    lab.run()
+    lab.offer.chosen = Future()
+    lab.task = lab.autopilot.task(TaskKind.MISSION)
+    lab.mission = lab.make()
+    lab.mission.begins_in("OFFBOARD")
+    lab.mission.replaces(first)
+    lab.run()
+    lab.autopilot.mode, lab.autopilot.control = "POSCTL", Control.OTHER
+    assert lab.autopilot.step(lab.mission).is_taken
+
+
 def test_a_paused_mission_is_read_again_and_goes_on(lab: Lab) -> None:
     lab.fly()
     lab.pause()
