@@ -1,7 +1,7 @@
 """How far a mission is: the autopilot's word, judged by its mode, the task, and the items that were reached.
 
-PX4 tells ACTIVE after a mission was left, or in a landing of UAL, and COMPLETE at each disarming. Its word may be old by
-1.8 s.
+PX4 tells ACTIVE after a mission was left, or in a landing of UAL, and COMPLETE at each disarming. Its word may be 1.8 s
+old.
 """
 
 from __future__ import annotations

@@ -125,7 +125,7 @@ def test_a_pilot_who_takes_over_in_the_moment_of_the_start_keeps_it(lab: Lab) ->
 
 
 def test_one_that_replaces_another_in_the_moment_of_its_start_is_flown(lab: Lab) -> None:
-    """The mode to which the first one led came late, and counted as one of others: PX4 flew it, and nobody stopped it."""
+    """The mode to which the first one led came late, and counted as one of others: nobody could stop it."""
     first = lab.mission
     first.begins_in("OFFBOARD")
     lab.run()
