@@ -40,14 +40,17 @@ class Explanation:
         silence = self.external_silence.text(snapshot.time_s)
         return replace(found, why=found.why + silence) if silence else found
 
-    def update(self, snapshot: Snapshot) -> None:
-        """Composes the note, and logs when another program's setpoints begin and end."""
+    def update(self, snapshot: Snapshot, trouble: str) -> None:
+        """Composes the note, and logs when another program's setpoints begin and end.
+
+        `trouble` is why the UAV does not do what it was asked last; empty where it does.
+        """
         other = snapshot.control.other_sender
         if other != self._other_sender:
             self._other_sender = other
             level = logging.WARNING if other else logging.INFO
             logs.event(_log, level, "another_sender", why=other or "no longer seen")
-        self.note = "".join((self._not_commanded(), f"; {other}" if other else ""))
+        self.note = "".join((self._not_commanded(), f"; {other}" if other else "", f"; {trouble}" if trouble else ""))
 
     def _not_commanded(self) -> str:
         if self._is_flown_by_us():

@@ -174,6 +174,12 @@ class Flight:
         return self._flown.manoeuvre
 
     @property
+    def trouble(self) -> str:
+        """Why the UAV does not do what it was asked last, where no task ends with that; empty otherwise."""
+        manoeuvre = self._flown.manoeuvre
+        return "" if manoeuvre is None else manoeuvre.trouble
+
+    @property
     def is_on_mission(self) -> bool:
         """Whether the autopilot flies a mission as a task of UAL, or may fly on one that is being stopped."""
         manoeuvre = self._flown.manoeuvre
@@ -573,7 +579,7 @@ class Flight:
             if unstopped is self._flown.manoeuvre:
                 self.stop_for_lease(why)
         self._watched.step(snapshot, raw)
-        self._explanation.update(snapshot)
+        self._explanation.update(snapshot, self.trouble)
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)
 

@@ -16,7 +16,7 @@ from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.fitting import Fitting
 from ual_daemon.flight.flown import SILENT, Ending, Flown
-from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
+from ual_daemon.flight.manoeuvres.fly_reference import HOLDS, FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, guarded
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.state import Estimate
@@ -124,7 +124,11 @@ class Stepper:
         is_down = step.error is not None and not step.is_taken and has_led_to_ground(manoeuvre, snapshot)
         if step.is_to_stop or is_down:
             reference = self._stopping.stop(manoeuvre.current_reference(), snapshot)
-        return None if reference is None else FlyReference(manoeuvre.name, reference, self._rules)
+        if reference is None:
+            return None
+        is_untold = step.error is not None and not manoeuvre.is_awaited
+        trouble = f"it does not follow: {step.error}; {HOLDS}" if is_untold else ""
+        return FlyReference(manoeuvre.name, reference, self._rules, trouble)
 
     def _ends(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot, old: Manoeuvre | None) -> Ending | None:
         if old is not manoeuvre:

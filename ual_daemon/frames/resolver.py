@@ -228,12 +228,16 @@ class FrameResolver:
         A goal without a heading gets `kept_yaw_rad`.
 
         Raises:
-            WrongStateError: It is not known where its frame is.
+            WrongStateError: It is not known where its frame is, or it moves with the UAV itself.
             FrameLostError: It is not known any more.
             InvalidArgumentError: It is too far away.
 
         """
         self._require_known(goal.frame_id)
+        if self.tree.is_below_body(goal.frame_id):
+            raise WrongStateError(
+                f"the frame {goal.frame_id} hangs below {self.tree.body}: it moves with the UAV itself"
+            )
         here, soon = (self._waypoint_at(goal, time_s) for time_s in (now_s, now_s + _DIFFERENCE_S))
         velocity = (soon.position - here.position) / _DIFFERENCE_S
         if here.yaw_rad is None or soon.yaw_rad is None:

@@ -178,8 +178,10 @@ class FrameTree:
         return self.is_below(name, self.odom)
 
     def is_below_body(self, name: str) -> bool:
-        """Returns whether a frame is the body, or below it."""
-        return self.is_below(name, self.body)
+        """Returns whether a frame is the body, or below it. Raises `UnknownFrameError` if there is no such frame."""
+        links = self.links
+        _require(name, links)
+        return self.body in _chain(name, links)
 
     def is_moving(self, name: str) -> bool:
         """Returns whether a client moves a frame, or one above it. Frames below the body do not count.

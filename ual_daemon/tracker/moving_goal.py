@@ -73,8 +73,6 @@ class MovingGoal(Reference):
         self._replanned_s, self._updated_s = -math.inf, now_s
         self._planned_goal = goal(now_s)
         self._plan: _Plan | None = None
-        self.stop_reason: UalError | None = None
-        """Why it stops: the geofence, or a lost goal; None while it goes on."""
         self.has_met = False
         """Whether it moves along with the goal."""
 

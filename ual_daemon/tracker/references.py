@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from typing_extensions import override
 
-from ual.errors import WrongStateError
+from ual.errors import UalError, WrongStateError
 from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocityResponses, VelocitySetpoint
@@ -33,6 +33,9 @@ class Reference:
 
     Not an `ABC`: each update asks several times whether it is a `Velocity`, which would be a Python call each.
     """
+
+    stop_reason: UalError | None = None
+    """Why it stands, though it is to lead on: the geofence, or a lost goal; None while it does what it is to."""
 
     @abstractmethod
     def setpoint(self, snapshot: Snapshot) -> Setpoint:

@@ -287,6 +287,7 @@ class Vehicle(ReportedVehicle):
     @override
     def _sample(self, snapshot: Snapshot, found: Estimate, *, is_late: bool = False) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
+        trouble = self._flight.trouble
         return make_telemetry(
             snapshot,
             found,
@@ -295,7 +296,7 @@ class Vehicle(ReportedVehicle):
             self._pose_frame_id,
             sequence,
             is_late=is_late,
-            daemon_checks=self.daemon_checks,
+            daemon_checks=(*self.daemon_checks, trouble) if trouble else self.daemon_checks,
         )
 
     def observe_setpoints(self, callback: Callable[[Setpoint], None]) -> None:

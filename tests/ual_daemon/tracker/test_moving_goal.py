@@ -168,9 +168,9 @@ def test_a_car_that_leaves_the_geofence_is_followed_to_its_edge() -> None:
     square = ((-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0))
     with stepped(VehicleSettings(geofence=GeofenceSettings(polygon=square)), light=FAST) as uav:
         uav.fly()
-        car = Followed(uav, lambda t: (2.0 * t if t < 15.0 else 60.0 - 2.0 * t, 5.0, 0.0))
+        car = Followed(uav, lambda t: (2.0 * t if t < 11.5 else 46.0 - 2.0 * t, 5.0, 0.0))
         car.until_done(uav.prepare.go_to_waypoint(over_the_car()).begin())
-        while car.time_s < 18.0:
+        while car.time_s < 12.0:
             car.run(0.1)
             assert uav.pose.position.x < 20.2
             reference = uav.vehicle.telemetry().reference_pose
@@ -179,7 +179,7 @@ def test_a_car_that_leaves_the_geofence_is_followed_to_its_edge() -> None:
         assert uav.pose.position.x > 14.0
         with pytest.raises(GeofenceError):
             uav.prepare.go_to_waypoint(over_the_car())
-        while car.time_s < 28.0:  # it has come back, and is followed again
+        while car.time_s < 21.0:  # it has come back, and is followed again
             car.run(0.1)
         assert car.distance_m() < 0.3
 

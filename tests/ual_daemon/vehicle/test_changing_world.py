@@ -341,6 +341,10 @@ def test_a_pose_that_is_flown_to_by_the_autopilot_is_stopped_before_a_new_fence(
     world.uav.run(10.0)
     assert world.speed_m_s < 0.1
     assert farthest_m(world.uav) < RADIUS_M
+    assert "until it is commanded again" in world.uav.vehicle.telemetry().state_reason
+    world.uav.vehicle.commands.setpoints.set_pose(at(10.0, 0.0, 3.0))
+    world.uav.run(1.0)
+    assert "until it is commanded again" not in world.uav.vehicle.telemetry().state_reason
 
 
 def test_a_velocity_is_stopped_before_a_new_fence(world: World) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Control, Snapshot
+from ual_daemon.backends.values import Control, Setpoint, Snapshot
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step
 from ual_daemon.flight.policy.authority import Authority
 from ual_daemon.flight.policy.geofence import Geofence
@@ -24,6 +25,12 @@ from ual_daemon.tracker.limits import CurrentLimits, scaled_down
 from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Hold, Reference, Velocity, brake
 
 _log = logging.getLogger(__name__)
+
+HOLDS = "the UAV stops, and holds until it is commanded again"
+_LONGEST_STAND_S = 5.0
+"""A reference that stands for so long holds for good: what makes it go on may come when nobody expects it any more."""
+_GOES_ON_S = 1.0
+"""It goes on, as far as it is told, once it has for so long: a goal at the edge of a fence may come and go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +75,8 @@ class ReferenceRules:
 class FlyReference(Manoeuvre):
     """Sends a reference. No caller waits for its end, and a new command may always end it.
 
-    A velocity that has ended is followed by a stop. Where the autopilot does not follow UAL, any reference ends.
+    A velocity that has ended is followed by a stop. Where the autopilot does not follow UAL, any reference ends. One
+    that stands for long is followed by a hold.
     """
 
     is_awaited = False
@@ -78,6 +86,11 @@ class FlyReference(Manoeuvre):
     name: str
     reference: Reference
     rules: ReferenceRules
+    trouble: str = ""
+    stands_since_s: float = math.inf
+    """Since when it stands; infinite while it goes on."""
+    stood_s: float = -math.inf
+    """When it stood last; infinitely long ago once it is told that it goes on."""
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -89,7 +102,30 @@ class FlyReference(Manoeuvre):
                 logs.event(_log, logging.INFO, "velocity_ended", why=why)
                 return Step(has_ended=True, next_reference=brake(snapshot, rules.limits.stop()))
             reference.correct_drift(snapshot, rules.limits.get(), rules.backend.info().velocity_responses)
-        return Step(reference.setpoint(snapshot))
+        setpoint = reference.setpoint(snapshot)
+        if reference.stop_reason is not None:
+            return self._stands(reference.stop_reason, setpoint, snapshot.time_s)
+        if self.stood_s != -math.inf:
+            self._leads(snapshot.time_s)
+        return Step(setpoint)
+
+    def _stands(self, why: UalError, setpoint: Setpoint, now_s: float) -> Step:
+        """Tells that the reference stands, once. Ends it where that has lasted."""
+        if self.stood_s == -math.inf:
+            logs.event(_log, logging.WARNING, "reference_stands", why=why, remedy="the UAV stops")
+        self.trouble, self.stood_s = f"it does not follow: {why}", now_s
+        self.stands_since_s = min(self.stands_since_s, now_s)
+        if now_s - self.stands_since_s < _LONGEST_STAND_S:
+            return Step(setpoint)
+        logs.event(_log, logging.WARNING, "reference_ended", why=why, remedy=HOLDS)
+        return Step(has_ended=True, error=why, is_to_stop=True)
+
+    def _leads(self, now_s: float) -> None:
+        """Takes note that the reference does not stand any more."""
+        self.stands_since_s = math.inf
+        if now_s - self.stood_s >= _GOES_ON_S:
+            self.trouble, self.stood_s = "", -math.inf
+            logs.event(_log, logging.INFO, "reference_goes_on")
 
     @override
     def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
@@ -104,7 +140,7 @@ class FlyReference(Manoeuvre):
         try:
             geofence.admit("set_pose", hold, limits.get(), snapshot)
         except GeofenceError as error:
-            logs.event(_log, logging.WARNING, "reference_ended", why=str(error), remedy="the UAV stops and holds")
+            logs.event(_log, logging.WARNING, "reference_ended", why=str(error), remedy=HOLDS)
             return Step(has_ended=True, error=error, is_to_stop=True)
         except UalError:  # it is not known where the geofence lies: nothing that is known speaks against it
             return None

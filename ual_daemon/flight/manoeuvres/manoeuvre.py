@@ -136,6 +136,8 @@ class Manoeuvre(ABC):
     """Whether a stream of references does not replace it, as it is to be a mission, though it is none yet."""
     unseen = ""
     """What it does while the state is not known, human-readable; empty where nobody needs to be told."""
+    trouble = ""
+    """Why the UAV does not do what it was asked last, human-readable, where no task ends with that; empty otherwise."""
     has_held = False
     """Whether the autopilot has held by itself since it stops a mission."""
     overrules_nobody = False
