@@ -5,18 +5,19 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from typing_extensions import override
 
 from ual.errors import UalError
+from ual.types import Frame
 from ual_daemon import logs
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.mavlink.playback import Playback
 from ual_daemon.backends.values import Condition, Packet, Snapshot
 from ual_daemon.replay.moment import Moment, decoded, reported
-from ual_daemon.replay.renaming import renamed
-from ual_daemon.replay.source import Event, RecordedSample, SentSetpoint
+from ual_daemon.replay.renaming import renamed, renamed_frame
+from ual_daemon.replay.source import Event, RecordedFrames, RecordedSample, SentSetpoint
 
 _log = logging.getLogger(__name__)
 
@@ -69,15 +70,16 @@ class Player:
         self._is_looping = is_looping
         self._has_samples = has_samples
         self._on_update: Callable[[Moment], None] = lambda _: None
+        self._on_frames: Callable[[Sequence[Frame]], None] = lambda _: None
         self._closing = threading.Event()
         self._offset_s = 0.0
         self._updated_s = float("-inf")
         self._pose: object = None
         self._thread = threading.Thread(target=self._run, name=f"replay {names[1]}", daemon=True)
 
-    def open(self, on_update: Callable[[Moment], None]) -> None:
+    def open(self, on_update: Callable[[Moment], None], on_frames: Callable[[Sequence[Frame]], None]) -> None:
         """Begins to play."""
-        self._on_update = on_update
+        self._on_update, self._on_frames = on_update, on_frames
         self._thread.start()
 
     def close(self) -> None:
@@ -116,7 +118,9 @@ class Player:
         """Takes an event. What was before the wanted beginning is decoded, but not shown."""
         self.clock.time_s = time_s
         playback = self.playback
-        if isinstance(event, RecordedSample):
+        if isinstance(event, RecordedFrames):
+            self._on_frames([renamed_frame(each, *self._names) for each in event.frames])
+        elif isinstance(event, RecordedSample):
             if is_shown:
                 self._publish_recorded(event, time_s)
         elif playback is None:

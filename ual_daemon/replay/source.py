@@ -1,4 +1,4 @@
-"""Reads what is played of a recording: packets, setpoints and samples of one UAV, in the order of their times."""
+"""Reads what is played of a recording of one UAV, in the order of the times: packets, setpoints, samples, frames."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from pathlib import Path
 from ual.errors import UalError
 from ual.geometry import Vector3
 from ual.recording.reader import Message, Recording
-from ual.types import Telemetry
+from ual.types import Frame, Telemetry
 from ual_daemon.backends.values import Packet
 from ual_daemon.settings import ConfigError
 
+_FRAMES = "frames"
 _PACKETS = "raw/received"
 _SAMPLES = "telemetry"
 _SETPOINTS = "setpoints"
@@ -37,7 +38,15 @@ class RecordedSample:
     telemetry: Telemetry
 
 
-Event = Packet | SentSetpoint | RecordedSample
+@dataclass(frozen=True, slots=True)
+class RecordedFrames:
+    """All frames but the body, and when they were recorded."""
+
+    time_s: float
+    frames: list[Frame]
+
+
+Event = Packet | SentSetpoint | RecordedSample | RecordedFrames
 """Something that is played, at its `time_s`: seconds since the beginning of the recording."""
 
 
@@ -84,11 +93,13 @@ def _beginning(path: Path) -> Iterator[Message]:
 
 def events(path: Path, contents: Contents) -> Iterator[Event]:
     """Yields what is played of a recording. Raises as `Recording.messages` does."""
-    wanted = {f"/{contents.uav}/{name}" for name in (_PACKETS, _SAMPLES, _SETPOINTS)}
+    wanted = {f"/{contents.uav}/{name}" for name in (_PACKETS, _SAMPLES, _SETPOINTS, _FRAMES)}
     for message in Recording(path).messages(wanted.__contains__):
         time_s = (message.log_ns - contents.begin_ns) * 1e-9
         if message.name == _SAMPLES:
             yield RecordedSample(time_s, message.telemetry())
+        elif message.name == _FRAMES:
+            yield RecordedFrames(time_s, message.frames())
         elif message.name == _SETPOINTS:
             place = json.loads(message.data).get("position")
             yield SentSetpoint(time_s, None if place is None else Vector3(**place))

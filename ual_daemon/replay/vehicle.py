@@ -25,6 +25,7 @@ from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.replay import source
 from ual_daemon.replay.moment import Moment
+from ual_daemon.replay.played_frames import PlayedFrames
 from ual_daemon.replay.player import Player
 from ual_daemon.replay.settings import SECTION, ReplaySettings
 from ual_daemon.settings import ConfigError, PayloadSettings, VehicleSettings, convert
@@ -72,6 +73,7 @@ class PlayedVehicle(ReportedVehicle):
         self._player = player = _player(options)
         super().__init__(options.ns, SECTION, player.clock, FrameResolver(options.ns, settings))
         self._url = options.url or ""
+        self._frames_played = PlayedFrames(self._resolver.tree, player.clock)
         self._pose_frame_id = settings.pose_frame_id
         self._users_limits = settings.limits
         self._geofence = geofence_of(settings, self._resolver, VehicleInfo().clearance_m)
@@ -86,7 +88,7 @@ class PlayedVehicle(ReportedVehicle):
     def open(self) -> None:
         """Begins to play."""
         self._resolver.open()
-        self._player.open(self._on_moment)
+        self._player.open(self._on_moment, self._frames_played.take)
 
     def close(self) -> None:
         """Ends."""

@@ -16,7 +16,10 @@ from tests.ual_daemon.replay.recordings import light_flight, raw_recording, reco
 from tests.waiting import LIMIT_S
 from ual.errors import NotSupportedError
 from ual.geometry import Pose, Transform, Twist, Vector3
-from ual.types import State, Telemetry
+from ual.recording.file import File
+from ual.recording.recorder import Entry
+from ual.recording.telemetry import TelemetryTopics
+from ual.types import Frame, State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.program.main import main
@@ -184,6 +187,39 @@ def test_a_frame_can_be_added_and_removed(flown: Path) -> None:
         assert uav.transform("map", "tower").translation == Vector3(1.0, 2.0, 3.0)
         uav.remove_frame("tower")
         assert "tower" not in {frame.frame_id for frame in uav.frames()}
+
+
+def test_frames_move_as_they_were_recorded(flight: list[Telemetry], tmp_path: Path) -> None:
+    """Viewers and replays kept the place that a moving frame had when it was added, or had none."""
+    path, begin_ns = tmp_path / "moving.mcap", round(flight[0].stamp_s * 1e9)
+    topics, file = TelemetryTopics("uav_1"), File(path, {})
+    told: list[list[Frame]] = []
+    for number, sample in enumerate(flight[:60]):
+        place = Transform(Vector3(0.1 * number), frame_id="uav_1/odom", child_frame_id="uav_1/car")
+        mast = Transform(Vector3(0.0, 0.0, 2.0), frame_id="uav_1/car", child_frame_id="mast")
+        frames = [
+            Frame("map", "", None, is_static=True),
+            Frame("mast", "uav_1/car", mast, is_static=True),
+            Frame("uav_1/car", "uav_1/odom", place, is_static=False),
+        ]
+        told.append(frames if number < 40 else frames[:1])
+        log_ns = begin_ns + number * 20_000_000
+        topics.write_frames(file, Entry(topics.write_frames, log_ns, told[-1]))
+        topics.write_sample(file, Entry(topics.write_sample, log_ns + 1, sample))
+    file.finish()
+    watched = Watched(path, "drone")
+    found: list[dict[str, Transform]] = []
+
+    def look(_: Telemetry) -> None:
+        frames = watched.vehicle.frames()
+        found.append({each.frame_id: each.transform for each in frames if each.transform is not None})
+
+    watched.vehicle.subscribe(look)
+    watched.to_the_end()
+    places = [each["drone/car"].translation.x for each in found[:40]]
+    assert places == pytest.approx([0.1 * number for number in range(40)])
+    assert all(each["mast"].frame_id == "drone/car" for each in found[:40])
+    assert not any(each.keys() & {"drone/car", "mast"} for each in found[40:60])
 
 
 def test_packets_without_telemetry_are_no_flight_of_ours(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing_extensions import override
 
 from ual.errors import UalError
 from ual.recording.carried import Carried
+from ual.recording.frames import LOOK_S, FrameChanges
 from ual.recording.log import RecordingHandler
 from ual.recording.pictures import Pictures
 from ual.recording.recorder import QueueFigures, Recorder, Turnover
@@ -33,8 +34,8 @@ _log = logging.getLogger(__name__)
 
 _PICTURE_S = 1.0
 """How long the end of the daemon waits for a picture that is under way."""
-_FRAMES_S = 1.0
-"""How often the frames are recorded that do not move by themselves."""
+_INFO_S = 1.0
+"""How often it is looked whether its info has changed."""
 
 
 class UavRecording(Observer):
@@ -49,7 +50,9 @@ class UavRecording(Observer):
         self._setpoints = SetpointTopic(vehicle.ns)
         self._packets = PacketTopics(vehicle.ns, recorder.clock)
         self._info: Info | None = None
-        self._frames_due_ns = 0
+        self._info_due_ns = 0
+        self._frames = FrameChanges(vehicle.ns)
+        self._look_ns = 0
         vehicle.subscribe(self._on_sample)
         vehicle.observe_setpoints(self._on_setpoint)
         if is_raw and not vehicle.observe_packets(self._on_packet):
@@ -84,9 +87,13 @@ class UavRecording(Observer):
     def _on_sample(self, sample: Telemetry) -> None:
         now_ns = self._clock.now_ns()
         self._recorder.put(self._telemetry.write_sample, now_ns, sample)
-        if now_ns >= self._frames_due_ns:
-            self._frames_due_ns = now_ns + round(_FRAMES_S * 1e9)
-            self._recorder.put(self._telemetry.write_frames, now_ns, self._vehicle.frames())
+        if now_ns >= self._look_ns:
+            self._look_ns = now_ns + round(LOOK_S * 1e9)
+            frames = self._frames.due(self._vehicle.frames(), now_ns)
+            if frames:
+                self._recorder.put(self._telemetry.write_frames, now_ns, frames)
+        if now_ns >= self._info_due_ns:
+            self._info_due_ns = now_ns + round(_INFO_S * 1e9)
             info = self._vehicle.info()
             if info != self._info:
                 self._info = info
@@ -112,7 +119,8 @@ class UavRecording(Observer):
         """Has recorded again in the next file what is recorded rarely."""
         self._telemetry.begin_file()
         self._info = None
-        self._frames_due_ns = 0
+        self._info_due_ns = 0
+        self._frames.forget()
 
 
 class Recording:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ual.errors import InvalidArgumentError
 from ual.recording import requirements
-from ual.types import Telemetry
+from ual.types import Frame, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.wire import convert
 
@@ -53,6 +53,10 @@ class Message(NamedTuple):
     def telemetry(self) -> Telemetry:
         """Returns the sample of a message of the topic ``telemetry``."""
         return convert.telemetry_from_proto(pb.Telemetry.FromString(self.data))
+
+    def frames(self) -> list[Frame]:
+        """Returns the frames of a message of the topic ``frames``."""
+        return [convert.frame_from_proto(frame) for frame in pb.ListFramesResponse.FromString(self.data).frames]
 
 
 @dataclass(slots=True)

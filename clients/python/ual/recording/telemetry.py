@@ -39,6 +39,7 @@ class TelemetryTopics:
         self._reference = of_protobuf(f"/{ns}/reference", PoseInFrame)
         self._location = of_protobuf(f"/{ns}/location", LocationFix)
         self._transforms = of_protobuf(f"/{ns}/tf", FrameTransforms)
+        self._frames = of_protobuf(f"/{ns}/frames", pb.ListFramesResponse)
         self._info_topic = of_protobuf(f"/{ns}/info", pb.GetInfoResponse)
 
     def begin_file(self) -> None:
@@ -68,13 +69,15 @@ class TelemetryTopics:
             output.write(self._location, fix.SerializeToString(), log_ns, stamp_ns)
 
     def write_frames(self, output: Output, entry: Entry) -> None:
-        """Writes the frames that do not move by themselves."""
+        """Writes frames, as they are told and as viewers draw them: those of `FrameChanges.due`."""
         frames: Sequence[Frame] = entry.value
+        told = pb.ListFramesResponse(frames=[convert.frame_to_proto(frame) for frame in frames])
+        output.write(self._frames, told.SerializeToString(), entry.log_ns, entry.log_ns)
         stamp = stamp_of(entry.log_ns)
         transforms = [
             transform_of(stamp, f.parent_frame_id, f.frame_id, Pose(f.transform.translation, f.transform.rotation))
             for f in frames
-            if f.is_static and f.transform is not None and f.parent_frame_id
+            if f.transform is not None and f.parent_frame_id
         ]
         if transforms:
             self._write_transforms(output, transforms, entry.log_ns, entry.log_ns)

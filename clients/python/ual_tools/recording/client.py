@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from ual.errors import InvalidArgumentError
 from ual.interface import Uav
+from ual.recording.frames import FrameRecording
 from ual.recording.recorder import Recorder
 from ual.recording.telemetry import TelemetryTopics
-from ual.types import Frame, Info, Telemetry
+from ual.types import Info, Telemetry
 
 if TYPE_CHECKING:
     from ual.recording.pictures import Pictures
@@ -34,7 +35,7 @@ class ClientRecording:
             raise InvalidArgumentError(why, {"field": "directory"}) from None
         self._lock = threading.Lock()
         self._topics: dict[str, TelemetryTopics] = {}
-        self._described: dict[str, tuple[Info, list[Frame]]] = {}
+        self._described: dict[str, Info] = {}
         self._pictures: list[Pictures] = []
         self._recorder.at_each_file(self._repeat)
         self.samples_count = 0
@@ -72,17 +73,15 @@ class ClientRecording:
         self._recorder.put(topics.write_sample, self._recorder.clock.now_ns(), sample)
 
     def describe(self, uav: Uav) -> None:
-        """Records who a UAV is, and its frames, as they are now."""
+        """Records who a UAV is, as it is now."""
         with self._lock:
             topics = self._topics.setdefault(uav.ns, TelemetryTopics(uav.ns))
-        self._described[uav.ns] = (uav.info(), uav.frames())
+        self._described[uav.ns] = uav.info()
         self._put_description(uav.ns, topics)
 
     def _put_description(self, ns: str, topics: TelemetryTopics) -> None:
         now_ns = self._recorder.clock.now_ns()
-        info, frames = self._described[ns]
-        self._recorder.put(topics.write_info, now_ns, info)
-        self._recorder.put(topics.write_frames, now_ns, frames)
+        self._recorder.put(topics.write_info, now_ns, self._described[ns])
 
     def _repeat(self) -> None:
         """Has recorded again in the next file what is recorded once."""
@@ -94,7 +93,13 @@ class ClientRecording:
         """Records a UAV until the function that it returns is called."""
         self.describe(uav)
         subscription = uav.subscribe(lambda sample: self.put(uav.ns, sample))
-        return subscription.close
+        frames = FrameRecording(uav.ns, uav.frames, self._topics[uav.ns], self._recorder)
+
+        def close() -> None:
+            subscription.close()
+            frames.close()
+
+        return close
 
     def record_pictures(self, uav: Uav) -> Callable[[], None]:
         """Records the pictures that a UAV takes, until the function that it returns is called.

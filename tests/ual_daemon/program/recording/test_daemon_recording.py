@@ -193,6 +193,23 @@ def test_pictures_are_recorded_where_that_is_asked_for(start_daemon: StartDaemon
     assert [len(messages(recording, f"camera_0/{name}")) for name in ("photos", "tf", "calibration")] == [1, 1, 1]
 
 
+def test_a_moving_frame_is_recorded_as_it_moves(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    daemon = start_daemon("--record", str(tmp_path), backend="light")
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    recording = recording_in(tmp_path)
+
+    def drawn() -> list[float]:
+        found = [FrameTransforms.FromString(each.data) for each in messages(recording, "tf")]
+        return [each.translation.x for one in found for each in one.transforms if each.child_frame_id == "car"]
+
+    with ual.Uav(daemon.ns) as uav:
+        for x in (1.0, 2.0, 3.0):
+            uav.add_frame(ual.Transform(ual.Vector3(x), child_frame_id="car"))
+            until(lambda x=x: x in drawn(), "it is drawn there")  # type: ignore[misc]
+        uav.remove_frame("car")
+        until(lambda: "car" not in {each.frame_id for each in messages(recording, "frames")[-1].frames()}, "it is gone")
+
+
 def test_what_is_carried_is_recorded(start_daemon: StartDaemon, tmp_path: Path) -> None:
     devices = ("--set", 'payload.grippers=[{"name": "claw"}]', "--set", 'light.gimbals=[{"position": [0.1, 0, 0]}]')
     daemon = start_daemon("--record", str(tmp_path), *devices, backend="light")
