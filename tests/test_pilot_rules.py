@@ -26,7 +26,7 @@ ALLOWED = {
     "dji/session.py": "a silent topic is subscribed to anew, the confirmation of a landing, and calls that were ended",
     "dji/telemetry.py": "messages that a newer one has overtaken",
     "firmwares/batteries.py": "batteries of which nothing is told any more",
-    "firmwares/sender_watch.py": "after which silences a target may be an old one of ours: it names others, and sends nothing",
+    "firmwares/sender_watch.py": "after which silences a target may be an old one of ours: nothing is sent",
     "firmwares/trigger_camera.py": "orders of a camera that were given up: nothing that flies",
     "mavlink/links/connection.py": "when a TCP connection counts as half-open, and when a link works again",
     "mavlink/session/discovery.py": "which system is the vehicle, after a stray heartbeat and after its id was changed",
