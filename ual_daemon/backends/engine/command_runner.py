@@ -425,10 +425,7 @@ class CommandRunner(Generic[R]):
         elif command.repeat.after_answer_s is None:  # else see `_give_up_bridged`
             level = logging.WARNING if command.group else logging.DEBUG  # requests are repeated
             _log.log(level, "%s did not answer the command to %s", self._name, command.what)
-            if command.shows is None:  # nothing else will tell
-                self._fail(pending, now_s, self._lost(pending))
-            else:
-                self._end(pending, now_s)
+            self._end(pending, now_s)
 
     def _give_up_missed(self, pending: _Pending[R], now_s: float) -> None:
         """Ends a command that must not be sent again after a silence, once what it changes was heard without it."""

@@ -149,9 +149,7 @@ def _encoded(found: Picture, taken: TakenPhoto, intrinsics: CameraIntrinsics | N
 def trigger_order(what: str, command_id: int, params: tuple[float, ...]) -> LongCommand:
     """Returns an order to the camera that the autopilot triggers. One of a picture is sent once."""
     command = command_of(command_id, params, what, group=f"camera {command_id}")
-    if command_id == TRIGGER_DISTANCE:  # what starts and what stops it have the same key
-        return replace(command, is_told_by_answer=True)
-    return replace(command, repeat=ONCE)
+    return command if command_id == TRIGGER_DISTANCE else replace(command, repeat=ONCE)
 
 
 def _is_for(intrinsics: CameraIntrinsics, found: Picture) -> bool:
