@@ -368,8 +368,7 @@ class Flight:
             raise refusal
         if old is not None and not old.is_replaceable and self.has_safety_pilot:
             raise not_replaceable(old, by)
-        is_of_mission = old is not None and (old.mission or old.stops_mission or old.refuses_streams)
-        if old is not None and is_of_mission and not new.is_awaited:
+        if old is not None and (old.mission or old.stops_mission) and not new.is_awaited:
             raise stopping_mission(by) if old.stops_mission else on_mission(by)
         if since is not None and since is not self._last_command:
             other = self._last_command.name

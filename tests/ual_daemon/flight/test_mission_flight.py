@@ -465,23 +465,6 @@ def test_a_reference_is_told_whether_the_mission_is_flown_or_being_stopped(
         world.flight.begin_reference(Hold(Vector3(0.0, 0.0, 5.0), 0.0), "set_pose", snapshot, Order())
 
 
-def test_a_stream_does_not_replace_one_whose_first_item_is_being_chosen(world: World) -> None:
-    """On PX4 a stream that ran at the start replaced the mission just then."""
-    assert world.mission.task is not None
-    world.flight.drop_task(world.mission.task.id, "abort", "")
-    world.autopilot.mode, world.autopilot.control = "OFFBOARD", Control.REFERENCES
-    world.run(0.2)
-    world.offer.chosen = Future()
-    hold, task = Hold(Vector3(0.0, 0.0, 5.0), 0.0), world.autopilot.task(TaskKind.MISSION)
-    backend, ends = cast("Backend", world.wire), lambda _: pytest.fail("it has not ended")
-    mission = AutopilotMission(task, backend, world.offer, KEPT, 1, hold, ends, world.flight.authority.begin)
-    world.flight.begin(mission, Order())
-    world.run(0.2)
-    with pytest.raises(WrongStateError, match=r"stop it first \(abort\)"):
-        world.flight.begin_reference(hold, "set_velocity", world.wire.snapshot(), Order())
-    assert world.flight.manoeuvre is mission
-
-
 @pytest.mark.parametrize("is_held", [True, False])
 def test_a_mission_out_of_which_the_autopilot_does_not_give_the_control_is_held_by_itself(
     world: World, is_held: bool, caplog: pytest.LogCaptureFixture

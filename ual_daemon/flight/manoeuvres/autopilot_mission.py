@@ -104,7 +104,6 @@ class AutopilotMission(Manoeuvre):
         begins_anew: str = "",
     ) -> None:
         super().__init__(NAME, task)
-        self.refuses_streams = True
         self.why_not_pausable = f"the autopilot would begin it anew ({begins_anew})" if begins_anew else ""
         self._backend = backend
         self._offer = offer

@@ -132,8 +132,6 @@ class Manoeuvre(ABC):
     stops_mission = ""
     """What it does in the air, human-readable, where it stops a mission; empty otherwise. The autopilot would fly that
     on without it: only a command replaces it."""
-    refuses_streams = False
-    """Whether a stream of references does not replace it, as it is to be a mission, though it is none yet."""
     unseen = ""
     """What it does while the state is not known, human-readable; empty where nobody needs to be told."""
     trouble = ""

@@ -1,4 +1,4 @@
-"""Commands to a mission from three threads: UAL says that the autopilot flies it for UAL, and its abort works."""
+"""Commands to a mission from several threads: while the autopilot flies UAL's mission, UAL says so, and its abort works."""
 
 from __future__ import annotations
 
