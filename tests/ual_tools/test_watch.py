@@ -107,9 +107,9 @@ def test_the_worst_of_200_are_on_the_first_page_in_words_and_colour() -> None:
     lines = watch_table.table(found, width=80, height=24, top=0, now_s=NOW_S, lost_after_s=2.0)
     assert lines[1].text == "3 alarms, 1 warning; 199 FLYING_AUTO, 1 LOST"
     assert [line.text for line in lines[3:8]] == [
+        "uav_150  no telemetry for 7 s, it was FLYING_AUTO",
         "uav_9    FLYING_AUTO      87 %           failsafe: rc failsafe",
         "uav_80   FLYING_AUTO      9 % CRITICAL   -1000.0 2000.0  121.9   5.0",
-        "uav_150  no telemetry for 7 s, it was FLYING_AUTO",
         "uav_170  FLYING_AUTO      23 % LOW       -1000.0 2000.0  121.9   5.0",
         "uav_1    FLYING_AUTO      87 %           -1000.0 2000.0  121.9   5.0",
     ]

@@ -48,7 +48,7 @@ def logs() -> None:
 @logs.command("list", cls=UalCommand, examples=("ual logs list",))
 @pass_session
 def list_logs(session: Session) -> None:
-    """List the logs, the oldest first, and last those that the autopilot does not describe."""
+    """List the logs, the oldest first."""
     with session.connect() as uav:
         found = uav.logs.get_all()
     if session.as_json:

@@ -1,4 +1,4 @@
-"""Commands to a mission from several threads: while the autopilot flies UAL's mission, UAL says so, and its abort works."""
+"""Commands to a mission from several threads: while the autopilot flies it, UAL says so, and its abort works."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def found(backend: MavlinkBackend) -> OfferedGimbal:
 def test_it_is_found_ordered_and_seen(pair: Pair, component_id: int) -> None:
     backend, autopilot = pair
     device_id = 1 if component_id == 1 else OWN
-    say_as(autopilot, component_id, information(device_id))
+    say_as(autopilot, component_id, information(device_id), information(device_id))
     gimbal = found(backend)
     assert gimbal.info.abilities >= {GimbalAbility.PITCH, GimbalAbility.YAW}
 
@@ -109,7 +109,7 @@ def test_messages_of_another_system_are_not_taken(pair: Pair) -> None:
     backend, autopilot = pair
     assert autopilot.peer is not None
     autopilot.socket.sendto(packer(2, OWN)(information(OWN)), autopilot.peer)
-    say_as(autopilot, OWN, information(OWN))
+    say_as(autopilot, OWN, information(OWN), information(OWN))
     gimbal = found(backend)
     assert gimbal.info.name == "gimbal 154 of component 154"
 
@@ -123,6 +123,7 @@ def test_without_an_autopilot_there_are_none_and_an_order_is_refused() -> None:
 
 def test_an_autopilot_that_is_lost_ends_the_orders(pair: Pair) -> None:
     backend, autopilot = pair
+    autopilot.say(information(1))
     autopilot.say(information(1))
     gimbal = found(backend)
     until(lambda: not is_up(gimbal), "the loss")
