@@ -110,6 +110,9 @@ CAUSES: dict[str, tuple[dict[str, str], Sequence[str]]] = {
     "UalLinkPoor": ({f"ual_link_round_trip_seconds{{{UAV}}}": "0.02x60 0.9x120"}, ()),
     "UalStateUnknown": ({f'ual_state{{{UAV}, state="UNINITIALIZED"}}': "0x50 1x130"}, ()),
     "UalCallersRefused": ({f'ual_failed_calls_total{{{UAV}, reason="PERMISSION_DENIED"}}': "1x100 2x80"}, ()),
+    "UalAuditNotWritten": ({f"ual_audit_writable{{{PROCESS}}}": "1x118 0x62"}, ()),
+    "UalAuditFileLost": ({f"ual_audit_file_losses_total{{{PROCESS}}}": "0x100 1x80"}, ()),
+    "UalThreadEnded": ({f"ual_threads_ended_total{{{PROCESS}}}": "0x100 1x80"}, ()),
     "UalRecordingEnded": ({f"ual_recorder_running{{{PROCESS}}}": "1x118 0x62"}, ()),
     "UalRecordingLoses": ({f"ual_recorder_lost_entries_total{{{PROCESS}}}": "3x100 4x80"}, ()),
 }
