@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from ual.credentials import Credentials
 from ual.errors import (
-    ClientUnusableError,
     DaemonUnreachableError,
     FrameLostError,
     GeofenceError,
@@ -90,7 +89,6 @@ __all__ = [
     "Battery",
     "Capability",
     "Circle",
-    "ClientUnusableError",
     "Credentials",
     "DaemonUnreachableError",
     "Frame",

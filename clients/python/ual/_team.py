@@ -18,7 +18,6 @@ from ual._derived_team import TeamMembers
 from ual.credentials import Credentials
 from ual.errors import UalError
 from ual.interface import DryRun, TaskCommands
-from ual.shared.uncopied import Uncopied
 from ual.types import MotionRequest, Plan, TaskInfo, TaskKind, TaskRequest
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Team(Uncopied, TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
+class Team(TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
     """Several UAVs. Its members are those of `ual.Uav`, of all of them at once, with the results by name.
 
     A member's documentation is that of one UAV. A pose or velocity without a frame is in each one's own ``<ns>/odom``.

@@ -140,12 +140,6 @@ class DaemonUnreachableError(UalError, ConnectionError):
     reason = "DAEMON_UNREACHABLE"
 
 
-class ClientUnusableError(UalError):
-    """A client that was closed, or of another event loop: make another one. It is never sent over the wire."""
-
-    reason = "CLIENT_UNUSABLE"
-
-
 class TeamError(UalError):
     """Some UAVs of a team refused a command, or failed. Only `ual.Team` raises it; it is never sent over the wire.
 
