@@ -55,7 +55,6 @@ nitpick_ignore_regex = [
     ("py:.*", r"(abc|collections|concurrent|enum|msgspec|pathlib|typing|typing_extensions)\..*"),
     ("py:class", r"(.*\.)?[A-Z](_co)?"),  # type variables
     ("py:class", r"-?[0-9.]+"),  # limits in `Annotated`
-    ("py:class", r"ual\.shared\.uncopied\.Uncopied"),  # a part that programs do not use by its name
     ("py:class", r"Path"),  # of a msgspec structure, whose types are text
 ]
 

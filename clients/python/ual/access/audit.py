@@ -112,7 +112,7 @@ def verify(lines: Iterable[bytes]) -> Verified:
 
 
 class _Gaps:
-    """What lines say of what is missing beside them."""
+    """Texts of lines about missing ones beside them."""
 
     def __init__(self) -> None:
         self.lost_count = self.untold_count = 0

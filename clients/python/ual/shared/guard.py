@@ -30,7 +30,7 @@ class GuardFigures(NamedTuple):
 
 
 class _Process:
-    """What the guards of this process have counted."""
+    """Counts of the guards of this process."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable
 
 _GROUPS = re.compile(r"[-+]?[1-9][0-9]{0,2}(?:,[0-9]{3})+")
-"""What may be thousands, as ``1,000``, and with a decimal comma is 1."""
+"""Numbers that may be thousands, as ``1,000``, and with a decimal comma are 1."""
 _DECIMAL = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
