@@ -22,7 +22,7 @@ TEAM = ("uav_1", "uav_2", "tablet")
 
 
 def of(settings: NetworkSettings) -> dict[str, object]:
-    made: dict[str, object] = json.loads(configuration.of(settings, 1000))
+    made: dict[str, object] = json.loads(configuration.of(settings))
     return made
 
 
@@ -80,7 +80,7 @@ def team(tmp_path: Path) -> Iterator[dict[str, Any]]:
                 authority=certificates.files(tmp_path, certificates.AUTHORITY).certificate,
                 publishers=("uav_1", "uav_2"),
             )
-            config = json.loads(configuration.of(settings, 1000))
+            config = json.loads(configuration.of(settings))
             config["listen"] = {"endpoints": ["tls/127.0.0.1:0"]}
             config["scouting"]["multicast"]["interface"] = "lo"
             sessions[name] = stack.enter_context(zenoh.open(zenoh.Config.from_json5(json.dumps(config))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import subprocess
 import sys
 import threading
@@ -87,6 +88,20 @@ def test_two_routers_are_one_network(net: ZenohNet) -> None:
     network = net.network(NetworkSettings(site=net.site, connect=(other,)))
     told = net.publication()
     until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
+
+
+@pytest.mark.parametrize("is_silent", [False, True], ids=["refuses", "is silent"])
+def test_what_starts_uses_the_first_router_that_answers(net: ZenohNet, *, is_silent: bool) -> None:
+    """A router that was killed refuses; one that is stopped takes the connection and says nothing."""
+    with socket.socket() as first:
+        first.bind(("127.0.0.1", 0))
+        if is_silent:
+            first.listen()
+        port = first.getsockname()[1]
+        both = NetworkSettings(site=net.site, connect=(f"tcp/127.0.0.1:{port}", net.endpoint))
+        net.router()
+        network, told = net.network(both), net.publication(settings=both)
+        until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
 
 
 def test_other_sites_are_not_heard(net: ZenohNet) -> None:

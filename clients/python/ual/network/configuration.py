@@ -32,8 +32,11 @@ _Allowed = tuple[str, Sequence[str] | None, Sequence[str]]
 """Some who may do something: what they are called, the names in their certificates (None: any), and which rules."""
 
 
-def of(settings: NetworkSettings, connect_timeout_ms: int) -> str:
-    """Returns the configuration of a program that joins the network, as text for Zenoh."""
+def of(settings: NetworkSettings) -> str:
+    """Returns the configuration of a program that joins the network, as text for Zenoh.
+
+    Zenoh tries each router once: with a `timeout_ms` it would try the first one until that time is up.
+    """
     config: Json = {
         "transport": transport(settings),
         "scouting": {"multicast": _OFF, "gossip": _OFF},
@@ -43,7 +46,7 @@ def of(settings: NetworkSettings, connect_timeout_ms: int) -> str:
         config["mode"] = "client"
         config["connect"] = {
             "endpoints": list(settings.connect),
-            "timeout_ms": connect_timeout_ms,
+            "timeout_ms": 0,
             "exit_on_failure": True,
             "retry": _RETRY,
         }

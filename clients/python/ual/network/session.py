@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _MOST_SIGNS, _MOST_REPORTS = 1024, 512
 _LOOK_S = 0.5
+_AGAIN_S = 0.2
+"""The pause after all routers were tried."""
 
 
 def require(what: str, extra: str) -> None:
@@ -37,6 +39,9 @@ def require(what: str, extra: str) -> None:
 def open_session(settings: NetworkSettings, timeout_s: float) -> zenoh.Session:
     """Joins the network. The session must be closed: else the program may hang at its end.
 
+    Each router is tried once, in their order, and all of them again until the time is up. One that refuses takes no
+    time; one that is silent takes two seconds.
+
     Raises:
         DaemonUnreachableError: No router answers in time.
         InvalidArgumentError: Zenoh refuses the settings, as where a certificate cannot be read.
@@ -46,15 +51,19 @@ def open_session(settings: NetworkSettings, timeout_s: float) -> zenoh.Session:
 
     for path in filter(None, (settings.certificate, settings.key, settings.authority)):
         _require_readable(str(path))
-    config = zenoh.Config.from_json5(configuration.of(settings, round(timeout_s * 1e3)))
-    try:
-        return zenoh.open(config)
-    except zenoh.ZError as error:
-        if settings.connect:
+    text = configuration.of(settings)
+    until_s = time.monotonic() + timeout_s
+    while True:
+        try:
+            return zenoh.open(zenoh.Config.from_json5(text))
+        except zenoh.ZError as error:
+            if not settings.connect:
+                raise InvalidArgumentError(f"network: {error}", {"field": "network"}) from None
+        if time.monotonic() + _AGAIN_S > until_s:
             raise DaemonUnreachableError(
                 f"no router of the network answers ({', '.join(settings.connect)}), or none that knows this certificate"
-            ) from None
-        raise InvalidArgumentError(f"network: {error}", {"field": "network"}) from None
+            )
+        time.sleep(_AGAIN_S)
 
 
 def queue() -> zenoh.handlers.FifoChannel[zenoh.Sample]:
