@@ -7,8 +7,10 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +108,36 @@ def test_it_is_healthy_while_its_uav_has_an_autopilot(runtime_dir: Path) -> None
     finally:
         ready.close()
         deaf.close()
+
+
+def test_what_speaks_something_else_is_not_healthy(runtime_dir: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+        runtime_dir.mkdir()
+        discovery.Registration("uav_1", os.getpid(), address, "light", 0.0).write()
+
+        def answer() -> None:
+            with server.accept()[0] as connection:
+                connection.recv(4096)
+                connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+
+        with ThreadPoolExecutor(1) as pool:
+            answered = pool.submit(answer)
+            said = health(daemon_environment(runtime_dir))
+            answered.result()
+    assert said == (1, f"{address}: it does not speak HTTP/2: TLS? Give it a `--listen unix:PATH` more\n")
+
+
+def test_it_loads_little_as_it_runs_beside_a_flight() -> None:
+    """By modules, as a clock depends on the computer: `grpc` alone loads 300."""
+    done = subprocess.run(
+        [sys.executable, "-IS", "-X", "importtime", str(CONTAINER / "health.py")],
+        env={"UAL_RUNTIME_DIR": "/nowhere"},
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+    )
+    assert len(done.stderr.splitlines()) < 60, done.stderr
 
 
 # --- Flown ------------------------------------------------------------------------------------------------------------

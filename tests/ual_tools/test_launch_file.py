@@ -355,7 +355,9 @@ def test_the_compose_file_has_the_same_programs(file: Path, tmp_path: Path) -> N
     assert services["world"]["command"] == ["sh", "-c", 'echo "$$HOME"']
     assert services["uav_3"]["command"][:3] == ["ual-daemon", "--ns", "uav_3"]
     assert services["uav_3"]["depends_on"] == {"px4-3": {"condition": "service_healthy"}}
-    assert services["uav_3"]["healthcheck"]["test"][3] == "ual --ns uav_3 state | grep -qv UNINITIALIZED"
+    check = services["uav_3"]["healthcheck"]
+    assert check["test"] == ["CMD", "env", "UAL_NS=uav_3", "ual-health"]
+    assert (check["start_interval"], check["interval"]) == ("1s", "10s"), "often at the start, seldom in flight"
     assert services["uav_3"]["pre_stop"][0]["command"][2].endswith("ual --ns uav_3 --take --timeout 120 land")
     assert {name: each["restart"] for name, each in services.items()} == {
         **dict.fromkeys(services, "no"),

@@ -56,9 +56,16 @@ def _service(team: Team, program: Program) -> dict[str, Any]:
     }
     if program.needs:
         service["depends_on"] = {name: {"condition": _condition(team, name)} for name in program.needs}
-    test = test_of(program, "ual")
+    test = _test(program)
     if test is not None:
-        service["healthcheck"] = {"test": ["CMD", "bash", "-c", test], "interval": "1s", "retries": _retries(program)}
+        service["healthcheck"] = {
+            "test": test,
+            # Often until it is ready, seldom beside a flight.
+            "start_period": f"{_start_s(program)}s",
+            "start_interval": "1s",
+            "interval": "10s",
+            "retries": 3,
+        }
     landing = landing_of(team, program, "ual")
     if landing is not None:
         service["pre_stop"] = [{"command": ["bash", "-c", landing]}]
@@ -72,7 +79,15 @@ def _own_image(program: Program) -> str:
     raise CannotExpressError(f"{program.name}: a compose file needs its image (or one for the whole team: image)")
 
 
-def _retries(program: Program) -> int:
+def _test(program: Program) -> list[str] | None:
+    """Returns the command of the health check. A daemon's is a small program of its image, as it runs in flight, too."""
+    if program.ready.condition is Condition.SERVING:
+        return ["CMD", "env", f"UAL_NS={program.ns}", "ual-health"]
+    test = test_of(program, "ual")
+    return None if test is None else ["CMD", "bash", "-c", test]
+
+
+def _start_s(program: Program) -> int:
     """Returns after how many seconds a program has failed: a daemon waits for its autopilot as long as it takes."""
     return 1_000_000 if program.ready_limit_s is None else max(1, round(program.ready_limit_s))
 
