@@ -80,7 +80,7 @@ def _own_image(program: Program) -> str:
 
 
 def _test(program: Program) -> list[str] | None:
-    """Returns the command of the health check. A daemon's is a small program of its image, as it runs in flight, too."""
+    """Returns the command of the health check. A daemon's is a small program of its image: it runs in flight, too."""
     if program.ready.condition is Condition.SERVING:
         return ["CMD", "env", f"UAL_NS={program.ns}", "ual-health"]
     test = test_of(program, "ual")
