@@ -25,13 +25,11 @@ from ual_daemon.server.motion_gate import MotionGate
 from ual_daemon.server.server import Server
 from ual_daemon.server.telemetry_stream import LoopCalls
 from ual_daemon.server.transport import selection
-from ual_daemon.server.transport.base import Transport
+from ual_daemon.server.transport.base import MakeCredentials, Transport
 from ual_daemon.server.waiting import completion
 from ual_daemon.ual import UAL
 
 if TYPE_CHECKING:
-    import grpc
-
     from ual.interface import Simulation
     from ual_daemon.choice import ServedVehicle
     from ual_daemon.program.metrics.gathering import ProcessMetrics
@@ -56,7 +54,7 @@ _ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  compared with, 
 class Callers(NamedTuple):
     """Who may call: TLS, and how callers show who they are."""
 
-    credentials: grpc.ServerCredentials | None = None
+    credentials: MakeCredentials | None = None
     access: Access | None = None
 
     @property
@@ -345,7 +343,7 @@ def _log_failure(task: asyncio.Task[None]) -> None:
         _log.error("a task of the daemon has failed", exc_info=task.exception())
 
 
-def _for_local_clients(addresses: Sequence[Address], credentials: grpc.ServerCredentials | None) -> str:
+def _for_local_clients(addresses: Sequence[Address], credentials: MakeCredentials | None) -> str:
     """Returns the best address for clients of this computer: one without TLS, if there is one."""
     plain = [address for address in addresses if credentials is None or address.is_unix]
     best = (plain or addresses)[0]

@@ -16,9 +16,7 @@ from ual.credentials import is_this_computer
 from ual_daemon.settings import ConfigError
 
 if TYPE_CHECKING:  # the addresses decide how gRPC is to be imported
-    import grpc
-
-    from ual_daemon.server.transport.base import TransportServer
+    from ual_daemon.server.transport.base import MakeCredentials, TransportServer
 
 _LONGEST_UNIX_PATH = 107
 
@@ -72,7 +70,7 @@ def is_local(template: str) -> bool:
         return False  # it will be refused
 
 
-def bind(server: TransportServer, address: Address, credentials: grpc.ServerCredentials | None) -> Address:
+def bind(server: TransportServer, address: Address, credentials: MakeCredentials | None) -> Address:
     """Makes the server listen, with TLS where there are credentials. Returns the address with the port it got.
 
     Raises:

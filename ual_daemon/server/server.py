@@ -25,7 +25,7 @@ from ual_daemon.server.planning import PlanFigures
 from ual_daemon.server.simulation_service import SimulatedTime, SimulationServicer
 from ual_daemon.server.telemetry_stream import LoopCalls, Updates
 from ual_daemon.server.traced import traced
-from ual_daemon.server.transport.base import Call, Transport
+from ual_daemon.server.transport.base import Call, MakeCredentials, Transport
 from ual_daemon.server.uav_service import UalServicer
 
 if TYPE_CHECKING:
@@ -148,9 +148,7 @@ class Server:
         """Returns what is measured of it, as it is now. From any thread."""
         return ServerFigures(self._calls.figures, self.updates.missed_count, self._servicer.plans)
 
-    def listen(
-        self, addresses: Sequence[Address], credentials: grpc.ServerCredentials | None = None
-    ) -> tuple[Address, ...]:
+    def listen(self, addresses: Sequence[Address], credentials: MakeCredentials | None = None) -> tuple[Address, ...]:
         """Opens the addresses, before `start`. Returns them with the ports that they got.
 
         Raises:

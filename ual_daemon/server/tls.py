@@ -17,6 +17,7 @@ import grpc
 
 from ual.shared import bounded_file
 from ual_daemon import logs
+from ual_daemon.server.transport.base import MakeCredentials
 from ual_daemon.settings import ConfigError
 
 _Signature: TypeAlias = tuple[tuple[int, int, int], ...]
@@ -24,10 +25,9 @@ _Signature: TypeAlias = tuple[tuple[int, int, int], ...]
 _log = logging.getLogger(__name__)
 
 
-def credentials(
-    certificate: str | None, key: str | None, client_ca: str | None = None
-) -> grpc.ServerCredentials | None:
-    """Returns credentials from the PEM files of a certificate (chain) and its key, or None where neither is given.
+def credentials(certificate: str | None, key: str | None, client_ca: str | None = None) -> MakeCredentials | None:
+    """Returns what makes credentials from the PEM files of a certificate (chain) and its key, or None where neither is
+    given. Each address that is opened needs credentials of its own: gRPC takes those that are read anew only once.
 
     With `client_ca`, PEM, callers have to show a certificate that this authority has signed.
 
@@ -44,10 +44,15 @@ def credentials(
     if certificate is None or key is None:
         missing = "tls_certificate" if certificate is None else "tls_key"
         raise ConfigError("a certificate and its key are needed together", missing)
-    files = _Files(certificate, key, client_ca)
-    # gRPC's types do not know that None means no change.
-    changed = cast("Callable[[], grpc.ServerCertificateConfiguration]", files.changed)
-    return grpc.dynamic_ssl_server_credentials(files.read(), changed, client_ca is not None)
+    _Files(certificate, key, client_ca).read()
+
+    def make() -> grpc.ServerCredentials:
+        files = _Files(certificate, key, client_ca)
+        # gRPC's types do not know that None means no change.
+        changed = cast("Callable[[], grpc.ServerCertificateConfiguration]", files.changed)
+        return grpc.dynamic_ssl_server_credentials(files.read(), changed, client_ca is not None)
+
+    return make
 
 
 class _Files:

@@ -17,6 +17,7 @@ from typing_extensions import override
 
 from ual_daemon.server.transport.base import (
     Call,
+    MakeCredentials,
     Metadata,
     Options,
     Transport,
@@ -66,12 +67,12 @@ class AioServer(TransportServer):
         self._handlers = [_AnyMethod(take)]
         self._server = self._make()
         self._replaced: list[grpc.aio.Server] = []
-        self._opened: list[tuple[str, grpc.ServerCredentials | None]] = []
+        self._opened: list[tuple[str, MakeCredentials | None]] = []
         self._watching: asyncio.Task[None] | None = None
         self._stopping: list[asyncio.Task[None]] = []
 
     @override
-    def listen(self, address: str, credentials: grpc.ServerCredentials | None = None) -> int:
+    def listen(self, address: str, credentials: MakeCredentials | None = None) -> int:
         port = self._open(self._server, address, credentials)
         host, _, number = address.rpartition(":")
         self._opened.append((f"{host}:{port}" if number == "0" else address, credentials))
@@ -115,12 +116,12 @@ class AioServer(TransportServer):
         self._deferral.apply()
         await server.start()
 
-    def _open(self, server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> int:
+    def _open(self, server: grpc.aio.Server, address: str, credentials: MakeCredentials | None) -> int:
         port = _add(server, address, credentials)
         self._deferral.add(address, port)
         return port
 
-    def _try_to_open(self, server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> bool:
+    def _try_to_open(self, server: grpc.aio.Server, address: str, credentials: MakeCredentials | None) -> bool:
         try:
             self._open(server, address, credentials)
         except RuntimeError as error:
@@ -129,10 +130,10 @@ class AioServer(TransportServer):
         return True
 
 
-def _add(server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> int:
+def _add(server: grpc.aio.Server, address: str, credentials: MakeCredentials | None) -> int:
     if credentials is None:
         return server.add_insecure_port(address)
-    return server.add_secure_port(address, credentials)
+    return server.add_secure_port(address, credentials())
 
 
 class _AnyMethod(grpc.GenericRpcHandler):

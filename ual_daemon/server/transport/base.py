@@ -14,6 +14,8 @@ import grpc
 
 Metadata: TypeAlias = Sequence[tuple[str, str | bytes]]
 Options: TypeAlias = Sequence[tuple[str, int]]
+MakeCredentials: TypeAlias = Callable[[], grpc.ServerCredentials]
+"""TLS for one address: called once for each that is opened."""
 
 
 class Call(Protocol):
@@ -85,7 +87,7 @@ class TransportServer(Protocol):
     """One server of a transport. To be used on the event loop that ran when it was made."""
 
     @abstractmethod
-    def listen(self, address: str, credentials: grpc.ServerCredentials | None = None) -> int:
+    def listen(self, address: str, credentials: MakeCredentials | None = None) -> int:
         """Opens an address, before `start`; with TLS where there are credentials. Returns its port, if it has one.
 
         Raises:

@@ -20,6 +20,7 @@ from typing_extensions import override
 
 from ual_daemon.server.transport.base import (
     Call,
+    MakeCredentials,
     Metadata,
     Options,
     Transport,
@@ -129,14 +130,14 @@ class CoreServer(TransportServer):
         self._stopped: Future[None] | None = None
 
     @override
-    def listen(self, address: str, credentials: grpc.ServerCredentials | None = None) -> int:
+    def listen(self, address: str, credentials: MakeCredentials | None = None) -> int:
         if credentials is None:
             port: int = self._server.add_http2_port(address.encode())
         else:
-            inner = credentials._credentials  # type: ignore[attr-defined]  # noqa: SLF001  as gRPC's own servers do
+            inner = credentials()._credentials  # type: ignore[attr-defined]  # noqa: SLF001  as gRPC's own servers do
             port = self._server.add_http2_port(address.encode(), inner)
         if port == 0:
-            raise RuntimeError(f"cannot listen on {address}")
+            raise RuntimeError("gRPC cannot open it; with GRPC_VERBOSITY=debug it prints why")
         self._deferral.add(address, port)
         return port
 
