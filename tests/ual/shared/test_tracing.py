@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import logging
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from concurrent.futures import Future
 
@@ -11,8 +13,9 @@ from opentelemetry.sdk.trace.export import SimpleSpanProcessor
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 from opentelemetry.trace import SpanKind, StatusCode
 
+from tests.waiting import LIMIT_S
 from ual.errors import RejectedByAutopilotError, WrongStateError
-from ual.shared.tracing import Tracing, is_wanted, of_environment
+from ual.shared.tracing import Tracing, end, is_wanted, of_environment
 
 
 class Traced:
@@ -121,3 +124,17 @@ def test_a_command_that_goes_on_elsewhere_belongs_to_its_call(traced: Traced) ->
     assert (spans["refused"].attributes or {})["ual.reason"] == "REJECTED_BY_AUTOPILOT"
     assert (spans["withdrawn"].attributes or {})["ual.withdrawn"] is True
     assert {each.parent.span_id for each in spans.values() if each.parent} == {span.get_span_context().span_id}
+
+
+def test_a_collector_that_is_stopped_does_not_delay_the_end(caplog: pytest.LogCaptureFixture) -> None:
+    sent = threading.Event()
+    with caplog.at_level(logging.WARNING):
+        end(sent.wait, 0.01)  # waits for ever
+    assert "the last spans are lost" in caplog.text
+    sent.set()
+
+
+def test_at_the_end_what_is_left_is_sent() -> None:
+    sent = threading.Event()
+    end(sent.set, LIMIT_S)
+    assert sent.is_set()

@@ -6,8 +6,10 @@ metadata, so that the daemon goes on with it.
 
 from __future__ import annotations
 
+import atexit
 import logging
 import os
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
@@ -22,6 +24,10 @@ if TYPE_CHECKING:
     from opentelemetry.trace import Span, TracerProvider
 
 Metadata = Sequence[tuple[str, "str | bytes"]]
+
+_EXPORT_LIMIT_VARIABLE = "OTEL_BSP_EXPORT_TIMEOUT"
+"""OpenTelemetry's own, in ms."""
+_LAST_EXPORT_S = 2.0
 
 _log = logging.getLogger(__name__)
 
@@ -64,9 +70,27 @@ def _provider() -> TracerProvider:
         from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
 
         exporter = OTLPSpanExporter()
-    provider = TracerProvider()  # its resource is OTEL_SERVICE_NAME and OTEL_RESOURCE_ATTRIBUTES
+    # Its resource is OTEL_SERVICE_NAME and OTEL_RESOURCE_ATTRIBUTES. Its own end would wait as long as its exporter.
+    provider = TracerProvider(shutdown_on_exit=False)
     provider.add_span_processor(BatchSpanProcessor(exporter))
+    atexit.register(end, provider.shutdown, _last_export_s())
     return provider
+
+
+def end(shut_down: Callable[[], object], limit_s: float) -> None:
+    """Sends what is left, and waits for it no longer than the limit: a collector may be stopped."""
+    sending = threading.Thread(target=shut_down, name="ual last spans", daemon=True)
+    sending.start()
+    sending.join(limit_s)
+    if sending.is_alive():
+        _log.warning("the last spans are lost: the collector did not take them within %g s", limit_s)
+
+
+def _last_export_s() -> float:
+    try:
+        return float(os.environ[_EXPORT_LIMIT_VARIABLE]) / 1e3
+    except (KeyError, ValueError):
+        return _LAST_EXPORT_S
 
 
 class Tracing:
