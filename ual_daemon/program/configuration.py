@@ -93,6 +93,12 @@ class Configuration:
             return self.daemon.listen or (f"{discovery.LOOPBACK}:{{port}}",)
         return self.daemon.listen or (discovery.default_address(self.daemon.ns),)
 
+    def defaults(self) -> dict[str, Any]:
+        """Returns the values of a file that says which UAV it is, and no more."""
+        which = DaemonSettings(backend=self.daemon.backend, ns=self.daemon.ns)
+        values = Configuration(which, VehicleSettings(), {}, {}).as_values()
+        return {name: value for name, value in values.items() if name not in ("backend", "ns")}
+
     def as_values(self) -> dict[str, Any]:
         """Returns the same configuration as the values of a file. Leaves out infinite limits: they mean no limit."""
         values = {

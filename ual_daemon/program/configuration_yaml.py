@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import indent
 from typing import Any
 
 import yaml
@@ -28,9 +29,20 @@ class FileSource(Source):
         return f"{self.path}:{_line_of(self.root, error.key)}: {error}"
 
 
-def dump(values: Mapping[str, Any]) -> str:
-    """Returns the values as the text of a file."""
-    return yaml.safe_dump(_plain(values), sort_keys=False, allow_unicode=True)
+def dump(values: Mapping[str, Any], defaults: Mapping[str, Any]) -> str:
+    """Returns the values as the text of a file, defaults as comments.
+
+    A file that sets a default keeps it when a release changes it. An older release refuses it.
+    """
+    return "".join(_entry(key, value, defaults) for key, value in values.items())
+
+
+def _entry(key: str, value: object, defaults: Mapping[str, Any]) -> str:
+    default = defaults.get(key)
+    if isinstance(value, Mapping) and isinstance(default, Mapping) and value != default:
+        return f"{key}:\n{indent(dump(value, default), '  ')}"
+    text = yaml.safe_dump({key: _plain(value)}, sort_keys=False, allow_unicode=True)
+    return indent(text, "# ") if key in defaults and value == default else text
 
 
 def assignment(text: str, name: str) -> tuple[str, Any]:

@@ -352,7 +352,7 @@ def _fly(
         from ual_daemon.program import configuration_yaml
 
         with _printing():
-            click.echo(configuration_yaml.dump(configuration.as_values()), nl=False)
+            click.echo(configuration_yaml.dump(configuration.as_values(), configuration.defaults()), nl=False)
         return
     if worker is None:
         log_output.setup(settings.log_level, settings.log_format)

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from ual import discovery
 from ual_daemon.program import configuration, configuration_yaml
@@ -78,13 +80,27 @@ def test_later_sources_win_key_by_key() -> None:
     assert (found.vehicle.limits.climb_speed_m_s, found.vehicle.limits.descent_speed_m_s) == (2.0, 1.0)
 
 
+def test_printed_it_has_defaults_as_comments(file: Path) -> None:
+    """A file that had them would keep them when a release changes them."""
+    found = load(file, "ns: uav_7\nceiling_m: 120\ntolerance: {dwell_s: 1, speed_m_s: 0.5}\nlight: {a: 1}\n")
+    text = configuration_yaml.dump(found.as_values(), found.defaults())
+    assert yaml.safe_load(text) == {
+        "backend": "light",
+        "ns": "uav_7",
+        "tolerance": {"dwell_s": 1.0},
+        "light": {"a": 1},
+    }
+    commented = yaml.safe_load(re.sub(r"^(\s*)# ", r"\1", text, flags=re.MULTILINE))
+    assert commented == yaml.safe_load(configuration_yaml.dump(found.as_values(), {}))
+
+
 def test_printed_it_is_the_same_configuration_again(file: Path) -> None:
     found = load(
         file,
         "ns: uav_7\nhome_pose: [1, 2, 3]\nlimits: {climb_speed_m_s: 2}\n"
         "frames: [{frame_id: field}]\nlight: {a: [1, x]}\n",
     )
-    again = load(file, configuration_yaml.dump(found.as_values()))
+    again = load(file, configuration_yaml.dump(found.as_values(), found.defaults()))
     assert again.listen == found.listen == ("127.0.0.1:50057",)
     assert again.vehicle == found.vehicle
     assert again.backends == found.backends
