@@ -12,7 +12,8 @@ from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, 
 AGAIN_S = 1.0
 """The time from a read that failed to the next one."""
 SETTLE_S = 0.3
-"""The time from a change to its read: amid an upload ArduPilot refuses it, and it is asked for again a second later."""
+"""The time from a change to its read: amid an upload ArduPilot refuses it, and it is asked for again a second later.
+PX4 tells another checksum once the upload has ended, and up to a second late: then it is read at once."""
 _PAUSE_FACTOR = 9.0
 """Reads for a new item alone wait so many times as long as the last one took: they get a tenth of the time."""
 
@@ -57,7 +58,7 @@ class MissionWatch:
             return
         if told.mission_id and told.mission_id == self._kept.mission_id:
             self._sure = told
-        if self._newest not in (None, told):
+        if self._newest not in (None, told) and not told.mission_id:
             self._next_s = now_s + SETTLE_S
         self._newest = told
         is_of_item = not told.mission_id and item != self._item and now_s >= self._next_item_s
