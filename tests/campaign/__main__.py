@@ -111,6 +111,7 @@ def _write(rig: Rig, flight: Plan, record: Record, values: dict[str, object], br
         "setpoints": sum(sent.what == "setpoint" for sent in record.sent),
         "states": len(record.said),
         "truths": len(record.truth),
+        "failed": record.failed,
         "breaches": [asdict(breach) for breach in breaches],
     }
     with (rig.options.folder / "flights.jsonl").open("a") as file:

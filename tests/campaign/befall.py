@@ -12,6 +12,7 @@ from contextlib import ExitStack
 
 from typing_extensions import Self
 
+from tests.campaign.failures import FAILURES, Wait
 from tests.campaign.plan import Fault
 from tests.campaign.rig import NAMES, Rig, take_mode
 from tests.sitl.troubles import TROUBLES, Change, changed
@@ -28,8 +29,6 @@ _WIDE_M, _WIDER_M = 8.0, 4.0
 _HOME_M, _HOME_UP_M = 3.0, 2.0
 _ORIGIN_M = 5.0
 _LAND = {"px4": (4.0, 6.0), "ardupilot": (9.0, 0.0)}
-Wait = Callable[[float], object]
-"""Waits so long, or until the flight is over."""
 
 
 class Befalling:
@@ -42,7 +41,6 @@ class Befalling:
         self._threads = [threading.Thread(target=self._run, args=(fault,), name=fault.kind) for fault in faults]
         self._active = 0
         self._lock = threading.Lock()
-        self.failed: list[str] = []
 
     def __enter__(self) -> Self:
         for thread in self._threads:
@@ -76,7 +74,7 @@ class Befalling:
         try:
             FAULTS[fault.kind](self._rig, fault, self._over.wait)
         except Exception as error:  # noqa: BLE001  a fault that fails is told with the flight
-            self.failed.append(f"{fault.kind}: {error!r}")
+            self._rig.record.failed.append(f"{fault.kind}: {error!r}")
         finally:
             ended()
             with self._lock:
@@ -239,6 +237,7 @@ def _busy(_rig: Rig, fault: Fault, wait: Wait) -> None:
 
 
 FAULTS: dict[str, Callable[[Rig, Fault, Wait], None]] = {
+    **FAILURES,
     "loss": _loss,
     "delay": _delay,
     "corruption": _corruption,

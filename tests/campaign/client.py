@@ -5,6 +5,7 @@ Each line of JSON on its standard input is a step; it writes a line when the ste
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 import time
@@ -12,12 +13,17 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import ual
-from ual.errors import UalError
+from tests.campaign.plan import ABORT, AGAIN, JUMP, PAUSE
+from ual.errors import UalError, UalTimeoutError
+from ual.fences.values import FencePlan, FenceZone, RallyPoint
 from ual.geometry import Pose, Twist, Vector3
+from ual.missions import Waypoint
 from ual.types import AltitudeReference
 
 _LIMIT_S = 20.0
 _PERIOD_S = 0.04
+_PAUSE_S = 1.5
+_FENCE_M = 60.0
 
 
 def main() -> None:
@@ -82,6 +88,57 @@ def _above_home(uav: ual.Uav, values: Sequence[float], _: _Count) -> None:
     uav.go_to_waypoint_geo(values[0], values[1], values[2], AltitudeReference.HOME, timeout_s=_LIMIT_S)
 
 
+def _upload(uav: ual.Uav, values: Sequence[float], _: _Count) -> None:
+    starts = range(0, len(values), 3)
+    uav.mission.upload([Waypoint(values[each], values[each + 1], values[each + 2]) for each in starts])
+
+
+def _mission(uav: ual.Uav, values: Sequence[float], accepted: _Count) -> None:
+    """Has the mission flown; after a while something is asked of it. A refusal of that does not end the step."""
+    action, after_s, last_item = int(values[0]), values[1], int(values[2])
+    task = uav.task(uav.mission.start().id)
+    accepted.value = 1
+    with contextlib.suppress(UalTimeoutError):
+        task.wait(timeout_s=after_s)
+    with contextlib.suppress(UalError):
+        if action == PAUSE:
+            uav.mission.pause()
+            time.sleep(_PAUSE_S)
+            uav.mission.resume()
+        elif action == JUMP:
+            uav.mission.jump_to(last_item)
+        elif action == ABORT:
+            uav.abort()
+        elif action == AGAIN:
+            task = uav.task(uav.mission.start().id)
+    task.wait(timeout_s=2.0 * _LIMIT_S)
+
+
+def _parameters(uav: ual.Uav, *_: object) -> None:
+    name = "MPC_ACC_DOWN_MAX" if "PX4" in uav.info().autopilot else "PSC_JERK_Z"
+    parameter = uav.parameters.get(name)
+    uav.parameters.set(name, parameter.value)
+
+
+def _fence(uav: ual.Uav, *_: object) -> None:
+    """Brings a wide fence and a rally point, and takes them away again."""
+    here = uav.telemetry().position_geo
+    assert here is not None
+    zone = FenceZone(is_inclusion=True, points=((here.latitude_deg, here.longitude_deg),), radius_m=_FENCE_M)
+    rally = RallyPoint(here.latitude_deg, here.longitude_deg, 5)
+    uav.fence.upload(FencePlan((zone,), (rally,)), force=True)
+    uav.fence.clear(with_rally_points=True, force=True)
+
+
+def _logs(uav: ual.Uav, *_: object) -> None:
+    uav.logs.get_all()
+
+
+def _camera(uav: ual.Uav, *_: object) -> None:
+    for camera in uav.cameras:
+        camera.take_photo()
+
+
 _STEPS: dict[str, Callable[[ual.Uav, Sequence[float], _Count], Any]] = {
     "arm": lambda uav, *_: uav.arm(timeout_s=_LIMIT_S),
     "set_home": lambda uav, *_: uav.set_home(set_z=True),
@@ -96,6 +153,12 @@ _STEPS: dict[str, Callable[[ual.Uav, Sequence[float], _Count], Any]] = {
     "path": _path,
     "velocity": _velocity,
     "pose": _pose,
+    "upload": _upload,
+    "mission": _mission,
+    "parameters": _parameters,
+    "fence": _fence,
+    "logs": _logs,
+    "camera": _camera,
 }
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from tests.campaign.modes import BY_AUTOPILOT
 from tests.campaign.places import Origin
-from tests.campaign.record import Located, Record, Sent, Told, Value
+from tests.campaign.record import Located, Place, Record, Sent, Text, Told, Value
 from tests.campaign.truth import note_home
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
@@ -26,6 +26,8 @@ _AUTOPILOT = frozenset(
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
         mavlink.MAVLINK_MSG_ID_HOME_POSITION,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
         _CURRENT_MODE,
         _EVENT,
     }
@@ -64,6 +66,8 @@ _NAMES = {
     mavlink.MAV_CMD_DO_SET_MODE: "mode",
 }
 _CLOCK_S = 5.0
+_MOST_SEVERE = mavlink.MAV_SEVERITY_CRITICAL
+_NO_POSITION, _NO_VELOCITY = 0b111, 0b111 << 3
 _LATE_S = 0.3
 _MODE, _LANDED, _PLACE_FLAGS = "mode", "landed", "placed"
 
@@ -86,6 +90,7 @@ class Ears:
         self._newest_event_ms = 0
         self._sequence = SequenceUnwrapper(_LATE_S)
         self._newest: dict[str, int] = {}
+        self._local: Place | None = None
         self._from_daemon, self._from_autopilot = FrameReader(), FrameReader()
 
     def hear_daemon(self, data: bytes) -> None:
@@ -94,7 +99,7 @@ class Ears:
         for frame in self._from_daemon.feed(data):
             if frame.message_id in _HARMLESS:
                 continue
-            sent = _sent(self._codec.decode(frame), now_s, self._mode_number)
+            sent = _sent(self._codec.decode(frame), now_s, self._mode_number, self._local)
             if sent is not None:
                 self.record.sent.append(sent)
 
@@ -150,16 +155,24 @@ class Ears:
         elif hasattr(message, "flags"):
             if self._is_newest(_PLACE_FLAGS):
                 self.record.told.append(Told(now_s, is_placed=message.flags & _PLACED == _PLACED))
+        else:
+            self._note_place_or_text(message, now_s)
+
+    def _note_place_or_text(self, message: Message, now_s: float) -> None:
+        if isinstance(message, mavlink.MAVLink_local_position_ned_message):
+            self._local = (message.y, message.x, -message.z)
+        elif isinstance(message, mavlink.MAVLink_statustext_message):
+            if message.severity <= _MOST_SEVERE and not message.chunk_seq:  # the rest of a long one says less
+                self.record.texts.append(Text(now_s, message.text))
         elif message.lat or message.lon:
             place = self._origin.place(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
             self.record.estimate.append(Located(now_s, place))
 
 
-def _sent(message: Message, now_s: float, mode_number: Callable[[int, int], int]) -> Sent | None:
-    """Returns what the message does to the vehicle; None: nothing."""
+def _sent(message: Message, now_s: float, mode_number: Callable[[int, int], int], local: Place | None) -> Sent | None:
+    """Returns what the message does to the vehicle, which takes itself to be at `local`; None: nothing."""
     if isinstance(message, mavlink.MAVLink_set_position_target_local_ned_message):
-        written_s = message.time_boot_ms / 1e3  # the daemon writes when it has sent it, by the same clock
-        return Sent(written_s if abs(written_s - now_s) < _CLOCK_S else now_s, "setpoint")
+        return _setpoint(message, now_s, local)
     command = getattr(message, "command", None)
     if command in _ASKING:
         return None
@@ -168,3 +181,16 @@ def _sent(message: Message, now_s: float, mode_number: Callable[[int, int], int]
     is_mode = command == mavlink.MAV_CMD_DO_SET_MODE
     mode = mode_number(int(message.param2), int(message.param3)) if is_mode else None
     return Sent(now_s, _NAMES.get(command, f"command {command}"), mode)
+
+
+def _setpoint(
+    message: mavlink.MAVLink_set_position_target_local_ned_message, now_s: float, local: Place | None
+) -> Sent:
+    way = velocity = None
+    is_local = message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
+    if is_local and local is not None and not message.type_mask & _NO_POSITION:
+        way = (round(message.y - local[0], 2), round(message.x - local[1], 2), round(-message.z - local[2], 2))
+    if is_local and not message.type_mask & _NO_VELOCITY:
+        velocity = (round(message.vy, 2), round(message.vx, 2), round(-message.vz, 2))
+    written_s = message.time_boot_ms / 1e3  # the daemon writes when it has sent it, by the same clock
+    return Sent(written_s if abs(written_s - now_s) < _CLOCK_S else now_s, "setpoint", None, way, velocity)

@@ -23,9 +23,10 @@ WAKE_S = 0.3
 """So long a daemon that was stopped, or starved, takes until it has read what has come meanwhile."""
 UNKNOWN_M = 0.5
 """The error of an estimate that is not known at a time."""
-ENTERS = frozenset({"recover", "land", "rtl", "take_off", "arm"})
+ENTERS = frozenset({"recover", "land", "rtl", "take_off", "arm", "mission"})
 """Commands that may lead out of a mode in which setpoints are not followed."""
-FLIES = ENTERS | {"go_to", "go_to_geo", "go_above_home", "path", "velocity", "pose", "abort", "disarm"}
+SERVICES = frozenset({"upload", "parameters", "fence", "logs", "camera"})
+FLIES = ENTERS | SERVICES | {"go_to", "go_to_geo", "go_above_home", "path", "velocity", "pose", "abort", "disarm"}
 REFUSED = frozenset(
     {
         "WRONG_STATE",
@@ -44,7 +45,9 @@ REFUSED = frozenset(
 """So ended, a call has begun nothing. (LINK_LOST and UNAVAILABLE may come in the middle: see `begins`.)"""
 FLOWN_S = 0.5
 """So long after its last setpoint a vehicle is flown by it."""
-TASKS = frozenset({"take_off", "land", "rtl", "go_to", "go_to_geo", "go_above_home", "path"})
+TASKS = frozenset({"take_off", "land", "rtl", "go_to", "go_to_geo", "go_above_home", "path", "mission"})
+_GOING_ON = ("CLIENT_KILLED", "TIMEOUT")
+"""So ended, a task goes on: its client has only stopped waiting for it."""
 _STARVING = ("freeze", "busy")
 DISTURBING = ("loss", "delay", "corruption", "silence", "freeze", "busy", "reboot", "kill_daemon")
 DISTURBED_S = 6.0
@@ -139,6 +142,11 @@ def begins(call: Called) -> bool:
     return call.outcome not in REFUSED
 
 
+def until_s(call: Called) -> float:
+    """Until when what a call has begun may last."""
+    return math.inf if call.outcome in _GOING_ON and call.name in TASKS else call.ended_s
+
+
 def _own_modes(record: Record, modes: Modes, time_s: float) -> set[int]:
     """The modes into which the daemon's own orders of the last seconds, and its calls under way, may lead."""
     found: set[int] = set()
@@ -150,8 +158,11 @@ def _own_modes(record: Record, modes: Modes, time_s: float) -> set[int]:
                 found |= modes.takes_off | {modes.hold}
             if sent.what == "land":
                 found |= modes.lands
-    if any(call.name == "take_off" and call.began_s <= time_s <= call.ended_s + 1.0 for call in record.called):
-        found |= modes.takes_off | {modes.hold}
+    for call in record.called:
+        if call.began_s <= time_s <= call.ended_s + 1.0 and call.name == "take_off":
+            found |= modes.takes_off | {modes.hold}
+        if call.began_s <= time_s <= until_s(call) + 1.0 and call.name == "mission":
+            found |= {modes.mission, modes.hold}
     return found
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from tests.campaign.befall import Befalling
+from tests.campaign.evidence import SERVICES
 from tests.campaign.plan import FOREIGN, Plan, Step
 from tests.campaign.record import Place, Record
 from tests.campaign.rig import Rig, take_mode
@@ -49,6 +50,7 @@ def _ours(rig: Rig, plan: Plan, faults: Befalling) -> None:
 
 
 def _pilot_arms(rig: Rig) -> None:
+    rig.note("arm")
     try:
         rig.pilot.arm()
         rig.wait_for(lambda: rig.state() == "LANDED_ARMED" or not rig.pilot.is_armed, "LANDED_ARMED", 5.0)
@@ -60,7 +62,7 @@ def _do(rig: Rig, step: Step, faults: Befalling) -> bool:
     """Does a step; where something stands in the way, once more when it is over. Returns whether to go on."""
     for _ in range(_ATTEMPTS):
         call = rig.call(step.name, *_values(rig, step))
-        if not call.outcome or call.outcome == "GEOFENCE":
+        if not call.outcome or call.outcome == "GEOFENCE" or step.name in SERVICES - {"upload"}:
             return True
         _wait_until_calm(rig, faults)
         state = rig.state()
@@ -68,7 +70,11 @@ def _do(rig: Rig, step: Step, faults: Befalling) -> bool:
             return False
         if state == "FLYING_AUTO" and step.name == "take_off":
             return True
-        if state == "FLYING_MANUAL":
+        if rig.is_down() and step.name not in ("arm", "take_off"):
+            return False  # it has fallen
+        if step.name == "mission":
+            return True  # it is flown once
+        if state == "FLYING_MANUAL" or "not follow" in rig.reason():
             if rig.call("recover", (0.0,)).outcome:
                 rig.call("recover", (1.0,))
             time.sleep(_SHOWN_S)
@@ -97,6 +103,8 @@ def _wait_until_calm(rig: Rig, faults: Befalling) -> None:
 
 def _foreign(rig: Rig, plan: Plan, faults: Befalling) -> None:
     """A ground station's flight: no client commands anything, and the daemon must send nothing."""
+    rig.note("arm")
+    rig.note("fly")
     rig.pilot.arm()
     is_px4 = rig.options.autopilot == "px4"
     if is_px4:

@@ -30,11 +30,19 @@ from tests.campaign.evidence import (
     flown,
     known_since_s,
     place_text,
+    until_s,
 )
+from tests.campaign.follows import follows, nothing_flies_unasked
 from tests.campaign.modes import Modes
 from tests.campaign.motion import a_task_makes_way, a_velocity_leads_straight
 from tests.campaign.places import distance_m
 from tests.campaign.record import DAEMON_STARTED, Called, Place, Record, Said
+from tests.campaign.services import (
+    a_mission_has_its_owner,
+    no_part_of_a_mission_flies,
+    what_is_done_was_reached,
+    what_is_severe_is_told,
+)
 from tests.campaign.words import words_are_true
 
 AHEAD_S = 0.1
@@ -47,8 +55,6 @@ LANDED_M = 0.5
 _HOME_S = 1.0
 _UNPLACED_S = 2.5
 """The autopilot tells once a second whether it is sure of its position."""
-_GOING_ON = ("CLIENT_KILLED", "TIMEOUT")
-"""So ended, a take-off or landing goes on: its client has only stopped waiting for it."""
 _PAUSE_S = 0.8
 ENDED_S = 1.0
 """By then a task has ended whose vehicle was taken."""
@@ -101,7 +107,7 @@ def nothing_after_a_take_over(case: Case) -> Iterator[Breach]:
         if not recent or any(each.mode in (modes.references, None) or not each.armed for each in recent):
             continue
         entering = any(
-            call.name in ENTERS and begins(call) and call.began_s <= sent.time_s <= call.ended_s + OWN_S
+            call.name in ENTERS and begins(call) and call.began_s <= sent.time_s <= _entered_s(call) + OWN_S
             for call in record.called
         )
         taken = [time_s for time_s in case.taken_s if time_s <= since_s]
@@ -111,6 +117,11 @@ def nothing_after_a_take_over(case: Case) -> Iterator[Breach]:
             entering = False
         if not entering:
             yield Breach("take-over", sent.time_s, f"setpoint in mode {recent[-1].mode:#x}, known since {since_s:.2f}")
+
+
+def _entered_s(call: Called) -> float:
+    """Until when a call may lead out of a mode: at the end of a mission UAL takes control back."""
+    return until_s(call) if call.name == "mission" else call.ended_s
 
 
 def nothing_unasked(case: Case) -> Iterator[Breach]:
@@ -167,6 +178,8 @@ def _states(each: Known, modes: Modes) -> set[str]:
         found.add("LANDED_ARMED")
     else:
         found.add("FLYING_AUTO" if each.mode == modes.references else "FLYING_MANUAL")
+    if each.mode == modes.mission:  # a client's, or another station's
+        found |= {"FLYING_AUTO", "FLYING_MANUAL"}
     if each.mode in modes.takes_off or each.landed == TAKEOFF:
         found.add("TAKING_OFF")
     if each.mode in modes.lands or each.landed == LANDING:
@@ -174,14 +187,14 @@ def _states(each: Known, modes: Modes) -> set[str]:
     return found
 
 
-def _doing(record: Record, since_s: float, until_s: float) -> set[str]:
+def _doing(record: Record, since_s: float, last_s: float) -> set[str]:
     """The states of what a client has asked the daemon to do."""
     names = {
-        call.name
-        for call in record.called
-        if begins(call) and call.began_s <= until_s and (call.ended_s >= since_s or call.outcome in _GOING_ON)
+        call.name for call in record.called if begins(call) and call.began_s <= last_s and until_s(call) >= since_s
     }
-    return ({"TAKING_OFF"} if "take_off" in names else set()) | ({"LANDING"} if names & {"land", "rtl"} else set())
+    found = {"TAKING_OFF"} if names & {"take_off", "mission"} else set()
+    found |= {"LANDING"} if names & {"land", "rtl", "mission"} else set()
+    return found | ({"FLYING_AUTO"} if "mission" in names else set())
 
 
 def _is_disturbed(record: Record, time_s: float) -> bool:
@@ -315,4 +328,10 @@ RULES: tuple[Callable[[Case], Iterator[Breach]], ...] = (
     a_task_makes_way,
     a_velocity_leads_straight,
     words_are_true,
+    follows,
+    nothing_flies_unasked,
+    a_mission_has_its_owner,
+    no_part_of_a_mission_flies,
+    what_is_severe_is_told,
+    what_is_done_was_reached,
 )

@@ -17,7 +17,7 @@ def _ardupilot(main: int, _: int = 0) -> int:
 @dataclass(frozen=True)
 class Modes:
     """`references` is where setpoints are followed; `takes_off` and `lands` are the autopilot's own modes for that,
-    `hold` is where it goes by itself after its own take-off.
+    `hold` is where it goes by itself after its own take-off. `mission` is where it flies its mission.
     """
 
     references: int
@@ -25,6 +25,7 @@ class Modes:
     lands: frozenset[int]
     returns: int
     hold: int
+    mission: int
     number: Callable[[int, int], int]
     """From the two numbers of DO_SET_MODE."""
 
@@ -35,7 +36,10 @@ PX4 = Modes(
     lands=frozenset({_px4(4, 6)}),
     returns=_px4(4, 5),
     hold=_px4(4, 3),
+    mission=_px4(4, 4),
     number=_px4,
 )
-ARDUPILOT = Modes(references=4, takes_off=frozenset(), lands=frozenset({9}), returns=6, hold=17, number=_ardupilot)
+ARDUPILOT = Modes(
+    references=4, takes_off=frozenset(), lands=frozenset({9}), returns=6, hold=17, mission=3, number=_ardupilot
+)
 BY_AUTOPILOT = {"px4": PX4, "ardupilot": ARDUPILOT}

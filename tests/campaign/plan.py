@@ -26,7 +26,14 @@ _MOTIONS = (
     "outside",
     "push",
     "abort",
+    "mission",
+    "mission",
+    "mission",
+    "mission",
 )
+PLAIN, PAUSE, JUMP, ABORT, AGAIN = range(5)
+"""What is asked of a mission on its way: nothing, a pause, a jump to its last item, an abort, its start once more."""
+_SERVICES = ("parameters", "fence", "logs", "camera")
 _KINDS = {
     "loss": 4,
     "delay": 4,
@@ -48,15 +55,47 @@ _KINDS = {
     "station": 3,
     "freeze": 5,
     "busy": 3,
+    "motor_off": 3,
+    "motor_weak": 3,
+    "stop": 4,
+    "disarmed": 3,
+    "held": 2,
+    "gps_jam": 2,
+    "gps_jump": 2,
+    "compass": 2,
+    "barometer": 2,
+    "accelerometer": 2,
+    "wind": 3,
+    "station_parameter": 2,
+    "station_reboot": 1,
 }
 """How often each is chosen, relative to the others."""
 _GROUND_ONLY = frozenset({"reboot"})
 _IN_FLIGHT = frozenset({"pilot", "fence", "ekf"})
 _IN_MOTION = frozenset({"limits", "wide_fence", "home", "origin", "station"})
+_OF_VEHICLE = frozenset(
+    (
+        "motor_off",
+        "motor_weak",
+        "stop",
+        "disarmed",
+        "gps_jam",
+        "gps_jump",
+        "compass",
+        "barometer",
+        "accelerometer",
+        "wind",
+    )
+)
+_OF_MISSION = ("station_upload", "station_clear", "station_jump", "cut")
+_WITH_MISSION = 10
+"""How often each of these is chosen, in a flight that has a mission."""
+_BY_STATION = frozenset({"station_parameter", "station_reboot"})
 _FOREIGN = 0.08
 _NO_FAULT = 0.1
 _ARMED_BY_CLIENT = 0.3
 _BY_RTL = 0.1
+_BY_SERVICE = 0.25
 
 
 @dataclass(frozen=True)
@@ -97,14 +136,25 @@ def plan(seed: int, *, has_faults: bool = True) -> Plan:
     steps = [Step("arm"), Step("take_off", (HEIGHT_M,))]
     steps += [step for _ in range(dice.choice((1, 2, 2))) for step in _motions(dice)]
     steps.append(Step("rtl", (4.0,)) if dice.random() < _BY_RTL else Step("land"))
+    if dice.random() < _BY_SERVICE:
+        steps.insert(dice.randint(2, len(steps) - 1), Step(dice.choice(_SERVICES)))
     count = 0 if dice.random() < _NO_FAULT else dice.choice((1, 1, 2))
-    faults = tuple(_fault(dice, len(steps)) for _ in range(count))
+    faults = tuple(_fault(dice, steps) for _ in range(count))
     return Plan(seed, mission, armed_by, tuple(steps), faults if has_faults else ())
 
 
 def _motions(dice: random.Random) -> tuple[Step, ...]:
     name = dice.choice(_MOTIONS)
+    if name == "mission":
+        return _mission(dice)
     return _line(dice) if name == "line" else (_motion(dice, name),)
+
+
+def _mission(dice: random.Random) -> tuple[Step, ...]:
+    """Brings a mission, and has it flown; something may be asked of it on its way."""
+    places = tuple(value for _ in range(dice.choice((2, 3, 4))) for value in _place(dice))
+    action = float(dice.choice((PLAIN, PLAIN, PAUSE, JUMP, ABORT, AGAIN)))
+    return Step("upload", places), Step("mission", (action, dice.uniform(0.2, 4.0)))
 
 
 def _line(dice: random.Random) -> tuple[Step, ...]:
@@ -144,10 +194,17 @@ def _place(dice: random.Random) -> tuple[float, float, float]:
     )
 
 
-def _fault(dice: random.Random, steps_count: int) -> Fault:
-    kind = dice.choices(list(_KINDS), list(_KINDS.values()))[0]
-    first = 2 if kind in _IN_MOTION else 1 if kind in _IN_FLIGHT else 0
-    last = 0 if kind in _GROUND_ONLY else steps_count - 2 if kind in _IN_MOTION else steps_count - 1
-    step = dice.randint(first, last)
+def _fault(dice: random.Random, steps: list[Step]) -> Fault:
+    missions = [number for number, step in enumerate(steps) if step.name == "mission"]
+    kinds = _KINDS | dict.fromkeys(_OF_MISSION, _WITH_MISSION if missions else 0)
+    kind = dice.choices(list(kinds), list(kinds.values()))[0]
     durations = {"silence": (0.3, 4.0), "freeze": (0.1, 3.0), "kill_daemon": (0.0, 3.0), "busy": (1.0, 2.0)}
-    return Fault(kind, step, dice.uniform(0.0, 2.5), dice.uniform(*durations.get(kind, (1.5, 4.0))), dice.random())
+    duration_s, strength = dice.uniform(*durations.get(kind, (1.5, 4.0))), dice.random()
+    if kind in _OF_MISSION:
+        is_cut = kind == "cut"
+        return Fault(kind, missions[0] - is_cut, 0.0 if is_cut else dice.uniform(1.5, 5.0), duration_s, strength)
+    if kind == "held":
+        return Fault(kind, 0, 0.0, duration_s, strength)
+    first = 2 if kind in _IN_MOTION else 1 if kind in _IN_FLIGHT | _OF_VEHICLE | _BY_STATION else 0
+    last = 0 if kind in _GROUND_ONLY else len(steps) - 2 if kind in _IN_MOTION else len(steps) - 1
+    return Fault(kind, dice.randint(first, last), dice.uniform(0.0, 2.5), duration_s, strength)

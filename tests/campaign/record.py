@@ -33,6 +33,10 @@ class Sent:
     time_s: float
     what: str
     mode: int | None = None
+    way: Place | None = None
+    """Of a setpoint with a position: from where the autopilot takes itself to be to there, metres east, north, up."""
+    velocity: Place | None = None
+    """Of a setpoint with a velocity: m/s east, north and up."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,10 @@ class Called:
     """Whether `goal` has its height above the autopilot's home."""
     text: str = ""
     """What the error says."""
+    height_m: float | None = None
+    """Of a take-off: what was asked."""
+    goals: tuple[Place, ...] = ()
+    """Of a mission: its places, in their order, by the simulator's start; those that were jumped over are not there."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +92,22 @@ class Value:
     time_s: float
     name: str
     value: float
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text of the autopilot as it reached the daemon, or one of the health that was told, as a whole."""
+
+    time_s: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the safety pilot or a ground station has done: ``arm``, ``upload``, ``clear``, ..."""
+
+    time_s: float
+    what: str
 
 
 @dataclass(frozen=True)
@@ -127,6 +151,13 @@ class Record:
     """Where the autopilot's home is, as it reached the daemon."""
     homes: list[Located] = field(default_factory=list)
     """Where it is, as the autopilot told it on another link, several times a second."""
+    texts: list[Text] = field(default_factory=list)
+    """Those of severity 0 to 2."""
+    healths: list[Text] = field(default_factory=list)
+    """The failing checks that a subscriber was told, and the failsafe, when they changed."""
+    orders: list[Order] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    """The faults that did not come about, and why."""
 
     def to_json(self) -> str:
         """Returns it as text, to be judged again later."""
@@ -155,9 +186,16 @@ _KINDS: dict[str, type] = {
     "values": Value,
     "told_homes": Located,
     "homes": Located,
+    "texts": Text,
+    "healths": Text,
+    "orders": Order,
 }
 assert set(_KINDS) <= {each.name for each in fields(Record)}
 
 
 def _tuples(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+    return {name: _tuple(value) for name, value in values.items()}
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(map(_tuple, value)) if isinstance(value, list) else value

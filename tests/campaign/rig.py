@@ -8,7 +8,7 @@ import json
 import math
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,9 +17,9 @@ from tests.campaign.ears import Ears
 from tests.campaign.evidence import estimate_error_m
 from tests.campaign.modes import BY_AUTOPILOT
 from tests.campaign.places import Origin
-from tests.campaign.plan import AREA_M, FENCE_HEIGHT_M, FENCE_SIDE_M
+from tests.campaign.plan import ABORT, AREA_M, FENCE_HEIGHT_M, FENCE_SIDE_M, JUMP
 from tests.campaign.processes import ClientProcess, DaemonProcess, NotFlownError, SimulatorProcess
-from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Life, Place, Record, Said, Trouble
+from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Life, Order, Place, Record, Said, Text, Trouble
 from tests.campaign.starvation import StarvationWatch
 from tests.campaign.truth import TruthLink
 from tests.simulators.faults import GOOD
@@ -58,6 +58,8 @@ _BOOT_S = 150.0
 _DOWN_S = 60.0
 _ASTRAY_M = 3.0
 _UP_M = 2.8
+_DOWN_M = 0.3
+_FORCE = 21196.0
 _NO_RESET = 42651
 """MAV_CMD_BATTERY_RESET."""
 
@@ -92,6 +94,7 @@ class Rig:
         self.daemon = DaemonProcess(options.module, self._flags(), options.folder)
         self._observer: ual.Uav | None = None
         self._client: ClientProcess | None = None
+        self._places: list[Place] = []
         self.anchor: Place | None = None
         self.anchor_error_m = 0.0
         self.start_daemon()  # first: ArduPilot's simulator opens its other ports for the first client of this one
@@ -123,6 +126,7 @@ class Rig:
         self.record.values.extend({each.name: each for each in before.values}.values())
         self.record.told_homes.extend(before.told_homes[-1:])
         self.record.homes.extend(before.homes[-1:])
+        self.record.healths.extend(before.healths[-1:])
         self.record.lives.append(Life(known[0].time_s if known else time.monotonic(), DAEMON_STARTED))
         self._ears.record = self.truth.record = self.record
         return self.record
@@ -156,6 +160,10 @@ class Rig:
             assert goal is not None
             latitude_deg, longitude_deg, altitude_m = self.options.origin.geo(goal)
             sent = (latitude_deg, longitude_deg, altitude_m if name == "go_to_geo" else goal[2])
+        if name == "upload":
+            sent = self._mission(values)
+        if name == "mission":
+            sent = (*values, float(len(self._places)))
         answer = self._client.run(name, sent)
         if "ended_s" not in answer:
             self._end_client()
@@ -172,9 +180,35 @@ class Rig:
             (values[0], values[1], values[2]) if name == "velocity" else None,
             name == "go_above_home",
             answer["text"],
+            values[0] if name == "take_off" else None,
+            self._goals(int(values[0]), answer["began_s"]) if name == "mission" else (),
         )
         self.record.called.append(call)
         return call
+
+    def _mission(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        """Keeps the places of a mission, and returns them as latitude, longitude and height above home."""
+        self._places = [(values[each], values[each + 1], values[each + 2]) for each in range(0, len(values), 3)]
+        geo = [(*self.options.origin.geo(place)[:2], place[2]) for place in self._places]
+        return tuple(value for each in geo for value in each)
+
+    def _goals(self, action: int, time_s: float) -> tuple[Place, ...]:
+        """Where the mission leads that was begun then: its heights count from the autopilot's home."""
+        homes = [each.place[2] for each in self.record.homes if each.time_s <= time_s]
+        if action == ABORT or not homes:
+            return ()
+        goals = [(east, north, up + homes[-1]) for east, north, up in self._places]
+        return tuple(goals[-1:] if action == JUMP else goals)
+
+    def upload_mission(self, places: Sequence[Place]) -> None:
+        """Replaces the mission as a ground station does; without places it is cleared."""
+        geo = [(*self.options.origin.geo(place)[:2], place[2]) for place in places]
+        if self.pilot.upload_mission(geo):
+            self.note("upload" if places else "clear")
+
+    def note(self, what: str) -> None:
+        """Notes that the safety pilot or a ground station does something."""
+        self.record.orders.append(Order(time.monotonic(), what))
 
     def set_home(self) -> None:
         """Home is where the vehicle stands: the judge knows where that is."""
@@ -187,8 +221,17 @@ class Rig:
         """The state that the daemon told last."""
         return self.record.said[-1].state if self.record.said else ""
 
+    def reason(self) -> str:
+        """The reason of that state."""
+        return self.record.said[-1].reason if self.record.said else ""
+
     def _note_state(self, sample: Telemetry) -> None:
-        self.record.said.append(Said(time.monotonic(), sample.state.name, sample.state_reason))
+        now_s = time.monotonic()
+        self.record.said.append(Said(now_s, sample.state.name, sample.state_reason))
+        health = sample.health
+        text = "" if health is None else "; ".join((*health.failing_checks, health.failsafe))
+        if not self.record.healths or self.record.healths[-1].text != text:
+            self.record.healths.append(Text(now_s, text))
 
     def _daemon_pid(self) -> int | None:
         return self.daemon.pid if self.daemon.is_running else None
@@ -248,6 +291,11 @@ class Rig:
         """Whether it is high enough to have ended its take-off."""
         return self.truth.place is not None and self.truth.place[2] > _UP_M
 
+    def is_down(self) -> bool:
+        """Whether it is where it stood when the flight began, by the truth."""
+        truth = self.record.truth
+        return bool(truth) and truth[-1].place[2] - truth[0].place[2] < _DOWN_M
+
     def is_astray(self) -> bool:
         """Whether it stands where a flight cannot begin: somebody else has flown it there."""
         place = self.truth.place or (0.0, 0.0, 0.0)
@@ -295,6 +343,8 @@ class Rig:
                 self.call("land")
             elif self.state() == "LANDED_ARMED":
                 self.pilot.disarm()
+            if self.is_down():  # it has fallen, and may be taken for flying
+                self.pilot.order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, _FORCE))
             time.sleep(0.2)
         if self.record.said and self.daemon.is_running:
             with contextlib.suppress(NotFlownError):  # the judge finds a state that stays untrue

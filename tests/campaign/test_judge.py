@@ -18,6 +18,7 @@ from tests.campaign.record import (
     Called,
     Life,
     Located,
+    Order,
     Record,
     Said,
     Sent,
@@ -71,6 +72,7 @@ def clean(autopilot: str = "ardupilot") -> Record:
     """Armed by the pilot, take-off, go-to, the pilot takes over, recovered, landed."""
     record = Record(autopilot, fence_m=(12.0, 15.0), anchor=(0.0, 0.0, 0.0), anchor_error_m=0.1)
     record.lives.append(Life(-10.0, DAEMON_STARTED))
+    record.orders.append(Order(1.9, "arm"))
     record.told += [Told(time_s, is_armed(time_s), mode(time_s), landed(time_s)) for time_s in times(0.0, 35.0, 0.05)]
     record.said += [Said(time_s + 0.1, state(time_s)) for time_s in times(0.0, 34.0, 0.05)]
     record.sent += [

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import gzip
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from tests.campaign.evidence import Case
 from tests.campaign.judge import judge
-from tests.campaign.record import DAEMON_STARTED, Located, Record, Sent
+from tests.campaign.record import DAEMON_STARTED, Located, Order, Record, Sent
 from tests.campaign.tally import tally
 
 FOLDER = Path(__file__).parent / "data"
@@ -22,7 +23,11 @@ KILLED = [path for path in FILES if "400004" in path.name]
 
 
 def read(path: Path) -> Record:
-    return Record.from_json(gzip.decompress(path.read_bytes()).decode())
+    record = Record.from_json(gzip.decompress(path.read_bytes()).decode())
+    changes = Case(record).changes
+    armed_s = [now.time_s for before, now in pairwise(changes) if now.armed and before.armed is False]
+    record.orders += [Order(time_s - 1.0, "arm") for time_s in armed_s]  # which was not recorded at that time
+    return record
 
 
 def rules(record: Record) -> set[str]:

@@ -36,6 +36,7 @@ class CopterPilot(Transmitter):
 
     autopilot = "ArduCopter"
     sticks_s = 0.025
+    home_items_count = 1
     heard_messages = frozenset({*_STREAMS, mavlink.MAVLINK_MSG_ID_STATUSTEXT})
 
     def __init__(self, host: str, port: int, *, sticks_port: int | None = None) -> None:

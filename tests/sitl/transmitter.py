@@ -37,6 +37,8 @@ class Transmitter(ABC):
     autopilot: str
     sticks_s: float
     heard_messages: frozenset[int]
+    home_items_count = 0
+    """How many items its missions have that stand for its home."""
 
     def __init__(self, link: socket.socket, system_id: int) -> None:
         self._link = link
@@ -103,17 +105,32 @@ class Transmitter(ABC):
 
         Each item is its command, its first parameter, and latitude and longitude in degrees.
         """
+        kind, frame = mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_FRAME_GLOBAL
+        result = self._upload(kind, frame, [(*item, 0.0) for item in items])
+        assert result == mavlink.MAV_MISSION_ACCEPTED, result
+
+    def upload_mission(self, places: Sequence[tuple[float, float, float]]) -> bool:
+        """Uploads a mission, as a ground station does; without places it is cleared. Returns whether it was taken.
+
+        Each place is latitude and longitude in degrees, and its height above home.
+        """
+        kind, frame = mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        items = [(mavlink.MAV_CMD_NAV_WAYPOINT, 0.0, *place) for place in places]
+        result = self._upload(kind, frame, items[: self.home_items_count] + items)
+        return bool(result == mavlink.MAV_MISSION_ACCEPTED)
+
+    def _upload(self, kind: int, frame: int, items: Sequence[tuple[int, float, float, float, float]]) -> int:
         results: list[int] = []
 
         def send(request: Message) -> None:
-            command, size, latitude_deg, longitude_deg = items[request.seq]
-            place = round(latitude_deg * 1e7), round(longitude_deg * 1e7), 0.0
+            command, size, latitude_deg, longitude_deg, height_m = items[request.seq]
+            place = round(latitude_deg * 1e7), round(longitude_deg * 1e7), height_m
             self._tell(
                 mavlink.MAVLink_mission_item_int_message(
                     self._system_id,
                     1,
                     request.seq,
-                    mavlink.MAV_FRAME_GLOBAL,
+                    frame,
                     command,
                     0,
                     1,
@@ -122,17 +139,19 @@ class Transmitter(ABC):
                     0.0,
                     0.0,
                     *place,
-                    mavlink.MAV_MISSION_TYPE_FENCE,
+                    kind,
                 )
             )
 
         self._listeners[mavlink.MAVLINK_MSG_ID_MISSION_REQUEST] = send
         self._listeners[mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT] = send
         self._listeners[mavlink.MAVLINK_MSG_ID_MISSION_ACK] = lambda message: results.append(message.type)
-        kind = mavlink.MAV_MISSION_TYPE_FENCE
-        self._tell(mavlink.MAVLink_mission_count_message(self._system_id, 1, len(items), kind))
-        self._wait(lambda: bool(results), "given its fence")
-        assert results[0] == mavlink.MAV_MISSION_ACCEPTED, results
+        if items or kind == mavlink.MAV_MISSION_TYPE_FENCE:
+            self._tell(mavlink.MAVLink_mission_count_message(self._system_id, 1, len(items), kind))
+        else:
+            self._tell(mavlink.MAVLink_mission_clear_all_message(self._system_id, 1, kind))
+        self._wait(lambda: bool(results), "given its items")
+        return results[0]
 
     def set_mode(self, custom_mode: int, main: float, sub: float = 0.0) -> None:
         """Returns when the autopilot is in it. `main` and `sub` are the mode in the words of DO_SET_MODE."""

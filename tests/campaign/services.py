@@ -1,0 +1,126 @@
+"""The judge's rules for missions, for the autopilot's own warnings, and for what counts as done."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from tests.campaign.bounds import newest
+from tests.campaign.evidence import Breach, Case, estimate_error_m, is_befallen, known_since_s, place_text
+from tests.campaign.follows import FALL_M_S, TOLD_S
+from tests.campaign.places import distance_m
+from tests.campaign.record import Called, Record
+
+CHANGES = ("upload", "clear")
+"""What another station does to the mission."""
+PASSED_M = 3.0
+"""How near a waypoint is passed: both autopilots' radius of 2 m, and what UAL may overshoot."""
+_CLIMBED_M = 1.0
+_LANDED_S = 2.0
+_NAMES = ("station", "mission")
+_HIDING = ("loss", "delay", "corruption", "silence", "freeze", "kill_daemon", "reboot")
+_PREFIXES = ("PreArm: ", "Arm: ")
+
+
+def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
+    """Where another station replaces or clears the mission that flies, its task ends within a second and says so."""
+    record = case.record
+    for order in record.orders:
+        if order.what not in CHANGES or is_befallen(record, _HIDING, order.time_s - TOLD_S, order.time_s + TOLD_S):
+            continue
+        due_s = order.time_s + TOLD_S
+        due_s += due_s - known_since_s(record, due_s, 0.0)
+        for call in record.called:
+            if call.name != "mission" or not call.began_s + TOLD_S < order.time_s < call.ended_s:
+                continue
+            if call.ended_s > due_s:
+                text = f"the mission went on for {call.ended_s - order.time_s:.2f} s after another's {order.what}"
+                yield Breach("mission's owner", order.time_s, text)
+            if not call.outcome:
+                yield Breach("mission's owner", call.ended_s, f"it counts as done after another station's {order.what}")
+            elif call.outcome == "TASK_ABORTED" and not any(name in call.text + call.by for name in _NAMES):
+                yield Breach("mission's owner", call.ended_s, f"{call.text!r} does not name the other station")
+
+
+def no_part_of_a_mission_flies(case: Case) -> Iterator[Breach]:
+    """What was cut off amid its upload is not started before an upload has ended well."""
+    record = case.record
+    items_s = [sent.time_s for sent in record.sent if sent.what.startswith("mission_item")]
+    uploads = [call for call in record.called if call.name == "upload"]
+    for number, call in enumerate(uploads):
+        if not call.outcome or not any(call.began_s <= time_s <= call.ended_s for time_s in items_s):
+            continue
+        mended_s = min((each.ended_s for each in uploads[number + 1 :] if not each.outcome), default=math.inf)
+        for sent in record.sent:
+            if sent.mode == case.modes.mission and call.ended_s < sent.time_s < mended_s:
+                text = f"a mission is started whose upload was cut off at {call.ended_s:.2f} ({call.outcome})"
+                yield Breach("no part", sent.time_s, text)
+
+
+def what_is_severe_is_told(case: Case) -> Iterator[Breach]:
+    """A text of the autopilot of severity 0 to 2 is in the health, or in the reason of the state, within a second."""
+    record = case.record
+    for text in record.texts:
+        due_s = text.time_s + TOLD_S
+        since_s = known_since_s(record, due_s, TOLD_S)
+        if since_s < text.time_s or _is_unheard(record, due_s):
+            continue
+        words = text.text
+        for prefix in _PREFIXES:
+            words = words.removeprefix(prefix)
+        told = [each.text for each in newest(record.healths, text.time_s, due_s)]
+        told += [said.reason for said in record.said if text.time_s <= said.time_s <= due_s]
+        if not any(words in each for each in told):
+            yield Breach("texts", due_s, f"{text.text!r} is not told")
+
+
+def _is_unheard(record: Record, time_s: float) -> bool:
+    """Whether the daemon, or the subscriber, did not run then."""
+    return is_befallen(record, ("kill_daemon", "reboot"), time_s - _LANDED_S, time_s) or not any(
+        time_s - TOLD_S <= said.time_s for said in record.said
+    )
+
+
+def what_is_done_was_reached(case: Case) -> Iterator[Breach]:
+    """A take-off was that high, a landing was no fall, and a mission passed each of its places, by the truth."""
+    for call in case.record.called:
+        if call.outcome:
+            continue
+        if call.height_m is not None:
+            yield from _climbed(case.record, call, call.height_m)
+        if call.name in ("land", "rtl"):
+            yield from _fell(case.record, call)
+        if call.goals:
+            yield from _passed(case.record, call)
+
+
+def _climbed(record: Record, call: Called, height_m: float) -> Iterator[Breach]:
+    heights = [each.place[2] for each in record.truth if call.began_s <= each.time_s <= call.ended_s]
+    if not heights:
+        return
+    missed_m = heights[0] + height_m - max(heights)
+    allowed_m = _CLIMBED_M + estimate_error_m(record, call.ended_s)
+    if missed_m > allowed_m:
+        text = f"take_off to {height_m:.1f} m was reported as done {missed_m:.2f} m below (allowed {allowed_m:.2f})"
+        yield Breach("goal", call.ended_s, text)
+
+
+def _fell(record: Record, call: Called) -> Iterator[Breach]:
+    near = [each for each in record.truth if -_LANDED_S <= each.time_s - call.ended_s <= TOLD_S and each.velocity]
+    down_m_s = max((-each.velocity[2] for each in near if each.velocity), default=0.0)
+    if down_m_s > FALL_M_S:
+        yield Breach("goal", call.ended_s, f"{call.name} was reported as done, and was a fall at {down_m_s:.1f} m/s")
+
+
+def _passed(record: Record, call: Called) -> Iterator[Breach]:
+    way = [each for each in record.truth if call.began_s <= each.time_s <= call.ended_s + TOLD_S]
+    begin = 0
+    for number, goal in enumerate(call.goals):
+        allowed_m = PASSED_M + estimate_error_m(record, call.ended_s)
+        passed = [index for index in range(begin, len(way)) if distance_m(way[index].place, goal) <= allowed_m]
+        if not passed:
+            nearest_m = min((distance_m(each.place, goal) for each in way[begin:]), default=math.inf)
+            text = f"the mission counts as done, and passed its place {number + 1} {place_text(goal)}"
+            yield Breach("goal", call.ended_s, f"{text} at {nearest_m:.2f} m (allowed {allowed_m:.2f})")
+            return
+        begin = passed[0]

@@ -1,0 +1,288 @@
+"""The judge's rules for a vehicle that fails, and for services: each passes a clean flight, and finds its breach."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+from tests.campaign.judge import ON_GROUND
+from tests.campaign.modes import ARDUPILOT
+from tests.campaign.plan import plan
+from tests.campaign.record import Called, Life, Located, Order, Place, Record, Said, Sent, Text, Told, Trouble
+from tests.campaign.test_judge import TAKEN_S, clean, place, rules, times
+from tests.campaign.test_world import BEGUN_S, eastwards, flight
+
+DEAD_S = 11.0
+TOLD = "the UAV does not follow: it falls at 7 m/s; new motions are refused"
+HELD: Place = (0.0, 0.0, 3.0)
+
+
+def said(record: Record, since_s: float, until_s: float, reason: str) -> None:
+    """Says so in that time."""
+    record.said = [
+        dataclasses.replace(each, reason=reason) if since_s <= each.time_s < until_s else each for each in record.said
+    ]
+
+
+def falling(record: Record) -> Record:
+    """It falls from 3 m and lies there until its end."""
+    record.truth = [each for each in record.truth if each.time_s < DEAD_S]
+    for time_s in times(DEAD_S, 35.0, 0.05):
+        up_m = max(0.0, 3.0 - 4.9 * (time_s - DEAD_S) ** 2)
+        down_m_s = 9.8 * (time_s - DEAD_S) if up_m else 0.0
+        record.truth.append(Located(time_s, (2.0, 0.0, up_m), (0.0, 0.0, -down_m_s)))
+    record.estimate = list(record.truth)
+    record.called = [call for call in record.called if call.began_s < DEAD_S]
+    record.called[-1] = dataclasses.replace(record.called[-1], ended_s=12.0, outcome="TASK_FAILED", by="fall")
+    return record
+
+
+# --- follows ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_fall_is_told() -> None:
+    record = falling(clean())
+    assert "follows" in rules(record)
+    said(record, DEAD_S + 1.3, 32.0, TOLD)
+    assert "follows" not in rules(record)
+
+
+def test_a_fall_that_is_told_too_late_is_found() -> None:
+    record = falling(clean())
+    said(record, DEAD_S + 2.5, 32.0, TOLD)
+    assert "follows" in rules(record)
+    record.troubles.append(Trouble("busy", DEAD_S, DEAD_S + 2.2))
+    assert "follows" not in rules(record)
+
+
+def test_after_a_fall_nothing_new_is_accepted_until_somebody_recovers_it() -> None:
+    record = falling(clean())
+    said(record, DEAD_S + 1.0, 32.0, TOLD)
+    refused = Called("go_to", 14.5, 14.6, "WRONG_STATE")
+    recovered = Called("recover", 15.0, 15.5)
+    accepted = Called("go_to", 16.0, 16.5, "TASK_ABORTED", "client")
+    record.called += [refused, recovered, accepted]
+    assert "follows" not in rules(record)
+    record.called.remove(recovered)
+    assert "follows" in rules(record)
+
+
+def test_what_is_disarmed_in_the_air_is_told_as_that() -> None:
+    record = clean()
+    record.told = [each for each in record.told if each.time_s <= 27.0]
+    record.told += [Told(time_s, False, landed=ON_GROUND) for time_s in times(27.05, 35.0, 0.05)]
+    record.said = [each for each in record.said if each.time_s < 27.3]
+    fallen = "the motors were disarmed in the air, and the UAV falls at 5 m/s"
+    record.said += [Said(time_s, "LANDED_DISARMED", fallen) for time_s in times(27.3, 34.0, 0.05)]
+    record.called[-1] = dataclasses.replace(record.called[-1], outcome="TASK_FAILED", ended_s=27.5, by="disarmed")
+    assert rules(record) == set()
+    said(record, 27.3, 34.0, "not armed")
+    assert rules(record) == {"follows"}
+
+
+def beside(way_m: float, farther_m_s: float, until_s: float) -> Record:
+    """Flown by setpoints that lead to a place which is that far away, and farther by and by, for some time."""
+    record = flight(eastwards({0.0: 0.0}), Called("go_to", BEGUN_S + 1.0, BEGUN_S + 9.0, goal=HELD))
+    ways = {each.time_s: way_m + farther_m_s * (each.time_s - BEGUN_S) for each in record.sent}
+    record.sent = [
+        dataclasses.replace(each, way=(ways[each.time_s] if each.time_s < until_s else 1.0, 0.0, 0.0))
+        for each in record.sent
+    ]
+    record.said += [Said(time_s, "FLYING_AUTO") for time_s in times(0.0, 50.0, 0.05)]
+    return record
+
+
+@pytest.mark.parametrize(
+    ("way_m", "farther_m_s", "until_s", "found"),
+    [
+        (2.5, 0.0, 40.0, set()),
+        (3.5, 0.0, BEGUN_S + 2.5, set()),
+        (3.5, 0.0, BEGUN_S + 5.0, {"follows"}),
+        (3.0, 1.0, BEGUN_S + 2.5, {"follows"}),
+        (6.0, -0.5, BEGUN_S + 5.0, set()),
+    ],
+)
+def test_a_vehicle_that_is_beside_what_was_asked_is_told(
+    way_m: float, farther_m_s: float, until_s: float, found: set[str]
+) -> None:
+    record = beside(way_m, farther_m_s, until_s)
+    assert rules(record) - {"goal"} == found
+    said(record, BEGUN_S, until_s + 2.0, "another sender, or the UAV does not follow: it is 4 m beside what is asked")
+    assert rules(record) - {"goal"} == set()
+
+
+def test_where_the_line_or_the_estimate_is_disturbed_nobody_knows_where_it_is() -> None:
+    record = beside(3.5, 0.0, 40.0)
+    record.troubles.append(Trouble("gps_jump", 0.0, 45.0))
+    assert rules(record) == set()
+    record.troubles[:] = [Trouble("wind", 0.0, 45.0)]
+    assert rules(record) == {"follows"}
+
+
+def test_a_velocity_that_is_not_flown_is_found() -> None:
+    record = flight(eastwards({0.0: 0.0}))
+    record.sent = [dataclasses.replace(each, velocity=(2.5, 0.0, 0.0)) for each in record.sent]
+    record.said += [Said(time_s, "FLYING_AUTO") for time_s in times(0.0, 50.0, 0.05)]
+    assert rules(record) == set()  # 2.75 m/s off are allowed
+    record.sent = [dataclasses.replace(each, velocity=(4.0, 0.0, 0.0)) for each in record.sent]
+    assert rules(record) == {"follows"}
+
+
+# --- Nobody armed, nothing flies --------------------------------------------------------------------------------------
+
+
+def test_who_was_armed_by_nobody_is_found() -> None:
+    record = clean()
+    record.orders.clear()
+    assert rules(record) == {"nothing flies"}
+    record.called.append(Called("arm", 1.5, 2.2))
+    assert rules(record) == set()
+
+
+def test_what_lifts_off_again_after_a_fall_is_found() -> None:
+    """Its motors work again after 5 s, and it climbs back by itself."""
+    record = falling(clean())
+    said(record, DEAD_S + 1.0, 33.0, TOLD)
+    assert "nothing flies" not in rules(record)
+    record.truth = [
+        dataclasses.replace(each, place=(2.0, 0.0, 3.0)) if each.time_s > DEAD_S + 5.0 else each
+        for each in record.truth
+    ]
+    assert "nothing flies" in rules(record)
+    record.called.append(Called("recover", DEAD_S + 4.0, DEAD_S + 4.5))
+    assert "nothing flies" not in rules(record)
+
+
+def test_a_take_off_that_has_ended_lifts_nothing() -> None:
+    """It was held on the ground, its task ended, and then it is free."""
+    record = clean()
+    for call, found in ((("", 8.0), set()), (("NO_WAY", 4.0), set()), (("NO_WAY", 3.2), {"nothing flies"})):
+        record.called[0] = dataclasses.replace(record.called[0], outcome=call[0], ended_s=call[1])
+        assert rules(record) & {"nothing flies"} == found
+
+
+# --- mission's owner, no part -----------------------------------------------------------------------------------------
+
+
+def mission(outcome: str = "", ended_s: float = 13.5, text: str = "") -> Record:
+    """The go-to was a mission."""
+    record = clean()
+    record.told = [
+        dataclasses.replace(each, mode=ARDUPILOT.mission) if 9.1 <= each.time_s < ended_s else each
+        for each in record.told
+    ]
+    record.sent = [each for each in record.sent if each.what != "setpoint" or not 9.0 < each.time_s < ended_s]
+    record.sent.append(Sent(9.05, "mode", ARDUPILOT.mission))
+    goals: tuple[Place, ...] = ((1.0, 0.0, 3.0), (4.0, 0.0, 3.0))
+    by = "ground station" if outcome else ""
+    record.called[1] = Called("mission", 9.0, ended_s, outcome, by, text=text, goals=goals)
+    record.sent.sort(key=lambda each: each.time_s)
+    return record
+
+
+def test_a_mission_that_is_flown_passes() -> None:
+    assert rules(mission()) == set()
+
+
+def test_the_mission_of_another_station_ends_ours() -> None:
+    named = "mission: another station has replaced it"
+    for record, found in (
+        (mission("TASK_ABORTED", 12.5, named), set()),
+        (mission("TASK_ABORTED", 13.5, named), {"mission's owner"}),
+        (mission(), {"mission's owner"}),
+    ):
+        record.orders.append(Order(12.0, "upload"))
+        assert rules(record) & {"mission's owner"} == found
+    record = mission("TASK_ABORTED", 12.5, "the vehicle was taken")
+    record.called[1] = dataclasses.replace(record.called[1], by="safety pilot")
+    record.orders.append(Order(12.0, "clear"))
+    assert rules(record) == {"mission's owner"}
+
+
+def test_a_mission_that_was_cut_off_amid_its_upload_is_not_started() -> None:
+    record = mission()
+    record.called.insert(1, Called("upload", 8.2, 8.6, "CLIENT_KILLED"))
+    assert rules(record) == set()  # it was gone before its first item left
+    record.sent.append(Sent(8.5, "mission_item_int"))
+    assert rules(record) == {"no part"}
+    record.called.insert(2, Called("upload", 8.7, 8.9))
+    assert rules(record) == set()
+
+
+# --- texts ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_severe_text_is_told_within_a_second() -> None:
+    record = clean()
+    record.texts.append(Text(11.0, "PreArm: GPS Glitch or Compass error"))
+    assert rules(record) == {"texts"}
+    for time_s, found in ((12.4, {"texts"}), (11.6, set())):
+        record.healths[:] = [Text(0.0, ""), Text(time_s, "GPS Glitch or Compass error; ")]
+        assert rules(record) == found
+
+
+def test_a_text_that_comes_while_the_daemon_is_gone_is_not_missed() -> None:
+    record = clean()
+    record.texts.append(Text(11.0, "GPS Glitch"))
+    record.troubles.append(Trouble("kill_daemon", 10.9, 11.9))
+    assert rules(record) == set()
+
+
+# --- what is done was reached -----------------------------------------------------------------------------------------
+
+
+def test_a_take_off_that_did_not_get_so_high_is_found() -> None:
+    record = clean()
+    for height_m, found in ((3.5, set()), (4.5, {"goal"})):
+        record.called[0] = dataclasses.replace(record.called[0], height_m=height_m)
+        assert rules(record) == found
+
+
+def test_a_landing_that_was_a_fall_is_found() -> None:
+    record = clean()
+    for speed_m_s, found in ((1.5, set()), (6.0, {"goal", "follows"})):
+        record.truth = [
+            Located(each.time_s, each.place, (0.0, 0.0, -speed_m_s if 30.0 <= each.time_s < 31.0 else 0.0))
+            for each in record.truth
+        ]
+        assert rules(record) == found
+
+
+@pytest.mark.parametrize(
+    ("goals", "found"),
+    [
+        (((4.0, 0.0, 3.0), (-2.5, 0.0, 3.0)), {"goal"}),
+        (((4.0, 4.0, 3.0),), {"goal"}),
+        (((4.0, 1.0, 3.0), (3.0, 0.0, 3.0)), set()),
+    ],
+)
+def test_a_mission_passes_its_places_in_their_order(goals: tuple[Place, ...], found: set[str]) -> None:
+    record = mission()
+    record.called[1] = dataclasses.replace(record.called[1], goals=goals)
+    record.truth = [Located(each.time_s, place(each.time_s)) for each in record.truth]
+    assert rules(record) == found
+
+
+def test_what_is_new_can_be_judged_again_from_its_file() -> None:
+    record = mission()
+    record.texts.append(Text(1.0, "GPS Glitch"))
+    record.healths.append(Text(1.5, "GPS Glitch"))
+    record.sent.append(Sent(33.0, "setpoint", None, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
+    record.lives.append(Life(34.0, "killed"))
+    record.troubles.append(Trouble("stop", TAKEN_S, math.inf))
+    assert Record.from_json(record.to_json()) == record
+
+
+def test_the_plans_of_a_campaign_have_every_failure_and_service() -> None:
+    plans = [plan(seed) for seed in range(600)]
+    kinds = {fault.kind for each in plans for fault in each.faults}
+    assert kinds >= {"motor_off", "motor_weak", "stop", "disarmed", "held", "wind", "gps_jam", "gps_jump", "compass"}
+    assert kinds >= {"barometer", "accelerometer", "station_upload", "station_clear", "station_jump", "cut"}
+    assert kinds >= {"station_parameter", "station_reboot"}
+    steps = {step.name for each in plans for step in each.steps}
+    assert steps >= {"upload", "mission", "parameters", "fence", "logs", "camera"}
+    for each in plans:
+        names = [step.name for step in each.steps]
+        assert all(names[fault.step] == "upload" for fault in each.faults if fault.kind == "cut")
