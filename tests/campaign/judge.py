@@ -28,6 +28,7 @@ from tests.campaign.evidence import (
     between,
     estimate_error_m,
     flown,
+    is_befallen,
     known_since_s,
     place_text,
     until_s,
@@ -52,7 +53,7 @@ SILENT_S = 2.0
 REACHED_M = 1.0
 """The tolerance of UAL (0.5 m), and what it may overshoot or wander meanwhile."""
 LANDED_M = 0.5
-_HOME_S = 1.0
+_HOME_S = 3.0
 _UNPLACED_S = 2.5
 """The autopilot tells once a second whether it is sure of its position."""
 _PAUSE_S = 0.8
@@ -233,6 +234,8 @@ def who_took_it_is_told(case: Case) -> Iterator[Breach]:
             continue  # starved
         names = _takers(record, taken_s)
         for call in record.called:
+            if call.name == "mission" and is_befallen(record, _BLINDING, taken_s - DISTURBED_S, taken_s):
+                continue  # once the position is known again a failsafe may give it back to the mission
             if call.name not in TASKS or not call.began_s < taken_s - NOTICED_S < taken_s < call.ended_s:
                 continue
             if call.ended_s > taken_s + ENDED_S:
@@ -281,8 +284,8 @@ def _goal_on_earth(record: Record, call: Called) -> Place | None:
 
 
 def _above_home(record: Record, call: Called, goal: Place) -> Place | None:
-    """The goal by the autopilot's home at the call; None where that was not known, or moved just then."""
-    heights_m = [each.place[2] for each in newest(record.homes, call.began_s - _HOME_S, call.began_s + _HOME_S)]
+    """The goal by the autopilot's home, after which it goes; None where that was not known, or moved just then."""
+    heights_m = [each.place[2] for each in newest(record.homes, call.ended_s - _HOME_S, call.ended_s)]
     if not heights_m or max(heights_m) - min(heights_m) > LANDED_M:
         return None
     return (goal[0], goal[1], heights_m[-1] + goal[2])

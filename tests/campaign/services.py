@@ -114,9 +114,10 @@ def _fell(record: Record, call: Called) -> Iterator[Breach]:
 
 def _passed(record: Record, call: Called) -> Iterator[Breach]:
     way = [each for each in record.truth if call.began_s <= each.time_s <= call.ended_s + TOLD_S]
-    begin = 0
+    heights_m = [each.place[2] for each in newest(record.homes, call.began_s, call.ended_s)] or [0.0]
+    begin, moved_m = 0, max(heights_m) - min(heights_m)  # its heights go after home
     for number, goal in enumerate(call.goals):
-        allowed_m = PASSED_M + estimate_error_m(record, call.ended_s)
+        allowed_m = PASSED_M + moved_m + estimate_error_m(record, call.ended_s)
         passed = [index for index in range(begin, len(way)) if distance_m(way[index].place, goal) <= allowed_m]
         if not passed:
             nearest_m = min((distance_m(each.place, goal) for each in way[begin:]), default=math.inf)

@@ -299,7 +299,7 @@ def test_a_task_that_was_ended_by_nothing_is_found() -> None:
 # --- a height above home ----------------------------------------------------------------------------------------------
 
 
-def test_a_height_above_home_counts_from_where_home_is_at_the_call() -> None:
+def test_a_height_above_home_counts_from_where_home_is_at_the_end() -> None:
     goal: Place = (4.0, 0.0, 2.0)
     record = clean()
     record.called[1] = Called("go_above_home", 9.0, 13.5, goal=goal, is_on_earth=True, is_above_home=True)
@@ -307,7 +307,7 @@ def test_a_height_above_home_counts_from_where_home_is_at_the_call() -> None:
     assert rules(record) == set()
     record.homes[-1] = Located(5.0, (0.0, 0.0, -2.0))
     assert rules(record) == {"goal"}
-    record.homes[-1] = Located(8.8, (0.0, 0.0, -2.0))  # which of them it was is not known
+    record.homes[-1] = Located(12.8, (0.0, 0.0, -2.0))  # which of them it was is not known
     assert rules(record) == set()
 
 
