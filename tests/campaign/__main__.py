@@ -21,6 +21,7 @@ from urllib.parse import urlsplit
 from tests.campaign.evidence import Breach
 from tests.campaign.flight import fly
 from tests.campaign.judge import judge
+from tests.campaign.mutants import MUTANTS
 from tests.campaign.places import Origin
 from tests.campaign.plan import Plan, plan
 from tests.campaign.processes import ROOT, NotFlownError
@@ -157,7 +158,7 @@ def _line(breach: Breach) -> str:
 
 def _seeds(arguments: argparse.Namespace) -> list[int]:
     if arguments.only_seed is not None:
-        return [arguments.only_seed]
+        return list(arguments.only_seed)
     count = 100_000 if arguments.minutes is not None else arguments.flights
     return [arguments.seed * 100_000 + number for number in range(count)]
 
@@ -175,7 +176,7 @@ def _options(arguments: argparse.Namespace) -> Options:
         arguments.start,
         arguments.out.resolve() / arguments.autopilot,
         Origin(*map(float, arguments.origin.split(","))),
-        arguments.module,
+        arguments.mutant or "",
     )
 
 
@@ -190,12 +191,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--flights", type=int, default=100)
     parser.add_argument("--judge", nargs="+", type=Path, metavar="RECORD", help="judges records of flights again")
-    parser.add_argument("--only-seed", type=int, help="flies one flight again, by the seed in its line")
+    parser.add_argument("--only-seed", type=int, nargs="+", help="flies these flights, by the seeds in their lines")
     parser.add_argument("--minutes", type=float, help="flies for so long, however many flights that is")
     parser.add_argument(
         "--no-faults", action="store_true", help="no faults; judges the daemon's memory, threads, descriptors"
     )
-    parser.add_argument("--module", default="ual_daemon", help="the daemon's module (to try the judge with a bad one)")
+    parser.add_argument("--mutant", choices=MUTANTS, help="flies a daemon with this defect, to try the judge")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "campaign", metavar="FOLDER")
     return parser
 

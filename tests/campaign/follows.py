@@ -39,7 +39,7 @@ _PAUSE_S = 0.3
 """What lasts may be interrupted for so long."""
 _LOW_M, _HIGH_M = 0.3, 1.0
 """A vehicle that is lower lies, one that is higher has lifted off."""
-_LIES_S = 1.0
+_LIES_S, _STILL_M_S = 1.0, 0.3
 _ARMED_S = 8.0
 """So long after an order the arming may come."""
 _BLINDING = ("ekf", "gps_jam", "gps_jump", "compass", "barometer", "accelerometer", "origin")
@@ -225,10 +225,11 @@ def nothing_flies_unasked(case: Case) -> Iterator[Breach]:
 
 
 def lyings(case: Case) -> Iterator[Located]:
-    """Yields where it has lain on the ground for a second."""
+    """Yields where it has lain still on the ground for a second."""
     since_s, ground_m = math.inf, _ground_m(case.record)
     for each in case.record.truth:
-        if each.place[2] - ground_m > _LOW_M:
+        is_moving = each.velocity is not None and math.hypot(*each.velocity) > _STILL_M_S
+        if is_moving or each.place[2] - ground_m > _LOW_M:
             since_s = math.inf
             continue
         since_s = min(since_s, each.time_s)

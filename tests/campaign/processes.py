@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from tests.campaign.mutants import VARIABLE
 from ual import discovery
 
 ROOT = Path(__file__).parents[2]
@@ -50,15 +51,17 @@ class SimulatorProcess:
 class DaemonProcess:
     """``ual-daemon`` at an address that stays, however often it is killed and started."""
 
-    def __init__(self, module: str, flags: tuple[str, ...], folder: Path) -> None:
+    def __init__(self, mutant: str, flags: tuple[str, ...], folder: Path) -> None:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = int(probe.getsockname()[1])
         self.address = f"127.0.0.1:{self.port}"
+        module = "tests.campaign.mutants" if mutant else "ual_daemon"
         self._command = [sys.executable, "-m", module, "--ns", "uav_1", "--backend", "mavlink", "--log-format", "json"]
         self._command += ["--listen", self.address, *flags]
         environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
         self._environment = {**environment, discovery.RUNTIME_DIR_VARIABLE: str(folder / "run")}
+        self._environment[VARIABLE] = mutant
         self._log = (folder / "daemon.log").open("ab")
         self._process: subprocess.Popen[bytes] | None = None
 

@@ -75,7 +75,8 @@ class Options:
     start: str
     folder: Path
     origin: Origin
-    module: str
+    mutant: str = ""
+    """The defect of the daemon; none: the real one."""
 
 
 class Rig:
@@ -91,7 +92,7 @@ class Rig:
         self._ears = Ears(self.record, options.origin)
         self.wiretap = Wiretap(options.url, self._ears)
         self.truth = TruthLink(options.truth_url, self.record, options.origin)
-        self.daemon = DaemonProcess(options.module, self._flags(), options.folder)
+        self.daemon = DaemonProcess(options.mutant, self._flags(), options.folder)
         self._observer: ual.Uav | None = None
         self._client: ClientProcess | None = None
         self._places: list[Place] = []

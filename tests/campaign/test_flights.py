@@ -11,7 +11,7 @@ from tests.campaign.evidence import Case
 from tests.campaign.flight import fly
 from tests.campaign.judge import judge
 from tests.campaign.places import Origin
-from tests.campaign.plan import OURS, Fault, Plan, Step
+from tests.campaign.plan import OURS, PAUSE, Fault, Plan, Step
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED
 from tests.campaign.rig import Options, Rig
 from tests.ports import free_port
@@ -33,16 +33,23 @@ BOUNDED = Plan(
     (*STEPS[:2], LINE, FAST, STEPS[3]),
     (Fault("wide_fence", 2, 0.0, 6.0, 0.0), Fault("limits", 3, 0.2, 2.5, 0.0)),
 )
-RESTART = Plan(0, OURS, "client", STEPS, (Fault("kill_daemon", 2, 0.3, 0.2, 0.0),))
+MISSION = (Step("upload", (4.0, 1.0, 3.0, -4.0, 1.0, 3.0, 4.0, 1.0, 3.0)), Step("mission", (float(PAUSE), 0.5)))
+RESTART = Plan(
+    0,
+    OURS,
+    "client",
+    (*STEPS[:2], *MISSION, *STEPS[2:]),
+    (Fault("station_upload", 3, 4.0, 0.0, 0.0), Fault("kill_daemon", 4, 0.3, 0.2, 0.0)),
+)
 
 
 @contextmanager
-def ardupilot(folder: Path, module: str) -> Iterator[Rig]:
+def ardupilot(folder: Path, mutant: str = "") -> Iterator[Rig]:
     with autopilot_process("ardupilot", "--tcp", "0", "--ground", "0", "--other", "0") as ports:
         url, truth_url = (f"tcp://{HOST}:{ports[name]}" for name in ("link", "other"))
         pilot = partial(CopterPilot, HOST, ports["ground"], sticks_port=ports["radio"])
         origin = Origin(47.3977420, 8.5455940, 488.100)
-        rig = Rig(Options("ardupilot", url, pilot, truth_url, "", folder, origin, module))
+        rig = Rig(Options("ardupilot", url, pilot, truth_url, "", folder, origin, mutant))
         yield rig
         rig.close()
 
@@ -54,13 +61,13 @@ def px4(folder: Path) -> Iterator[Rig]:
         urls = [f"udpin://{HOST}:{each}" for each in (port, truth_port)]
         pilot = partial(SafetyPilot, HOST, ports["ground"], local_port=0)
         origin = Origin(47.3977428, 8.5455967, 489.052)
-        rig = Rig(Options("px4", urls[0], pilot, urls[1], "", folder, origin, "ual_daemon"))
+        rig = Rig(Options("px4", urls[0], pilot, urls[1], "", folder, origin))
         yield rig
         rig.close()
 
 
 def test_a_flight_that_the_pilot_takes_over_is_clean(tmp_path: Path) -> None:
-    with ardupilot(tmp_path, "ual_daemon") as rig:
+    with ardupilot(tmp_path) as rig:
         record = fly(rig, TAKE_OVER)
     assert judge(record) == []
     assert Case(record).taken_s
@@ -68,16 +75,17 @@ def test_a_flight_that_the_pilot_takes_over_is_clean(tmp_path: Path) -> None:
     assert max(each.place[2] for each in record.truth) > 1.0
 
 
-def test_a_flight_whose_daemon_is_killed_is_clean(tmp_path: Path) -> None:
+def test_a_flight_whose_daemon_is_killed_and_whose_mission_is_replaced_is_clean(tmp_path: Path) -> None:
     with px4(tmp_path) as rig:
         record = fly(rig, RESTART)
     assert judge(record) == []
     assert [life.what for life in record.lives] == [DAEMON_STARTED, DAEMON_KILLED, DAEMON_STARTED]
+    assert ("mission", "TASK_ABORTED") in {(call.name, call.outcome) for call in record.called}
     assert record.said[-1].state == "LANDED_DISARMED"
 
 
 def test_a_flight_that_the_autopilots_fence_ends_is_clean(tmp_path: Path) -> None:
-    with ardupilot(tmp_path, "ual_daemon") as rig:
+    with ardupilot(tmp_path) as rig:
         record = fly(rig, BREACH)
     assert judge(record) == []
     # The daemon is told of the fence: where the way leads out, the task ends by that, and else by the breach.
@@ -86,7 +94,7 @@ def test_a_flight_that_the_autopilots_fence_ends_is_clean(tmp_path: Path) -> Non
 
 
 def test_a_velocity_leads_straight_and_keeps_to_limits_and_a_fence_that_are_new(tmp_path: Path) -> None:
-    with ardupilot(tmp_path, "ual_daemon") as rig:
+    with ardupilot(tmp_path) as rig:
         record = fly(rig, BOUNDED)
     assert judge(record) == []
     told = {(value.name, value.value) for value in record.values}
@@ -103,7 +111,7 @@ def test_a_flight_that_loses_its_position_is_clean(tmp_path: Path) -> None:
 
 
 def test_a_daemon_that_goes_on_sending_after_the_take_over_is_found(tmp_path: Path) -> None:
-    with ardupilot(tmp_path, "tests.campaign.bad_daemon") as rig:
+    with ardupilot(tmp_path, "stubborn") as rig:
         record = fly(rig, TAKE_OVER)
     # Where the computer is too busy to say since when the take-over was known, the other rule finds it.
     assert {"take-over", "unasked"} & {breach.rule for breach in judge(record)}
