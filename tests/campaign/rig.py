@@ -60,6 +60,9 @@ _ASTRAY_M = 3.0
 _UP_M = 2.8
 _DOWN_M = 0.3
 _FORCE = 21196.0
+_KEPT_COUNT = 5
+_SURE_M, _SURE_S = 1.0, 20.0
+"""A failed sensor leaves the estimate wrong for a while."""
 _NO_RESET = 42651
 """MAV_CMD_BATTERY_RESET."""
 
@@ -128,6 +131,8 @@ class Rig:
         self.record.told_homes.extend(before.told_homes[-1:])
         self.record.homes.extend(before.homes[-1:])
         self.record.healths.extend(before.healths[-1:])
+        self.record.truth.extend(before.truth[-_KEPT_COUNT:])
+        self.record.estimate.extend(before.estimate[-_KEPT_COUNT:])
         self.record.lives.append(Life(known[0].time_s if known else time.monotonic(), DAEMON_STARTED))
         self._ears.record = self.truth.record = self.record
         return self.record
@@ -287,6 +292,8 @@ class Rig:
             raise NotFlownError(str(error)) from None
         self.wait_for(lambda: self.state() == "LANDED_DISARMED", "LANDED_DISARMED", _DOWN_S)
         self.wait_for(lambda: self.truth.place is not None, "the truth", _DOWN_S)
+        with contextlib.suppress(NotFlownError):  # the judge allows for an estimate that stays wrong
+            self.wait_for(lambda: estimate_error_m(self.record, time.monotonic()) < _SURE_M, "the estimate", _SURE_S)
 
     def is_up(self) -> bool:
         """Whether it is high enough to have ended its take-off."""
