@@ -87,8 +87,8 @@ class Command(Generic[R]):
         refusal_is_final: False: it goes on until the end of its repetitions, and a refusal counts then.
         is_harmless: Executed late, it takes nothing from anybody: no silence keeps it back.
         unsent_s: Once it could not leave for so long, it does not leave any more. Requests for data wait without end.
-        is_told_by_answer: Nothing but an answer shows whether it was obeyed. So a missing one ends its future with a
-            `UalTimeoutError`, and an answer that may be of another command with its key is not taken.
+        is_told_by_answer: Nothing but an answer shows whether it was obeyed, and an answer that may be of another
+            command with its key is not taken.
         explain: What makes the autopilot give the reason of a refusal.
         then: What follows once it is accepted, or its effect shows.
         on_done: Called then, on the loop's thread.

@@ -160,7 +160,8 @@ class CommandRunner(Generic[R]):
         """Queues a command, and sends it as soon as nothing keeps it back.
 
         The future ends with the answer or the effect, of the last command where others follow. It ends with an error
-        where the command was refused, or could not be sent; else it stays open. Cancelling it withdraws the command.
+        where the command was refused, could not be sent, or was not answered and nothing else shows what it did. What
+        decides who flies, and arming, stay open without an answer. Cancelling it withdraws the command.
         """
         result = Future() if result is None else result
         if result.cancelled():
@@ -425,7 +426,10 @@ class CommandRunner(Generic[R]):
         elif command.repeat.after_answer_s is None:  # else see `_give_up_bridged`
             level = logging.WARNING if command.group else logging.DEBUG  # requests are repeated
             _log.log(level, "%s did not answer the command to %s", self._name, command.what)
-            self._end(pending, now_s)
+            if command.shows is None and command.group not in (FLYING, ARMING):  # nothing else will tell
+                self._fail(pending, now_s, self._lost(pending))
+            else:
+                self._end(pending, now_s)
 
     def _give_up_missed(self, pending: _Pending[R], now_s: float) -> None:
         """Ends a command that must not be sent again after a silence, once what it changes was heard without it."""

@@ -8,7 +8,7 @@ import pytest
 
 from tests.ual_daemon.backends.engine.test_command_runner import Plain
 from ual.errors import UalTimeoutError
-from ual_daemon.backends.engine.command import Command, Repeat, Verdict
+from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Repeat, Verdict
 from ual_daemon.backends.engine.command_runner import LATER_ACK_S, STALE_ANSWER_S
 
 DROP = Command("drop", "drop", "claw", "claw", repeat=Repeat(3.0, 1), unsent_s=1.5, is_told_by_answer=True)
@@ -30,6 +30,28 @@ def test_a_missing_answer_ends_the_future(plain: Plain) -> None:
     assert isinstance(error, UalTimeoutError)
     assert error.message == "Hover has not answered the command to drop, which may still be executed"
     assert plain.sent == ["drop"]
+
+
+@pytest.mark.parametrize(("most", "group"), [(1, "camera"), (4, "camera"), (4, "")])
+def test_what_nothing_shows_ends_without_an_answer(plain: Plain, most: int, group: str) -> None:
+    """Its future never ended: the caller waited for 18 s, and was told that, while the log knew after 5 s."""
+    ordered = Command("stop", "stop", group, "camera", repeat=Repeat(1.0, most))
+    asked = plain.runner.submit(ordered, plain.now_s)
+    plain.run(most - 0.1)
+    assert not asked.done()
+    plain.run(0.3)
+    error = asked.exception(0)
+    assert isinstance(error, UalTimeoutError)
+    assert error.message == "Hover has not answered the command to stop, which may still be executed"
+
+
+@pytest.mark.parametrize("group", [FLYING, ARMING])
+def test_what_the_state_shows_stays_open(plain: Plain, group: str) -> None:
+    """Its callers judge what the vehicle does."""
+    ordered = Command("go", "go", group, "go", mode="manual", repeat=Repeat(1.0, 2))
+    asked = plain.runner.submit(ordered, plain.now_s)
+    plain.run(2.5)
+    assert not asked.done()
 
 
 def test_in_progress_is_waited_for(plain: Plain) -> None:

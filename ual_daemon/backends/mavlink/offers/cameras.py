@@ -149,7 +149,9 @@ def _encoded(found: Picture, taken: TakenPhoto, intrinsics: CameraIntrinsics | N
 def trigger_order(what: str, command_id: int, params: tuple[float, ...]) -> LongCommand:
     """Returns an order to the camera that the autopilot triggers. One of a picture is sent once."""
     command = command_of(command_id, params, what, group=f"camera {command_id}")
-    return command if command_id == TRIGGER_DISTANCE else replace(command, repeat=ONCE)
+    if command_id == TRIGGER_DISTANCE:  # what starts and what stops it have the same key
+        return replace(command, is_told_by_answer=True)
+    return replace(command, repeat=ONCE)
 
 
 def _is_for(intrinsics: CameraIntrinsics, found: Picture) -> bool:

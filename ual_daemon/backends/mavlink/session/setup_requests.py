@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 
+from ual.errors import UalTimeoutError
 from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, LongCommand, request_message
 from ual_daemon.backends.mavlink.dialects.data_streams import group_rates_hz
@@ -104,10 +105,11 @@ class SetupRequests:
     def _request_messages(self, now_s: float) -> None:
         self._note_refused()
         for command, future in self._streams.items():
-            is_settled = future is not None and future.done() and (self._flows(command) or future.exception())
-            is_settled = is_settled and not self._has_dropped(command, now_s)
+            is_answered = _is_answered(future)
+            is_refused = is_answered and future is not None and future.exception() is not None
+            is_settled = is_answered and (is_refused or self._flows(command)) and not self._has_dropped(command, now_s)
             if not (is_settled or self._commands.is_under_way(command)):
-                if future is not None and not future.done():
+                if future is not None and not is_answered:
                     self._unanswered.add(command)
                 self._streams[command] = self._commands.submit(command, now_s)
         self._request_groups()
@@ -131,7 +133,7 @@ class SetupRequests:
 
     def _result(self, command: LongCommand, future: Future[None] | None) -> str | None:
         """Returns how a request for a stream was answered: empty if accepted, None if it is not answered yet."""
-        if future is None or not future.done():
+        if future is None or not _is_answered(future):
             return "no answer" if command in self._unanswered else None
         error = future.exception()
         return "" if error is None else str(getattr(error, "metadata", {}).get("result", error))
@@ -176,3 +178,8 @@ class SetupRequests:
     def _request_parameters(self) -> None:
         for name in self._dialect.absent_parameters(self._telemetry.parameters):
             self._request_parameter(name)
+
+
+def _is_answered(future: Future[None] | None) -> bool:
+    """Whether a request was accepted or refused, and not given up."""
+    return future is not None and future.done() and not isinstance(future.exception(), UalTimeoutError)

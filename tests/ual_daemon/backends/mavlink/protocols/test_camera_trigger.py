@@ -117,6 +117,7 @@ def test_by_distance_the_autopilot_counts(bench: Bench) -> None:
     bench.camera.stop_photos()
     assert bench.ordered[1].request.id == DISTANCE
     assert bench.ordered[1].request.params[:3] == (0.0, 0.0, 0.0)
+    assert all(order.is_told_by_answer for order in bench.ordered)  # their answers are alike
     bench.answers[1].set_result(None)
     assert not bench.camera.status().result(0).is_taking_photos
 
