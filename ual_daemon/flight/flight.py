@@ -54,7 +54,9 @@ from ual_daemon.trajectory import Motion
 
 _log = logging.getLogger(__name__)
 
-LEASE = "lease"
+LEASE, VELOCITY = "lease", "set_velocity"
+_SETPOINTS = (VELOCITY, "set_pose")
+"""The commands that are given as streams."""
 
 
 class LastCommand(NamedTuple):
@@ -66,6 +68,12 @@ class LastCommand(NamedTuple):
 
     number: int
     name: str
+    stream_number: int = 0
+    """The number of the first velocity of the stream to which a velocity belongs."""
+
+    def goes_on_as(self, newest: LastCommand) -> bool:
+        """Whether it and the newest command are velocities of one stream."""
+        return self.name == newest.name == VELOCITY and self.stream_number == newest.stream_number
 
 
 class Order(NamedTuple):
@@ -343,6 +351,7 @@ class Flight:
         """
         first = reference.setpoint(snapshot)  # before the update thread has the reference and steps it
         new = FlyReference(by, reference, self._rules)
+        new.is_timed = reference.is_timed
         self._exchange(new, partial(self._begins, new, order, only_task_id), first, snapshot)
 
     def _begins_over(self, new: Manoeuvre, order: Order, snapshot: Snapshot, old: Manoeuvre | None) -> Ending | None:
@@ -368,16 +377,22 @@ class Flight:
             raise refusal
         if old is not None and not old.is_replaceable and self.has_safety_pilot:
             raise not_replaceable(old, by)
-        if old is not None and (old.mission or old.stops_mission) and not new.is_awaited:
+        last = self._last_command
+        is_of_mission = old is not None and (old.mission or old.stops_mission)
+        is_refused = is_of_mission or (old is not None and old.refuses_setpoints and by in _SETPOINTS)
+        if old is not None and is_refused and not new.is_awaited:
             raise stopping_mission(by) if old.stops_mission else on_mission(by)
-        if since is not None and since is not self._last_command:
-            other = self._last_command.name
+        if since is not None and since is not last and not (new.refuses_setpoints and since.goes_on_as(last)):
+            other = last.name
             raise TaskAbortedError(f"{by}: replaced by {other}, while it was planned", {"by": other})
         if old is not None and new.is_awaited:
             new.replaces(old)
         if new.is_awaited or not self.authority.is_ours:  # a call that each setpoint of a stream would cost
             self.authority.begin()
-        self._last_command = LastCommand(self._last_command.number + 1, by)
+        number = stream_number = last.number + 1
+        if by == last.name == VELOCITY and old is not None and old.is_timed:
+            stream_number = last.stream_number
+        self._last_command = LastCommand(number, by, stream_number)
         return SILENT if old is None or not old.is_awaited else Ending(replaced(old, by))
 
     def _note_command(self, name: str) -> None:

@@ -37,6 +37,9 @@ class Reference:
     stop_reason: UalError | None = None
     """Why it stands, though it is to lead on: the geofence, or a lost goal; None while it does what it is to."""
 
+    is_timed = False
+    """Whether it ends unless it is given again."""
+
     @abstractmethod
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         """Returns the setpoint now. Called once at each update, by the update thread."""
@@ -84,6 +87,8 @@ class Velocity(Reference):
 
     What `drift` says is added to what is sent.
     """
+
+    is_timed = True
 
     def __init__(self, twist: Twist, drift: DriftCorrection, *, in_body: bool, expires_s: float) -> None:
         self.twist, self._in_body, self.expires_s = twist, in_body, expires_s

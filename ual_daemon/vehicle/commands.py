@@ -50,7 +50,8 @@ from ual_daemon.vehicle.refusal_log import accepted
 from ual_daemon.vehicle.setpoints import Setpoints
 
 _LANDED = (State.LANDED_DISARMED, State.LANDED_ARMED)
-_NOT_FLOWN_YET = (*_LANDED, State.TAKING_OFF, State.FLYING_MANUAL)
+_ON_WAY_UP = (*_LANDED, State.TAKING_OFF)
+_NOT_FLOWN_YET = (*_ON_WAY_UP, State.FLYING_MANUAL)
 _SEEN = tuple(state for state in State if state is not State.UNINITIALIZED)
 
 
@@ -286,6 +287,10 @@ class Commands:
             if task_id and self._flight.raw_estimate(self._backend.snapshot()).state in _LANDED:
                 self.cancel(self._tasks.get(task_id), lease_id)  # a take-off that waits for the arming
                 return
+            if not task_id and self._is_mission_stopped():
+                self._preconditions.require_state("abort", lease_id, *_ON_WAY_UP)
+                accepted("abort", freeze=freeze, task_id="any")
+                return
             snapshot = self._require_stoppable("abort", task_id, lease_id, *self._abortable())
             if self._is_flown_by_autopilot(snapshot):
                 self._take_back("abort", snapshot, lease_id)
@@ -310,6 +315,11 @@ class Commands:
             return None
         state = self._flight.estimate(self._backend.snapshot()).state
         return task if state in _NOT_FLOWN_YET and state not in self._abortable() else None
+
+    def _is_mission_stopped(self) -> bool:
+        """Whether a mission is being stopped already that has not taken off yet: another abort changes nothing."""
+        state = self._flight.estimate(self._backend.snapshot()).state
+        return self._flight.is_stopping_mission and state in _ON_WAY_UP and state not in self._abortable()
 
     def _abortable(self) -> tuple[State, ...]:
         if self._flight.arming.is_ours_to_end:

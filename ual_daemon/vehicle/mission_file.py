@@ -15,11 +15,15 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class FlownMission:
-    """A mission that is flown: by which vehicle, which one (`KeptMission.digest`), as which task."""
+    """A mission that is flown: by which vehicle, which one (`KeptMission.digest`), as which task.
+
+    `paused_at` is the item at which the autopilot holds, counted from 1; 0 while it is not paused.
+    """
 
     vehicle: str
     digest: str
     task_id: str
+    paused_at: int = 0
 
 
 class MissionFile:
@@ -37,7 +41,8 @@ class MissionFile:
         """Returns what is flown; None if there is nothing, or nothing that can be used."""
         try:
             values = json.loads(small_file.read_own(self._path))
-            return FlownMission(*(str(values[name]) for name in ("vehicle", "digest", "task_id")))
+            vehicle, digest, task_id = (str(values[name]) for name in ("vehicle", "digest", "task_id"))
+            return FlownMission(vehicle, digest, task_id, int(values.get("paused_at", 0)))
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:

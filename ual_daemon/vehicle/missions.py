@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from functools import partial
 
 from ual.errors import TaskAbortedError, UalError, WrongStateError
@@ -68,6 +69,8 @@ class Missions:
         """What the daemon flew before it was restarted, until that is found again or gone."""
         self._finding: Future[KeptMission] | None = None
         self._next_s = -math.inf
+        self._kept_as: FlownMission | None = None
+        """What is in the file since this daemon flies a mission."""
         self._last: AutopilotMission | None = None
         """The newest mission that was flown, or is."""
         self.changes_count = 0
@@ -235,12 +238,22 @@ class Missions:
 
     # --- What outlives the daemon -------------------------------------------------------------------------------------
 
-    def _remember(self, task: VehicleTask, kept: KeptMission) -> None:
+    def _remember(self, task: VehicleTask, kept: KeptMission, paused_at: int = 0) -> None:
         if self._file is None:
             return
         self._lost = None
-        self._file.write(FlownMission(self._backend.info().identity, kept.digest, task.id))
+        self._kept_as = FlownMission(self._backend.info().identity, kept.digest, task.id, paused_at)
+        self._file.write(self._kept_as)
         task.future.add_done_callback(self._on_end)
+
+    def _note_pause(self, file: MissionFile) -> None:
+        """Keeps whether the autopilot holds in a pause, as a next daemon cannot tell it from a pilot's hold."""
+        flown, kept = self._flight.manoeuvre, self._kept_as
+        if kept is None or not isinstance(flown, AutopilotMission) or flown.future.done():
+            return
+        if flown.id == kept.task_id and flown.paused_at != kept.paused_at:
+            self._kept_as = replace(kept, paused_at=flown.paused_at)
+            file.write(self._kept_as)
 
     def _on_end(self, future: Future[None]) -> None:
         """Forgets a mission that has ended; one goes on whose daemon ends."""
@@ -250,8 +263,13 @@ class Missions:
             self._file.remove()
 
     def update(self, snapshot: Snapshot) -> None:
-        """Looks whether the mission of the daemon before is still flown: then it is a task again, by its old name."""
+        """Looks whether the mission of the daemon before is still flown: then it is a task again, by its old name.
+
+        One that it had paused is a task again, too, where the autopilot still holds.
+        """
         lost = self._lost
+        if self._file is not None and lost is None:
+            self._note_pause(self._file)
         if lost is None or self._file is None:
             return
         offer = self._backend.offer(AutopilotMissions)  # type: ignore[type-abstract]  # it is only looked for
@@ -272,7 +290,7 @@ class Missions:
             return "it is another vehicle"
         if not snapshot.control.armed.value:
             return "the UAV is disarmed"
-        if snapshot.control.mode_name != offer.mode:
+        if snapshot.control.mode_name not in (offer.mode, offer.pause_mode if lost.paused_at else offer.mode):
             return f"the autopilot is in mode {snapshot.control.mode_name}"
         return _COMMANDED if self._flight.last_command.number else ""
 
@@ -287,10 +305,13 @@ class Missions:
         self._lost = None
         task = self._tasks.new(TaskKind.MISSION, f"mission of {len(kept.items)} items, found again", lost.task_id)
         manoeuvre = self._manoeuvre(task, offer, kept, None, None)
+        is_paused = bool(lost.paused_at) and self._backend.snapshot().control.mode_name == offer.pause_mode
+        if is_paused:
+            manoeuvre.found_paused(lost.paused_at, offer.pause_mode)
         if self._flight.adopt(manoeuvre):
             self._last = manoeuvre
-            self._remember(task, kept)
-            logs.event(_log, logging.INFO, "mission_found", task_id=task.id)
+            self._remember(task, kept, manoeuvre.paused_at)
+            logs.event(_log, logging.INFO, "mission_found", task_id=task.id, is_paused=is_paused)
             if self._flight.last_command.name == LEASE:  # it could not be stopped then: nobody knew whose it was
                 self._flight.stop_for_lease("a lease has begun or ended before it was found")
         elif self._flight.is_closing:  # the next daemon finds it

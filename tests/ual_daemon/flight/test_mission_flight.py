@@ -11,7 +11,7 @@ from tests.snapshots import changed
 from tests.ual_daemon.flight.hand_made import STEP_S, Autopilot
 from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import KEPT, Missions
 from ual.errors import RejectedByAutopilotError, TaskAbortedError, WrongStateError
-from ual.geometry import Vector3
+from ual.geometry import Twist, Vector3
 from ual.missions import ReturnToLaunch, Waypoint
 from ual.missions.plan import MissionStage
 from ual.types import State, TaskKind
@@ -28,7 +28,7 @@ from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import LimitSettings, VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
-from ual_daemon.tracker.references import Hold
+from ual_daemon.tracker.references import Hold, Reference, Velocity
 
 NO_POSITION = ("pose", "velocity")
 
@@ -463,6 +463,57 @@ def test_a_reference_is_told_whether_the_mission_is_flown_or_being_stopped(
     snapshot = world.wire.snapshot()
     with pytest.raises(WrongStateError, match=text):
         world.flight.begin_reference(Hold(Vector3(0.0, 0.0, 5.0), 0.0), "set_pose", snapshot, Order())
+
+
+def starting(world: World) -> AutopilotMission:
+    """A mission of which the first item is being chosen, in the mode in which UAL sends references."""
+    assert world.mission.task is not None
+    world.flight.drop_task(world.mission.task.id, "abort", "")
+    world.autopilot.mode, world.autopilot.control = "OFFBOARD", Control.REFERENCES
+    world.run(0.2)
+    world.offer.chosen = Future()
+    hold, task = Hold(Vector3(0.0, 0.0, 5.0), 0.0), world.autopilot.task(TaskKind.MISSION)
+    backend, ends = cast("Backend", world.wire), lambda _: pytest.fail("it has not ended")
+    return AutopilotMission(task, backend, world.offer, KEPT, 1, hold, ends, world.flight.authority.begin)
+
+
+@pytest.mark.parametrize("stream", ["set_velocity", "set_pose"])
+def test_a_stream_does_not_replace_a_mission_that_is_being_started(world: World, stream: str) -> None:
+    """On PX4 a stream that ran at the start replaced the mission just then."""
+    mission, hold = starting(world), Hold(Vector3(0.0, 0.0, 5.0), 0.0)
+    world.flight.begin(mission, Order())
+    world.run(0.2)
+    with pytest.raises(WrongStateError, match=r"stop it first \(abort\)"):
+        world.flight.begin_reference(hold, stream, world.wire.snapshot(), Order())
+    assert world.flight.manoeuvre is mission
+    world.flight.begin_reference(hold, "abort", world.wire.snapshot(), Order())
+    with pytest.raises(TaskAbortedError, match="cancelled"):
+        mission.future.result(0)
+
+
+@pytest.mark.parametrize("before", ["velocity", "pose", "old velocity"])
+def test_a_velocity_that_goes_on_is_no_command_after_the_start(world: World, before: str) -> None:
+    """On ArduCopter, where the mission is read for 0.7 s first, the start was replaced by the stream that ran."""
+
+    def send(reference: Reference, by: str) -> None:
+        world.flight.begin_reference(reference, by, world.wire.snapshot(), Order())
+
+    def velocity() -> Velocity:
+        return Velocity(Twist(), world.flight.drift, in_body=False, expires_s=world.autopilot.time_s + 0.5)
+
+    mission = starting(world)
+    send(*((Hold(Vector3(0.0, 0.0, 5.0), 0.0), "set_pose") if before == "pose" else (velocity(), "set_velocity")))
+    if before == "old velocity":
+        world.run(1.0)
+    since = world.flight.last_command
+    for _ in range(3):
+        send(velocity(), "set_velocity")
+    if before == "velocity":
+        world.flight.begin(mission, Order("", since))
+        assert world.flight.manoeuvre is mission
+    else:
+        with pytest.raises(TaskAbortedError, match="replaced by set_velocity, while it was planned"):
+            world.flight.begin(mission, Order("", since))
 
 
 @pytest.mark.parametrize("is_held", [True, False])

@@ -91,6 +91,8 @@ class AutopilotMission(Manoeuvre):
 
     """
 
+    refuses_setpoints = True
+
     def __init__(
         self,
         task: VehicleTask,
@@ -148,9 +150,25 @@ class AutopilotMission(Manoeuvre):
         return self._kept.items
 
     @property
+    def id(self) -> str:
+        """The identifier of its task."""
+        return self._task.id
+
+    @property
     def item(self) -> int:
         """The item that is flown, counted from 1."""
         return self._item
+
+    @property
+    def paused_at(self) -> int:
+        """The item with which it goes on after a pause, counted from 1, while the autopilot holds in one; else 0."""
+        return self._item if self._phase in _HOLDING else 0
+
+    def found_paused(self, item: int, mode: str) -> None:
+        """Takes that a daemon before has paused it at an item, in a mode. Before it begins."""
+        self._phase, self._was_paused, self._task.is_paused = _Phase.PAUSED, True, True
+        self._item, self._began_in = min(item, len(self._kept.items)), mode
+        self._update_words()
 
     def stage(self, snapshot: Snapshot) -> MissionStage:
         """Returns how far it is, by what the autopilot is seen to do."""
@@ -303,7 +321,8 @@ class AutopilotMission(Manoeuvre):
         count = len(self._kept.items)
         item = self._kept.items[self._item - 1]
         number = f" ({item.number} in its file)" if item.number not in ("", str(self._item)) else ""
-        self.mission = f"the autopilot flies our mission: item {self._item} of {count}, {words_of(item)}{number}"
+        does = "holds on" if self._phase is _Phase.PAUSED else "flies"
+        self.mission = f"the autopilot {does} our mission: item {self._item} of {count}, {words_of(item)}{number}"
         if self._phase is _Phase.CHOOSING and not self._was_paused:
             self.mission = ""  # the autopilot takes our references yet
         self._task.report(partial(Progress, (self._item - 1) / count, None, self._item - 1))
@@ -480,7 +499,7 @@ class AutopilotMission(Manoeuvre):
         mode = _mode(snapshot)
         if mode == self._offer.pause_mode:
             self._phase, self._began_in, self._was_paused = _Phase.PAUSED, mode, True
-            self.mission = self.mission.replace("flies our mission", "holds on our mission")
+            self._update_words()
             return Step()
         if mode != self._began_in and not self._is_returning(snapshot):
             return taken(snapshot, NAME)

@@ -132,6 +132,8 @@ class Manoeuvre(ABC):
     stops_mission = ""
     """What it does in the air, human-readable, where it stops a mission; empty otherwise. The autopilot would fly that
     on without it: only a command replaces it."""
+    refuses_setpoints = False
+    """Whether no pose and no velocity replaces it, though it may not be a mission yet."""
     unseen = ""
     """What it does while the state is not known, human-readable; empty where nobody needs to be told."""
     trouble = ""
@@ -144,6 +146,8 @@ class Manoeuvre(ABC):
     # Here and not in `__init__`: each setpoint of a stream makes a manoeuvre.
     task: VehicleTask | None = None
     command: AutopilotCommand | None = None
+    is_timed = False
+    """Whether it ends unless it is given again."""
     led: Led | None = None
     """To which modes UAL has led before and in it; None where it began in no mission."""
     is_fitted = False

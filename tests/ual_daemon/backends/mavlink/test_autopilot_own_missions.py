@@ -81,6 +81,10 @@ def start(flight: Flight, items: list[Item], first: int = 1) -> str:
     return flight.uav.mission.start(first).id
 
 
+def mission_file(flight: Flight) -> Path:
+    return (flight.home_file or Path()).with_suffix(".mission")
+
+
 def item_of(flight: Flight) -> int | None:
     return flight.uav.mission.progress().item
 
@@ -317,8 +321,45 @@ def test_a_new_daemon_finds_its_mission_and_its_task_again(flight: Flight) -> No
     assert task.info().status is TaskStatus.RUNNING
     assert flight.commands_since(began_s) == set()
     assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
-    file = (flight.home_file or Path()).with_suffix(".mission")
-    flight.wait_for(lambda: not file.exists(), "it to be forgotten")
+    flight.wait_for(lambda: not mission_file(flight).exists(), "it to be forgotten")
+
+
+def test_a_new_daemon_finds_one_that_was_paused_and_resumes_it(flight: Flight) -> None:
+    """It had no task, and `resume` was refused: its mode was no longer that of the mission."""
+    stand_armed(flight)
+    task_id = start(flight, [TakeOff(6.0), at(flight, 30, 0), at(flight, 30, 20), landing(flight, 20, 20)])
+    wait_for_item(flight, 3)
+    flight.uav.mission.pause()
+    flight.wait_for(lambda: "holds on our mission: item 3" in flight.uav.telemetry().state_reason, "its hold")
+    flight.wait_for(lambda: '"paused_at": 3' in mission_file(flight).read_text(), "its note")
+    flight.kill()
+    flight.autopilot.run(2.0)
+    began_s = flight.now_s
+    flight.start()
+    flight.wait_for(lambda: flight.uav.telemetry().task is not None, "its task")
+    flight.wait_for_state(State.FLYING_AUTO)
+    assert "holds on our mission: item 3" in flight.uav.telemetry().state_reason
+    task = flight.uav.task(task_id)
+    assert task.info().is_paused
+    assert flight.uav.mission.progress().stage is MissionStage.PAUSED
+    flight.let_pass(3.0)
+    assert flight.commands_since(began_s) == set()
+    flight.uav.mission.resume()
+    assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+    north, east, _ = place_m(flight)
+    assert math.hypot(north - 20.0, east - 20.0) < 1.5
+
+
+def test_a_new_daemon_leaves_a_hold_that_is_no_pause_of_ual_alone(flight: Flight) -> None:
+    flight.take_off()
+    start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)])
+    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.kill()
+    hold_by_a_station(flight)
+    flight.autopilot.run(1.0)
+    flight.start()
+    flight.wait_for_state(State.FLYING_MANUAL)
+    flight.wait_for(lambda: not mission_file(flight).exists(), "it to be forgotten")
 
 
 def test_a_new_daemon_leaves_a_mission_of_others_alone(flight: Flight) -> None:
@@ -331,8 +372,7 @@ def test_a_new_daemon_leaves_a_mission_of_others_alone(flight: Flight) -> None:
     flight.autopilot.mission.state = 3
     flight.start()
     flight.wait_for_state(State.FLYING_MANUAL)
-    file = (flight.home_file or Path()).with_suffix(".mission")
-    flight.wait_for(lambda: not file.exists(), "it to be forgotten")
+    flight.wait_for(lambda: not mission_file(flight).exists(), "it to be forgotten")
     assert flight.uav.telemetry().task is None
 
 
@@ -444,6 +484,34 @@ def test_one_that_ends_before_it_lifts_off_stays_on_the_ground(flight: Flight, h
         assert told.flight_mode in ("OFFBOARD", "GUIDED")
     else:
         assert told.flight_mode in ("AUTO.LOITER", "BRAKE")
+    assert place_m(flight)[0] < 10.0
+
+
+@pytest.mark.parametrize(
+    ("flight", "when"),
+    [("px4", State.LANDED_ARMED), ("ardupilot", State.LANDED_ARMED), ("px4", State.TAKING_OFF)],
+    indirect=["flight"],
+)
+def test_a_second_abort_before_it_flies_is_accepted_and_changes_nothing(flight: Flight, when: State) -> None:
+    """The first was accepted, and the second refused: it needed the state FLYING_AUTO."""
+    stand_armed(flight)
+
+    done: list[str] = []
+
+    def abort_twice() -> None:
+        for number in ("first", "second"):
+            flight.uav.abort()
+            done.append(number)
+
+    is_lifting = when is State.TAKING_OFF
+    flight.when(lambda told: told.state is when and (is_lifting or is_entered_on_ground(told)), abort_twice)
+    task = flight.uav.task(start(flight, [TakeOff(6.0), at(flight, FAR_M, 0)]))
+    with pytest.raises(TaskAbortedError, match="cancelled"):
+        task.wait(LIMIT_S)
+    flight.let_pass(1.0)
+    assert done == ["first", "second"]
+    if is_lifting:
+        flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "OFFBOARD", "the control")
     assert place_m(flight)[0] < 10.0
 
 
