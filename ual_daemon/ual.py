@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from typing_extensions import Self, override
 
-from ual.errors import LeaseLostError, UalError, UalTimeoutError
+from ual.errors import ClientUnusableError, LeaseLostError, UalError, UalTimeoutError
 from ual.geometry import (
     Pose,
     PoseStamped,
@@ -33,6 +33,7 @@ from ual.shared import environment, views
 from ual.shared.callbacks import Callbacks, Listener
 from ual.shared.flags import flag
 from ual.shared.time_limit import time_limit
+from ual.shared.uncopied import Uncopied
 from ual.types import (
     ExternalPose,
     Frame,
@@ -76,11 +77,11 @@ _CLOSE_PATIENCE_S = 60.0
 _THIS_PROCESS = "this process"
 
 
-class UAL(Uav):
+class UAL(Uncopied, Uav):
     """One UAV in this process, without a server and without delay. Its members are those of `ual.interface.Uav`.
 
     `close`, or the end of its ``with`` block, hands the UAV over to its autopilot. It belongs to this process: in a
-    forked one each call raises `UalError`.
+    forked one each call raises `ClientUnusableError`. It can be neither copied nor pickled.
 
     Args:
         backend: The name of a backend, such as ``light`` or ``mavlink``, or a `Backend`.
@@ -188,7 +189,7 @@ class UAL(Uav):
     def _open(self) -> ServedVehicle:
         """The vehicle, unless this object is closed. Setpoints, of which each costs, are refused by the flight."""
         if self._has_ended:
-            raise UalError("this UAL is closed")
+            raise ClientUnusableError("this UAL is closed")
         return self.vehicle
 
     @property
@@ -538,7 +539,7 @@ class _OfParent:
         self.ns = ns
 
     def __getattr__(self, name: str) -> NoReturn:
-        raise UalError(
+        raise ClientUnusableError(
             f"the process from which this one was forked flies {self.ns}: fly it there, or by a daemon (ual.Uav), "
             "which several processes can call"
         )

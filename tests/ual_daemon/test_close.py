@@ -86,5 +86,5 @@ def test_what_is_closed_answers_alike_in_the_class_and_in_the_client(ask: Callab
         uav.close()
         with pytest.raises(ual.UalError) as caught:
             ask(uav)
-        assert type(caught.value) is ual.UalError
+        assert type(caught.value) is ual.ClientUnusableError
         assert caught.value.message == f"this {name} is closed"

@@ -776,6 +776,13 @@ def test_a_velocity_that_is_scaled_down_says_so(flying: DaemonProcess) -> None:
     assert run("velocity", "1", "0", "0", "--for", "0.1").stderr == ""
 
 
+def test_a_yaw_rate_that_is_limited_says_so(flying: DaemonProcess) -> None:
+    del flying
+    result = run("velocity", "0", "0", "0", "--yaw-rate=-2rad", "--dry-run", "--for", "1")
+    assert result.exit_code == 0
+    assert result.stderr == "ual: beyond the UAV's limits (ual info): turns at -1.00 rad/s\n"
+
+
 @pytest.mark.parametrize(
     ("command", "said"),
     [

@@ -45,7 +45,9 @@ class Explanation:
 
         `trouble` is why the UAV does not do what it was asked last; empty where it does.
         """
-        other = snapshot.control.other_sender
+        estimator, other = snapshot.motion.estimator, snapshot.control.other_sender
+        if estimator is not None and estimator.value.is_good:
+            self.external_silence.is_good(snapshot.time_s)
         if other != self._other_sender:
             self._other_sender = other
             level = logging.WARNING if other else logging.INFO

@@ -147,7 +147,8 @@ class Tasks:
         """
         found = self._tasks.get(task_id)
         if found is None:
-            raise InvalidArgumentError(f"task_id: there is no task {task_id!r:.100}", {"field": "task_id"})
+            why = "; its daemon may have been restarted since, or it ended long ago" if isinstance(task_id, str) else ""
+            raise InvalidArgumentError(f"task_id: there is no task {task_id!r:.100}{why}", {"field": "task_id"})
         return VehicleTask.ended(found, self._clock) if isinstance(found, TaskInfo) else found
 
 

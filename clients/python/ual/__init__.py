@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from ual.credentials import Credentials
 from ual.errors import (
+    ClientUnusableError,
     DaemonUnreachableError,
     FrameLostError,
     GeofenceError,
@@ -89,6 +90,7 @@ __all__ = [
     "Battery",
     "Capability",
     "Circle",
+    "ClientUnusableError",
     "Credentials",
     "DaemonUnreachableError",
     "Frame",

@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar
 from google.protobuf.message import Message
 
 from ual._wrong_type import require, require_parts, wrong_part
-from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
+from ual.errors import ClientUnusableError, InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
 from ual.geometry import (
     Pose,
     PoseStamped,
@@ -166,7 +166,7 @@ def rate(rate_hz: float) -> float:
 
 def closed() -> UalError:
     """What the calls of a closed client raise."""
-    return UalError("this client is closed")
+    return ClientUnusableError("this client is closed")
 
 
 def _nothing(_: Message) -> None:

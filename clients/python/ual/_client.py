@@ -21,6 +21,7 @@ from ual._subscription import Subscription, Subscriptions
 from ual._target import Target
 from ual._task import Task
 from ual.credentials import Credentials
+from ual.shared.uncopied import Uncopied
 from ual.types import Info, Plan, TaskRequest, Telemetry
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Uav(UavMembers):
+class Uav(Uncopied, UavMembers):
     """One UAV, flown through its daemon. Its members are those of `ual.interface.Uav`.
 
     Nothing is connected until the first call. A daemon that was restarted is found again.

@@ -6,7 +6,7 @@ import os
 import weakref
 from typing import Protocol
 
-from ual.errors import UalError
+from ual.errors import ClientUnusableError, UalError
 
 
 class Forked(Protocol):
@@ -40,7 +40,7 @@ def use_asyncio() -> None:
 
 def asyncio_lost() -> UalError:
     """Returns the error of the asyncio of a parent."""
-    return UalError(
+    return ClientUnusableError(
         "ual.aio or ual.Team was used before this process was forked, which gRPC's asyncio does not survive: this "
         "process may crash at any time. Begin it by multiprocessing's 'spawn', or before their first use"
     )

@@ -16,8 +16,9 @@ from ual import _forks, aio
 from ual._client import Uav
 from ual._derived_team import TeamMembers
 from ual.credentials import Credentials
-from ual.errors import UalError
+from ual.errors import ClientUnusableError, UalError
 from ual.interface import DryRun, TaskCommands
+from ual.shared.uncopied import Uncopied
 from ual.types import MotionRequest, Plan, TaskInfo, TaskKind, TaskRequest
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Team(TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
+class Team(Uncopied, TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
     """Several UAVs. Its members are those of `ual.Uav`, of all of them at once, with the results by name.
 
     A member's documentation is that of one UAV. A pose or velocity without a frame is in each one's own ``<ns>/odom``.
@@ -309,7 +310,7 @@ class _Loop:
 
 
 def _closed() -> UalError:
-    return UalError("the team is closed")
+    return ClientUnusableError("the team is closed")
 
 
 async def _cancel_others() -> None:

@@ -140,6 +140,15 @@ class DaemonUnreachableError(UalError, ConnectionError):
     reason = "DAEMON_UNREACHABLE"
 
 
+class ClientUnusableError(UalError):
+    """A client or a `UAL` that was closed, or of another event loop or process: make another one.
+
+    It is never sent over the wire.
+    """
+
+    reason = "CLIENT_UNUSABLE"
+
+
 class TeamError(UalError):
     """Some UAVs of a team refused a command, or failed. Only `ual.Team` raises it; it is never sent over the wire.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -205,7 +206,7 @@ def velocity(
     """
     wanted = TwistStamped(Twist(Vector3(vx, vy, vz), Vector3(0.0, 0.0, yaw_rate)), frame_id)
     with session.connect() as uav:
-        _note_scaling(uav, wanted.twist.linear)
+        _note_scaling(uav, wanted.twist)
         if dry_run:
             manoeuvre.print_plan(session, uav.dry_run.set_velocity(wanted))
             return
@@ -218,12 +219,16 @@ def velocity(
     session.emit({"done": "velocity", "duration_s": duration_s}, f"flew for {duration_s:g} s, stopped")
 
 
-def _note_scaling(uav: Uav, velocity: Vector3) -> None:
-    """Notes that the daemon will scale a velocity down. Without an answer the velocity is flown all the same."""
+def _note_scaling(uav: Uav, wanted: Twist) -> None:
+    """Notes what the daemon will scale down. Without an answer the velocity is flown all the same."""
     with contextlib.suppress(UalError):
-        excess = _excess(velocity, uav.info().limits)
+        limits, yaw_rate_rad_s = uav.info().limits, wanted.angular.z
+        excess = _excess(wanted.linear, limits)
         if excess > 1.0:
-            note(f"ual: beyond the UAV's limits (ual info): scaled down to {_vector(velocity / excess)} m/s")
+            note(f"ual: beyond the UAV's limits (ual info): scaled down to {_vector(wanted.linear / excess)} m/s")
+        if math.isfinite(yaw_rate_rad_s) and abs(yaw_rate_rad_s) > limits.yaw_rate_rad_s:
+            turns_rad_s = math.copysign(limits.yaw_rate_rad_s, yaw_rate_rad_s)
+            note(f"ual: beyond the UAV's limits (ual info): turns at {turns_rad_s:.2f} rad/s")
 
 
 def _excess(velocity: Vector3, limits: Limits) -> float:

@@ -73,6 +73,17 @@ def test_they_take_the_place_of_satellites_and_a_source_that_stops_is_named(lab:
     assert lab.uav.telemetry().state_reason.endswith("; no poses from outside for 1.2 s")
 
 
+def test_a_position_that_is_good_long_after_them_does_not_rest_on_them(lab: Lab) -> None:
+    """One pose ever, and each later loss of a vehicle with satellites blamed "no poses from outside for 746 s"."""
+    assert not lab.measure(Vector3(1.0, 2.0, 0.0))
+    lab.uav.simulation.step(30.0)
+    assert lab.uav.state() is State.LANDED_DISARMED
+    lab.uav.simulation.begin_fault(PositionLost())
+    lab.uav.simulation.step(STEP_S)
+    assert lab.uav.state() is State.UNINITIALIZED
+    assert "poses from outside" not in lab.uav.telemetry().state_reason
+
+
 def test_with_satellites_they_change_nothing(lab: Lab) -> None:
     lab.measure(Vector3(1.0, 2.0, 0.0))
     lab.uav.simulation.step(2.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 from typing import Protocol, TypeVar
 
-from ual.errors import NotSupportedError, UalError, UalTimeoutError, WrongStateError
+from ual.errors import LinkLostError, NotSupportedError, UalError, UalTimeoutError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Transform
 from ual.types import State
 from ual_daemon.backends import futures
@@ -126,14 +126,18 @@ def require_disarmed(vehicle: ServedVehicle, command: str, what_then: str) -> No
     """Checks that the UAV is known to be disarmed. `what_then` says what to do.
 
     Raises:
-        WrongStateError: It is armed, or that is not known.
+        LinkLostError: Nothing is heard that says so.
+        WrongStateError: It is armed.
 
     """
     is_armed = vehicle.is_armed()
-    if is_armed is not False:
-        why = "it is not known whether the UAV is armed" if is_armed is None else "the UAV is armed"
-        metadata = {"state": vehicle.state().name, "needed": State.LANDED_DISARMED.name}
-        raise WrongStateError(f"{command}: {why}; {what_then}", metadata)
+    if is_armed is False:
+        return
+    metadata = {"state": vehicle.state().name, "needed": State.LANDED_DISARMED.name}
+    if is_armed is None:
+        why = "the autopilot is not heard to say whether the UAV is armed"
+        raise LinkLostError(f"{command}: {why}; it must be disarmed", metadata)
+    raise WrongStateError(f"{command}: the UAV is armed; {what_then}", metadata)
 
 
 def wait(future: Future[T], limit_s: float, what: str) -> T:

@@ -28,6 +28,7 @@ from ual.errors import UalError
 from ual.interface import DryRun, TaskCommands
 from ual.shared import views
 from ual.shared.time_limit import time_limit
+from ual.shared.uncopied import Uncopied
 from ual.shared.waiting import ends_within
 from ual.types import Info, MotionRequest, Plan, State, TaskRequest
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Uav(UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
+class Uav(Uncopied, UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
     """One UAV, flown through its daemon from one event loop. The members of `ual.interface.Uav` are coroutines here.
 
     It is made as `ual.Uav` is. A call that is cancelled is cancelled in the daemon, too: a go-to or path ends then, and

@@ -13,7 +13,7 @@ import grpc.aio
 from ual import _calls, _forks
 from ual._calls import Call
 from ual._target import SETTLING_S, Route, Stubs, Target
-from ual.errors import DaemonUnreachableError, UalError
+from ual.errors import ClientUnusableError, DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
 from ual.wire import rpc_errors
 
@@ -114,12 +114,12 @@ class Connection:
         return rpc_errors.from_rpc_error(error, address=address, ns=self.target.ns)
 
     def require_own_loop(self) -> None:
-        """Raises `UalError` on another event loop than that of the first call."""
+        """Raises `ClientUnusableError` on another event loop than that of the first call."""
         running = asyncio.get_running_loop()
         if self._loop is None:
             self._loop = running
         if self._loop is not running:
-            raise UalError(
+            raise ClientUnusableError(
                 "this client belongs to another event loop, that of its first call: make one inside each asyncio.run()"
             )
 

@@ -17,6 +17,7 @@ from ual.aio._task import Task
 from ual.credentials import Credentials
 from ual.errors import InvalidArgumentError, TeamError, UalError
 from ual.interface import DryRun, TaskCommands
+from ual.shared.uncopied import Uncopied
 from ual.types import LandRequest, MotionRequest, Plan, ReturnToLaunchRequest, TaskRequest
 
 _ENDS_A_FLIGHT = (LandRequest, ReturnToLaunchRequest)
@@ -29,7 +30,7 @@ All = Coroutine[Any, Any, dict[str, T]]
 """What gives one value of each UAV, by name."""
 
 
-class Team(TeamMembers, TaskCommands[All[Task]]):
+class Team(Uncopied, TeamMembers, TaskCommands[All[Task]]):
     """Several UAVs. Its members are those of `ual.aio.Uav`, of all of them at once, with the results by name.
 
     A member's documentation is that of one UAV. A pose or velocity without a frame is in each one's own ``<ns>/odom``.

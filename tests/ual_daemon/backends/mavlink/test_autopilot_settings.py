@@ -182,7 +182,7 @@ def test_a_link_that_is_lost_ends_what_was_begun(flight: Flight) -> None:
     flight.wait_for_state(State.UNINITIALIZED)
     with pytest.raises(LinkLostError):
         flight.uav.parameters.get(UNUSED[kind_of(flight)])
-    with pytest.raises(WrongStateError, match="not known whether the UAV is armed"):
+    with pytest.raises(LinkLostError, match="not heard to say whether the UAV is armed"):
         flight.uav.parameters.set(UNUSED[kind_of(flight)], 1.0)
 
 
