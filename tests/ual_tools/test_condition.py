@@ -54,6 +54,16 @@ def test_of_several_batteries_each_is_told() -> None:
         ({"health": Health(failsafe="rc failsafe")}, Level.ALARM, "failsafe: rc failsafe"),
         ({"frame_lost": "it rebooted"}, Level.ALARM, "frame lost: it rebooted"),
         ({"state": State.UNINITIALIZED, "state_reason": "no pose"}, Level.ALARM, "no pose"),
+        (
+            {"health": Health(failing_checks=("gps", "autopilot: EKF variance"))},
+            Level.WARNING,
+            "autopilot: EKF variance",
+        ),
+        (
+            {"state": State.LANDED_DISARMED, "health": Health(False, ("gps", "autopilot: EKF variance"))},
+            Level.WARNING,
+            "autopilot: EKF variance; not ready to arm: gps",
+        ),
         ({"health": Health(link_quality=0.79)}, Level.WARNING, "weak link: 79 % arrives"),
         ({"health": Health(link_quality=0.8)}, Level.FINE, ""),
         ({"state": State.FLYING_MANUAL}, Level.WARNING, "in the air"),

@@ -33,7 +33,7 @@ def estimate(
     if not _is_all_fresh(snapshot, freshness):
         missing = _why_uninitialized(snapshot, freshness)
         if missing is not None:
-            return _not_blaming(missing, snapshot)
+            return _not_blaming(_with_doing(missing, snapshot, freshness), snapshot)
     # Both functions have checked these.
     known = snapshot.control
     assert known.armed is not None
@@ -59,6 +59,23 @@ def estimate(
     if control is Control.REFERENCES:
         return _in_auto(mode, note)
     return _in_manual(mode, known.held_by)
+
+
+def _with_doing(missing: Estimate, snapshot: Snapshot, freshness: Freshness) -> Estimate:
+    """Returns the same with what the autopilot does meanwhile, where it is armed and in the air, and says its mode."""
+    control, now_s = snapshot.control, snapshot.time_s
+    armed, mode = control.armed, control.mode
+    if armed is None or mode is None or not armed.value or control.is_on_ground or not missing.is_link_up:
+        return missing
+    landed = control.landed or Sample(LandedState.UNKNOWN, now_s)
+    is_old = now_s - min(armed.time_s, mode.time_s) > freshness.mode_s or now_s - landed.time_s > freshness.landed_s
+    if is_old or snapshot.link.conflict:
+        return missing
+    if landed.value is LandedState.LANDING or mode.value.control is Control.LAND:
+        does = f"the autopilot lands{_in_mode(snapshot)}"
+    else:
+        does = f"it is in the air, in mode {mode.value.text}{_because(control.held_by)}"
+    return replace(missing, why=f"{missing.why}; {does}")
 
 
 def _not_blaming(missing: Estimate, snapshot: Snapshot) -> Estimate:

@@ -15,6 +15,9 @@ from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
 
+AUTOPILOT = "autopilot: "
+"""How a severe text of the autopilot begins among the checks that fail."""
+
 
 class Doing(Protocol):
     """What a UAV does, as far as a sample tells it. `Flight` is that of one that UAL flies."""
@@ -105,12 +108,14 @@ def _health(snapshot: Snapshot, daemon_checks: tuple[str, ...]) -> Health | None
     failsafe, held_by = control.failsafe, control.held_by
     is_armed = control.armed is not None and control.armed.value
     starts = "" if is_armed else control.arming_starts  # no call for each sample of a flight
-    if failsafe is None and held_by is None and not starts and not daemon_checks:
+    severe = snapshot.condition.severe_texts
+    if failsafe is None and held_by is None and not starts and not daemon_checks and not severe:
         return health
+    said = (f"{AUTOPILOT}{each.text}" for each in severe)
     health = health or Health()
     return replace(
         health,
-        failing_checks=(*health.failing_checks, *((starts,) if starts else ()), *daemon_checks),
+        failing_checks=(*health.failing_checks, *said, *((starts,) if starts else ()), *daemon_checks),
         failsafe="" if failsafe is None else failsafe.value,
         held_by="" if held_by is None else held_by.value,
     )

@@ -41,6 +41,7 @@ from ual_daemon.vehicle.missions import Missions
 from ual_daemon.vehicle.on_earth import fence_on_earth
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.reported import ReportedVehicle
+from ual_daemon.vehicle.severe_log import SevereLog
 from ual_daemon.vehicle.telemetry import make_telemetry
 from ual_daemon.vehicle.upload_journal import JournalFile, UploadJournal
 
@@ -105,6 +106,7 @@ class Vehicle(ReportedVehicle):
         own = settings.geofence
         has_polygon = own is not None and bool(own.polygon or own.polygon_geo)
         self._fence_notice = FenceNotice(backend.info, is_needed=has_polygon and not watch_only)
+        self._severe_log = SevereLog()
         self._contained = Contained("an update of a UAV")
         self._flying = Contained("what flies a UAV", "no setpoint is sent while it does")
 
@@ -364,6 +366,7 @@ class Vehicle(ReportedVehicle):
         if snapshot.time_s >= self.gimbals.due_s:
             self._contained.call(self.gimbals.update, snapshot)
         self._fence_notice.observe(snapshot.time_s)
+        self._severe_log.observe(snapshot)
 
     def _fly(self, snapshot: Snapshot) -> None:
         if self._flight.lease.id != NOBODY:

@@ -16,8 +16,8 @@ from ual_tools.watch_board import Seen
 LOW_PERCENT, CRITICAL_PERCENT = 30.0, 15.0
 """At and below these a battery is called low (QGroundControl announces it from there on), and critical (PX4 warns
 from there on, when not configured)."""
-_OF_DAEMON = "daemon: "
-"""How checks of the daemon itself begin; see `ual.types.Health`."""
+_ALWAYS_TOLD = ("daemon: ", "autopilot: ", "position: ")
+"""How checks begin that are told in each state; see `ual.types.Health`."""
 _WEAK_LINK = 0.8
 """Where less of the autopilot's messages arrive."""
 
@@ -158,9 +158,10 @@ def _of_health(t: Telemetry) -> list[tuple[Level, str]]:
         found.append((Level.ALARM, f"frame lost: {t.frame_lost}"))
     if health.link_quality is not None and health.link_quality < _WEAK_LINK:
         found.append((Level.WARNING, f"weak link: {100.0 * health.link_quality:.0f} % arrives"))
-    found += [(Level.WARNING, each) for each in health.failing_checks if each.startswith(_OF_DAEMON)]
+    found += [(Level.WARNING, each) for each in health.failing_checks if each.startswith(_ALWAYS_TOLD)]
     if t.state is State.LANDED_DISARMED and health.is_ready_to_arm is False:
-        found.append((Level.WARNING, f"not ready to arm: {', '.join(health.failing_checks) or 'it does not say why'}"))
+        others = ", ".join(each for each in health.failing_checks if not each.startswith(_ALWAYS_TOLD))
+        found.append((Level.WARNING, f"not ready to arm: {others or 'it does not say why'}"))
     return found
 
 

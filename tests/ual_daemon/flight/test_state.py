@@ -208,7 +208,8 @@ def test_a_value_is_used_up_to_its_age_limit(value: str, limit_s: float, why: st
     assert aged(limit_s).state is State.FLYING_AUTO
     too_old = aged(limit_s + 0.2)
     assert too_old.state is State.UNINITIALIZED
-    assert too_old.why == f"{why} {limit_s + 0.2:.1f} s"
+    does = "; it is in the air, in mode OFFBOARD" if value in ("estimator", "pose") else ""
+    assert too_old.why == f"{why} {limit_s + 0.2:.1f} s{does}"
     assert too_old.is_link_up is (value != "heard_s")
 
 
@@ -224,7 +225,8 @@ def test_a_value_is_used_up_to_its_age_limit(value: str, limit_s: float, why: st
 )
 def test_a_value_that_never_came_makes_the_state_uninitialized(value: str, why: str) -> None:
     found = estimate(changed(HEALTHY, **{value: None}), FRESHNESS)
-    assert found == Estimate(State.UNINITIALIZED, why, is_link_up=value != "heard_s")
+    does = "; it is in the air, in mode OFFBOARD" if value in ("estimator", "pose") else ""
+    assert found == Estimate(State.UNINITIALIZED, f"{why}{does}", is_link_up=value != "heard_s")
 
 
 def test_what_is_wrong_with_the_link_ends_the_reason_while_nothing_is_heard() -> None:
@@ -250,7 +252,8 @@ def test_a_value_that_has_not_come_yet_makes_the_state_uninitialized() -> None:
 
 def test_a_position_that_the_autopilot_does_not_trust_makes_the_state_uninitialized_and_says_why() -> None:
     found = estimate(changed(HEALTHY, estimator=Sample(Estimator(False, "no GPS"), NOW_S)), FRESHNESS)
-    assert found == Estimate(State.UNINITIALIZED, "the autopilot has no good position: no GPS")
+    why = "the autopilot has no good position: no GPS; it is in the air, in mode OFFBOARD"
+    assert found == Estimate(State.UNINITIALIZED, why)
 
 
 @pytest.mark.parametrize(
@@ -358,3 +361,35 @@ def test_old_data_never_decides(given_snapshot: Snapshot, freshness: Freshness, 
 def test_a_snapshot_at_another_time_is_otherwise_the_same() -> None:
     numbers = Snapshot(*range(len(Snapshot._fields)))
     assert numbers.at(99.0) == numbers._replace(time_s=99.0)
+
+
+LOST = Sample(Estimator(False, "no horizontal position"), NOW_S)
+NO_POSITION = "the autopilot has no good position: no horizontal position"
+
+
+@pytest.mark.parametrize(
+    ("values", "does"),
+    [
+        ({}, "; it is in the air, in mode OFFBOARD"),
+        (
+            {"mode": Sample(Mode("LAND", Control.LAND), NOW_S), "held_by": Cause.POSITION},
+            "; the autopilot lands (mode LAND): position failsafe",
+        ),
+        (
+            {"mode": Sample(Mode("ALTCTL", PILOT), NOW_S), "held_by": Cause.POSITION},
+            "; it is in the air, in mode ALTCTL: position failsafe",
+        ),
+        ({"armed": Sample(False, NOW_S)}, ""),
+        ({"landed": Sample(ON_GROUND, NOW_S)}, ""),
+        ({"mode": Sample(Mode("LAND", Control.LAND), NOW_S - FRESHNESS.mode_s - 1.0)}, None),
+    ],
+    ids=["takes references", "lands", "holds", "disarmed", "on the ground", "its mode is old"],
+)
+def test_without_a_position_the_reason_says_what_the_autopilot_does_in_the_air(
+    values: dict[str, object], does: str | None
+) -> None:
+    found = estimate(changed(HEALTHY, estimator=LOST, **values), FRESHNESS)
+    assert found.state is State.UNINITIALIZED
+    assert found.why == (
+        f"{NO_POSITION}{does}" if does is not None else "the autopilot has not said its mode for 4.0 s"
+    )

@@ -26,6 +26,7 @@ from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSetti
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.loop import Loop, LoopThread
 from ual_daemon.backends.engine.plausibility import Plausibility
+from ual_daemon.backends.engine.severe_texts import SEVERE, SevereTexts
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import LandedState, Mode, Setpoint, Snapshot
 
@@ -94,7 +95,7 @@ class Session:
         self._sending = threading.Lock()
         """Held from the decision that a setpoint may leave until it waits to be sent."""
         self._has_collided = self._is_holding = self._is_paused = self._is_disarming = False
-        self._status_text = ""
+        self._status_text, self._severe_texts = "", SevereTexts()
 
     # --- From any thread ----------------------------------------------------------------------------------------------
 
@@ -239,7 +240,7 @@ class Session:
         self.watch.on_heard(now_s)
         self._report = report
         is_on_ground = report.is_on_ground(self._mass_kg)
-        self._note_collision(report, is_on_ground)
+        self._note_collision(report, now_s, is_on_ground)
         self._is_disarming = self._is_disarming and is_on_ground and report.is_armed
         snapshot = make_snapshot(
             report,
@@ -253,7 +254,9 @@ class Session:
         if motion.pose is not None:
             self.on_pose(motion.stamp_s, motion.pose.value)
         self._snapshot = snapshot._replace(
-            condition=snapshot.condition._replace(status_text=self._status_text),
+            condition=snapshot.condition._replace(
+                status_text=self._status_text, severe_texts=self._severe_texts.fresh(now_s)
+            ),
             link=snapshot.link._replace(boots_count=self._boots_count),
         )
         self.runner.tick(now_s)  # the loop's own ticks stand still with simulated time
@@ -266,10 +269,11 @@ class Session:
             return HOVER
         return COLLISION if self._has_collided else API
 
-    def _note_collision(self, report: Report, is_on_ground: bool) -> None:
+    def _note_collision(self, report: Report, now_s: float, is_on_ground: bool) -> None:
         what = self._collisions.observe(report)
         if what:
             self._status_text = f"collision with {what}"
+            self._severe_texts.on_text(self._status_text, SEVERE, now_s)
             logs.event(_log, logging.WARNING, "collision", object=what)
             with self._sending:
                 self._mailbox.drop()

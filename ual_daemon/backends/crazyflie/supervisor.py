@@ -25,6 +25,9 @@ _LOCKED = "it is locked: switch it off and on again"
 _CRASHED = "it has crashed: look at it, set it level, and switch it off and on again"
 _TUMBLED = "it is tumbled: set it level"
 
+SEVERE_TROUBLES = frozenset((_LOCKED, _CRASHED, _TUMBLED))
+"""Those that befall it, and are no state of its battery."""
+
 
 def troubles(info: Supervisor, power_state: int | None) -> tuple[str, ...]:
     """Returns why it cannot fly, in plain words; empty if nothing is known to be wrong."""

@@ -10,8 +10,9 @@ from ual.types import Battery, Health
 from ual_daemon.backends.crazyflie.contact import Contact
 from ual_daemon.backends.crazyflie.ground import Ground
 from ual_daemon.backends.crazyflie.packets import decompress
-from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles
+from ual_daemon.backends.crazyflie.supervisor import SEVERE_TROUBLES, Supervisor, troubles
 from ual_daemon.backends.engine.plausibility import Plausibility
+from ual_daemon.backends.engine.severe_texts import SEVERE, SevereTexts
 from ual_daemon.backends.values import (
     NEVER_S,
     Condition,
@@ -22,6 +23,7 @@ from ual_daemon.backends.values import (
     Mode,
     MotionState,
     Sample,
+    SevereText,
     Snapshot,
 )
 
@@ -34,6 +36,8 @@ _WRAP_MS = 1 << 24
 _LATE_MS = 5000
 """A packet of values that is older than the last one by less than this came late."""
 _MILLI = 1e-3
+_ASSERTION = "assert failed"
+"""What a line of its console holds, lower case, after which it does not fly on."""
 _FLOW = "flow deck"
 _DECKS = {
     "deck.bcFlow2": _FLOW,
@@ -90,6 +94,9 @@ class Telemetry:
         """Those that were read when it was connected."""
         self._plausibility = Plausibility()
         self._console = _Console()
+        self._severe_texts = SevereTexts()
+        self._severe: frozenset[str] = frozenset()
+        """The newest line and the troubles that were severe at the last snapshot."""
         self._battery: Battery | None = None
         self.rssi_dbm: float | None = None
         self.discard()
@@ -237,6 +244,7 @@ class Telemetry:
                 battery=self._battery,
                 status_text=connecting or self.text,
                 health=None if info is None else self._health(info.value, found),
+                severe_texts=self._fresh_severe_texts(now_s, found),
             ),
             link=LinkState(
                 boots_count=self.boots_count,
@@ -244,6 +252,15 @@ class Telemetry:
                 conflict=connecting if is_heard else "",
             ),
         )
+
+    def _fresh_severe_texts(self, now_s: float, found: tuple[str, ...]) -> tuple[SevereText, ...]:
+        """Returns what is severe and new: that it has tumbled or crashed, and failed assertions of its firmware."""
+        line = self._console.line
+        severe = frozenset((*SEVERE_TROUBLES.intersection(found), *((line,) if _ASSERTION in line.lower() else ())))
+        for text in sorted(severe - self._severe):
+            self._severe_texts.on_text(text, SEVERE, now_s)
+        self._severe = severe
+        return self._severe_texts.fresh(now_s)
 
     def _health(self, info: Supervisor, found: tuple[str, ...]) -> Health:
         is_ready = bool(info & (Supervisor.CAN_ARM | Supervisor.ARMED)) and not found

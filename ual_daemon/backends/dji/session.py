@@ -198,6 +198,7 @@ class Session:
         text = telemetry.text_of(message)
         if text:
             telemetry.say(text, now_s)
+            telemetry.note_severity(message, text, now_s)
             self.runner.on_text(text)
 
     def _withdraw_setpoint(self, telemetry: Telemetry) -> None:

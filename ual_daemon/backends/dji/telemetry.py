@@ -17,6 +17,7 @@ from ual_daemon.backends.dji.settings import DjiSettings
 from ual_daemon.backends.dji.wrappers import Topic, Wrapper
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
+from ual_daemon.backends.engine.severe_texts import SEVERE, SevereTexts
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, quaternion, stamp_s, vector
 from ual_daemon.backends.rosbridge.ordering import Ordering
@@ -41,6 +42,7 @@ _REMOTE, _APP, _OURS = 0, 1, 4
 _RTK_FIXED = 50
 _PLACE = ("latitude", "longitude", "altitude")
 _WARNING_ROS1, _WARNING_ROS2 = 4, 30
+_FATAL_ROS1, _FATAL_ROS2 = 16, 50
 
 
 class Telemetry:
@@ -60,6 +62,7 @@ class Telemetry:
         self._begun_s = math.inf
         self._braked: Sample[str] | None = None
         self._said: Sample[str] | None = None
+        self.severe_texts = SevereTexts()
         readings = self._readings = Readings()
         self.height: Reading[float] = readings.add(Lasts.SEEN)
         """Height above the ground, or above where it took off."""
@@ -308,6 +311,11 @@ class Telemetry:
         """Tells people something for a while: in the status text."""
         self._said = Sample(text, now_s)
 
+    def note_severity(self, message: Message, text: str, now_s: float) -> None:
+        """Tells a text of the wrapper that it logs as fatal as a severe one."""
+        fatal = _FATAL_ROS2 if "stamp" in message else _FATAL_ROS1
+        self.severe_texts.on_text(text, SEVERE if int(number(message["level"])) >= fatal else SEVERE + 1, now_s)
+
     # --- What they say together ---------------------------------------------------------------------------------------
 
     @property
@@ -423,6 +431,7 @@ class Telemetry:
                 gps=self._gps(),
                 status_text=self._status_text(missing, now_s),
                 health=self._health(),
+                severe_texts=self.severe_texts.fresh(now_s),
             ),
         )
 

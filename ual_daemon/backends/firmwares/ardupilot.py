@@ -154,6 +154,13 @@ _FAILSAFE_TEXTS = (
     ("failsafe", Cause.FAILSAFE),
 )
 """What its texts hold, lower case, the first that fits. "Battery 1 is low" comes without an action, too."""
+_ENDS: Mapping[str, tuple[str, ...]] = {
+    "Glitch cleared": ("GPS Glitch",),
+    "EKF Failsafe Cleared": ("EKF Failsafe", "EKF variance"),
+    "Dead Reckoning stopped": ("Dead Reckoning",),
+    "Vibration compensation OFF": ("Vibration compensation ON",),
+}
+"""Texts that say that something is over, as severe as those that said that it began, and how those begin."""
 _SENSORS = (
     (Sensor.BATTERY, Cause.BATTERY),
     (Sensor.RC_RECEIVER, Cause.RC),
@@ -293,6 +300,10 @@ class ArduCopter(Autopilot):
         if "cleared" in lower or lower.startswith("prearm"):
             return None
         return next((cause for part, cause in _FAILSAFE_TEXTS if part in lower), None)
+
+    @override
+    def ends_of_text(self, text: str) -> tuple[str, ...]:
+        return _ENDS.get(text, ())
 
     @override
     def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:

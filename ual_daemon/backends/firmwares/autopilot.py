@@ -185,6 +185,10 @@ class Autopilot(ABC):
         """Returns the failsafe that a status text announces; None for any other text."""
         return None
 
+    def ends_of_text(self, text: str) -> tuple[str, ...]:
+        """Returns how the texts begin that are over by this one; none for any other text."""
+        return ()
+
     def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:
         """Returns the failsafe that its sensors show (bits of MAV_SYS_STATUS): those that fail now, and those that have
         been healthy since it is heard.

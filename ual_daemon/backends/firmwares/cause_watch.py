@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from ual_daemon.backends.firmwares.autopilot import Autopilot
-from ual_daemon.backends.firmwares.numbers import Sensor, SystemStatus
+from ual_daemon.backends.firmwares.numbers import Sensor, SystemStatus, sensor_names
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Cause, Control, ControlState, LandedState, Mode, Sample
 
@@ -30,6 +30,7 @@ LOST_SHARE = 0.9
 """Setpoints come later than they were sent, one more than the other."""
 PAUSE_S = 2.5
 """So long before its mode was seen the gap may have ended: a pause of this computer hides the mode while it lasts."""
+_AIDS = int(Sensor.OPTICAL_FLOW | Sensor.VISION_POSITION)
 _SUSPICIOUS = int(Sensor.BATTERY | Sensor.RC_RECEIVER)
 _SWITCHES_FROM, _SWITCHES_TO, _MOVED_US, _NO_SIGNAL = 5, 16, 100, 65535
 """The first and the last channel that can be a switch, by how much a switch moves one, and the value of one that is not
@@ -88,6 +89,8 @@ class CauseWatch:
         """When a mode of each name was last commanded by us."""
         self.failing_sensors = 0
         """The sensors (MAV_SYS_STATUS) that are enabled, and not healthy."""
+        self.aids = ""
+        """Those that tell it about its place without satellites, and are healthy, human-readable; empty if none is."""
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 
@@ -126,6 +129,8 @@ class CauseWatch:
     def on_sensors(self, enabled: int, healthy: int, now_s: float) -> None:
         """Takes which sensors are enabled and which are healthy (bits of MAV_SYS_STATUS_SENSOR)."""
         self.failing_sensors = enabled & ~healthy
+        aids = enabled & healthy & _AIDS
+        self.aids = ", ".join(sensor_names(aids)) if aids else ""
         self._healthy_once |= enabled & healthy
         found = self._autopilot.failsafe_of_sensors(self.failing_sensors, self._healthy_once)
         if self._is_booting:  # ArduPilot's battery is not healthy before it was measured first

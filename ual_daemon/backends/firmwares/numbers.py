@@ -52,6 +52,8 @@ class EstimatorFlag(IntFlag):
 class Sensor(IntFlag):
     """MAV_SYS_STATUS_SENSOR: those that mean something to UAL."""
 
+    OPTICAL_FLOW = 1 << 6
+    VISION_POSITION = 1 << 7
     LASER_POSITION = 1 << 8
     RC_RECEIVER = 1 << 16
     GEOFENCE = 1 << 20

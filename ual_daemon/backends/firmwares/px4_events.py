@@ -61,6 +61,19 @@ traffic_avoidance_missing
 """
 """Those that 1.18 has added."""
 
+_SEVERE = 2
+"""An external log level: critical. Lower ones are worse."""
+_SEVERE_NAMES = """
+commander_failsafe_enter commander_failsafe_enter_generic commander_failsafe_enter_hold
+commander_failsafe_enter_generic_hold commander_failsafe_enter_crit_bat_warn
+commander_failsafe_enter_crit_low_bat_warn commander_high_latency_lost commander_mission_comp_lost
+commander_remote_id_lost commander_low_bat_shutdown commander_low_bat_shutdown_failed
+commander_mode_fallback_internal commander_load_param_failed commander_save_param_failed
+navigator_transition_descend navigator_mission_failure_heading navigator_terrain_collision_risk
+navigator_geofence_invalid_against_home navigator_geofence_invalid_against_cur_pos navigator_geofence_import_failed
+"""
+"""Those of this level that are no refusals and no checks."""
+
 NAVIGATION_STATES = {
     "MANUAL": 0,
     "ALTCTL": 1,
@@ -91,7 +104,8 @@ class Event:
 
     `boot_s` is when it happened, as time since the autopilot's boot. `begins_report` is whether a report of all its
     checks begins, in which each further event names a check that fails (`is_check`). `lasting` is its number where
-    later reports name it again, whatever triggers a failsafe then; else 0.
+    later reports name it again, whatever triggers a failsafe then; else 0. `severity` is that of `severe_text`, which
+    is empty where it is less than critical, and for checks.
     """
 
     boot_s: float
@@ -101,6 +115,8 @@ class Event:
     begins_report: bool = False
     is_check: bool = False
     lasting: int = 0
+    severe_text: str = ""
+    severity: int = 7
 
 
 def event_id(name: str) -> int:
@@ -117,6 +133,11 @@ _TEXTS = {
     event_id(name): name.removeprefix("commander_").replace("_", " ") for name in (*_DENIALS.split(), *_CHECK_NAMES)
 }
 _CHECK_IDS = frozenset(map(event_id, _CHECK_NAMES))
+
+_SEVERE_TEXTS = {
+    event_id(name): name.removeprefix("commander_").replace("_", " ")
+    for name in (*_SEVERE_NAMES.split(), *_DENIALS.split())
+}
 
 _REPORT_BEGINS = event_id("commander_arming_check_summary")
 """The first event of each report of all checks."""
@@ -164,10 +185,16 @@ def read(number: int, boot_s: float, levels: int, arguments: bytes, mode: str) -
     if number == _REPORT_BEGINS:
         return Event(boot_s, begins_report=True)
     cause, lasting = _cause(number, arguments, mode), number if number in _LASTING else 0
-    text = _TEXTS.get(number, "")
-    if not text or levels & 0xF > _WARNING or not _concerns(number, arguments, mode):
-        return Event(boot_s, cause=cause, lasting=lasting)
-    return Event(boot_s, text=text, cause=cause, is_check=number in _CHECK_IDS, lasting=lasting)
+    text, severity = _TEXTS.get(number, ""), levels & 0xF
+    severe_text = ""
+    if severity <= _SEVERE and number not in _CHECK_IDS:
+        severe_text = _SEVERE_TEXTS.get(number, f"event {number}, of which UAL knows no name")
+    if not text or severity > _WARNING or not _concerns(number, arguments, mode):
+        return Event(boot_s, cause=cause, lasting=lasting, severe_text=severe_text, severity=severity)
+    is_check = number in _CHECK_IDS
+    return Event(
+        boot_s, None, text, cause, is_check=is_check, lasting=lasting, severe_text=severe_text, severity=severity
+    )
 
 
 def _cause(number: int, arguments: bytes, mode: str) -> Cause | None:

@@ -14,6 +14,7 @@ from ual_daemon import logs
 from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
 from ual_daemon.backends.engine.link_watch import LinkWatch
+from ual_daemon.backends.engine.severe_texts import SevereTexts
 from ual_daemon.backends.firmwares import px4_events
 from ual_daemon.backends.firmwares.autopilot import (
     NO_PARAMETERS,
@@ -102,7 +103,7 @@ class Session:
             setpoints_lost_s=lambda: autopilot.setpoints_lost_s(self.telemetry.parameters),
         )
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
-        self._health = HealthReport()
+        self._health, self._severe_texts = HealthReport(), SevereTexts()
         self._is_vtol = Agreement(assumed=False)
         """Whether its VTOL state shows that it is none of the multirotors that it calls itself."""
         self.doubt = ""
@@ -159,7 +160,7 @@ class Session:
         elif topic == topics.RC_IN:
             self._causes.on_rc_channels([int(each) for each in numbers(message["channels"])], now_s)
         elif topic == topics.STATUS_TEXT:
-            self._on_text(str(message["text"]), now_s)
+            self._on_text(str(message["text"]), int(number(message["severity"])), now_s)
         elif topic == topics.STATUS_EVENT:
             self._on_event(message, now_s)
         elif topic == topics.TARGET and self.autopilot.stays_without_setpoints:
@@ -212,7 +213,7 @@ class Session:
         control = causes.control_state(armed, landed, mode, other_sender, now_s)
         doubt = self.doubt or (_DISGUISED if self._is_vtol.pending else "")
         health = self._health.report(now_s, telemetry.is_ready_to_arm, causes.failing_sensors, lambda: None, doubt)
-        return telemetry.snapshot(now_s, control, health)
+        return telemetry.snapshot(now_s, control, health, self._severe_texts.fresh(now_s), causes.aids)
 
     def judge_simulation(self) -> SimulationVerdict:
         """Judges whether it is a simulator, and surely not a flight controller. From any thread."""
@@ -260,12 +261,13 @@ class Session:
         """Forgets what was said of the gripper: an order leaves, or a boot or a silence came."""
         self.gripper_state = GripperState.UNKNOWN
 
-    def _on_text(self, text: str, now_s: float) -> None:
+    def _on_text(self, text: str, severity: int, now_s: float) -> None:
         if self.autopilot.gripper is not None:
             self.gripper_state = self.autopilot.gripper.texts.get(text, self.gripper_state)
         self.runner.on_text(text)
         self._causes.on_sign(self.autopilot.cause_of_text(text), now_s)
         self._health.on_text(text, now_s)
+        self._severe_texts.on_text(text, severity, now_s, self.autopilot.ends_of_text(text))
 
     def _on_event(self, message: Message, now_s: float) -> None:
         """Takes an event of PX4: in ROS 2 MAVROS publishes them, without the component in their numbers."""
@@ -276,6 +278,7 @@ class Session:
         self._requested_s[_HEARTBEAT_ID] = -math.inf
         self._causes.on_sign(event.cause, now_s, lasting=event.lasting)
         self._health.on_event(event)
+        self._severe_texts.on_text(event.severe_text, event.severity, now_s)
         if event.armed is not None:
             self.telemetry.set_armed(event.armed, now_s, now_s)
             self.runner.on_state(now_s)

@@ -42,6 +42,7 @@ from ual_daemon.backends.values import (
     Mode,
     MotionState,
     Sample,
+    SevereText,
     Snapshot,
 )
 
@@ -207,7 +208,14 @@ class Telemetry:
         taken_s = stamp_s(message) + self._stamp_s - self._measured_s if self._measured_s else None
         return int(message["image_index"]), taken_s, place
 
-    def snapshot(self, now_s: float, control: ControlState | None = None, health: Health | None = None) -> Snapshot:
+    def snapshot(
+        self,
+        now_s: float,
+        control: ControlState | None = None,
+        health: Health | None = None,
+        severe_texts: tuple[SevereText, ...] = (),
+        aids: str = "",
+    ) -> Snapshot:
         """Returns all values as of now, with those that are known elsewhere."""
         home = self._home.value
         return Snapshot(
@@ -235,6 +243,8 @@ class Telemetry:
                 health,
                 self._has_rangefinder,
                 self._batteries.all,
+                severe_texts,
+                aids,
             ),
             link=LinkState(boots_count=self.boots_count),
             autopilot_fence=self.fence.limits,

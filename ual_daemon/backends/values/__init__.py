@@ -17,6 +17,7 @@ from ual_daemon.backends.values.snapshot import (
     Estimator,
     LinkState,
     MotionState,
+    SevereText,
     Snapshot,
 )
 from ual_daemon.backends.values.vehicle_info import (
@@ -53,6 +54,7 @@ __all__ = [
     "Sample",
     "Setpoint",
     "SetpointLoss",
+    "SevereText",
     "Snapshot",
     "Takes",
     "VehicleInfo",

@@ -132,6 +132,14 @@ class EarthReference(NamedTuple):
         return projection.to_local(place.latitude_deg, place.longitude_deg, altitude_m)
 
 
+class SevereText(NamedTuple):
+    """A text of severity 0 (emergency) to 2 (critical) that the autopilot has said, and when."""
+
+    text: str
+    severity: int
+    time_s: float
+
+
 class Condition(NamedTuple):
     """How the vehicle is, for people above all.
 
@@ -142,6 +150,8 @@ class Condition(NamedTuple):
         health: What else the autopilot says of itself. Its `failsafe` and `held_by` are filled in above.
         has_rangefinder: Whether the autopilot uses a distance sensor that looks down.
         batteries: All of them, by their ids, where the autopilot tells of each.
+        severe_texts: What the autopilot has said of late that is critical or worse.
+        aids: What else than satellites its sensors tell it about its place, human-readable; empty if nothing is known.
 
     """
 
@@ -151,6 +161,8 @@ class Condition(NamedTuple):
     health: Health | None = None
     has_rangefinder: bool = False
     batteries: tuple[Battery, ...] = ()
+    severe_texts: tuple[SevereText, ...] = ()
+    aids: str = ""
 
 
 class LinkState(NamedTuple):

@@ -236,6 +236,9 @@ def test_a_collision_ends_the_task_and_says_with_what() -> None:
         with pytest.raises(TaskAbortedError, match="collision"):
             uav.go_to_waypoint(Pose.at(0.0, 10.0, 3.0))
         assert uav.telemetry().status_text == "collision with Wall"
+        health = uav.telemetry().health
+        assert health is not None
+        assert "autopilot: collision with Wall" in health.failing_checks
         until_state(uav, State.FLYING_MANUAL)
         with pytest.raises(WrongStateError, match="collision"):
             uav.recover_from_manual()

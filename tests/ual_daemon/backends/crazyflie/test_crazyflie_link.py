@@ -299,3 +299,16 @@ def test_a_lost_answer_to_the_second_part_of_a_log_block_does_not_stop_its_value
     assert lost
     assert flown.estimate().state is State.LANDED_DISARMED
     assert flown.session.telemetry.rssi_dbm == -40.0
+
+
+def test_a_failed_assertion_of_its_firmware_is_severe(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.ready()
+    flown.crazyflie.say("SYS: all is well")
+    flown.run(0.2)
+    assert flown.backend.snapshot().condition.severe_texts == ()
+    flown.crazyflie.say("Assert failed src/modules/src/stabilizer.c:123")
+    flown.run(0.2)
+    assert [each.text for each in flown.backend.snapshot().condition.severe_texts] == [
+        "Assert failed src/modules/src/stabilizer.c:123"
+    ]

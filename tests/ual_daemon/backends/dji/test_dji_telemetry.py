@@ -188,3 +188,20 @@ def test_what_is_discarded_while_another_thread_reads_it(wrapper: Wrapper, read:
             vanishing.sample = reading.sample
             setattr(telemetry, name, vanishing)
     read(telemetry)
+
+
+@pytest.mark.parametrize(
+    ("message", "is_severe"),
+    [
+        ({"level": 16}, True),
+        ({"level": 8}, False),
+        ({"level": 50, "stamp": {}}, True),
+        ({"level": 40, "stamp": {}}, False),
+    ],
+    ids=["ros1 fatal", "ros1 error", "ros2 fatal", "ros2 error"],
+)
+def test_what_the_wrapper_logs_as_fatal_is_severe(message: Message, is_severe: bool) -> None:
+    telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    telemetry.note_severity(message, "the SDK has failed", NOW_S)
+    found = telemetry.snapshot(NOW_S).condition.severe_texts
+    assert [each.text for each in found] == ["the SDK has failed"] * is_severe

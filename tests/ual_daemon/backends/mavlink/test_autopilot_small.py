@@ -90,3 +90,18 @@ def test_an_arducopter_4_7_flies_by_its_renamed_parameters(renamed: dict[str, tu
         flight.land()
     finally:
         flight.uav.close()
+
+
+def test_a_severe_text_is_told_by_health_and_by_the_log_and_ages(caplog: pytest.LogCaptureFixture) -> None:
+    flight = Flight("ardupilot")
+    with flight.uav:
+        flight.wait_for_state(State.LANDED_DISARMED)
+        with flight.autopilot.lock:
+            flight.autopilot.say("Potential Thrust Loss (3)", mavlink.MAV_SEVERITY_EMERGENCY)
+            flight.autopilot.say("Mission: 3 WP", mavlink.MAV_SEVERITY_INFO)
+        text = "autopilot: Potential Thrust Loss (3)"
+        flight.wait_for(lambda: text in str(flight.uav.telemetry().health), "the text")
+        (said,) = [vars(each) for each in caplog.records if vars(each).get("ual_event") == "autopilot_says"]
+        assert said["ual_fields"] == {"text": "Potential Thrust Loss (3)", "severity": 0}
+        assert "Mission" not in str(flight.uav.telemetry().health)
+        flight.wait_for(lambda: text not in str(flight.uav.telemetry().health), "its end")

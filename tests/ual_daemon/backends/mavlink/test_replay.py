@@ -132,7 +132,10 @@ def test_a_lost_position_is_told_though_positions_keep_coming() -> None:
             (State.UNINITIALIZED, lost_s, lost_s + 6.0),
         ],
     )
-    assert changes[-1].why == "the autopilot has no good position: no horizontal velocity, horizontal position"
+    assert changes[-1].why == (
+        "the autopilot has no good position: no horizontal velocity, horizontal position; "
+        "it is in the air, in mode ALTCTL: position failsafe"
+    )
     snapshot = harness.snapshot()
     assert snapshot.time_s - snapshot.motion.pose.time_s < 0.1
     assert snapshot.control.armed.value is False

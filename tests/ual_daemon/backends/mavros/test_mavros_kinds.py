@@ -64,3 +64,17 @@ def test_another_type_counts_on_the_ground_and_while_it_is_said(flight: Flight) 
     assert "type 1" in flight.uav.telemetry().state_reason
     autopilot.kind = own
     flight.until(lambda: flight.uav.state() is State.LANDED_DISARMED)
+
+
+def test_a_severe_text_is_told_by_health_and_by_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    backend = make("ardupilot")
+    with UAL(backend, allow_arming=True) as uav:
+        flight = Flight(backend, uav)
+        flight.until(uav.is_ready)
+        with flight.backend.autopilot.lock:
+            flight.backend.autopilot.say("GPS Glitch or Compass error")
+        flight.until(lambda: "autopilot: GPS Glitch or Compass error" in str(uav.telemetry().health))
+        assert "autopilot_says" in caplog.text
+        with flight.backend.autopilot.lock:
+            flight.backend.autopilot.say("Glitch cleared")
+        flight.until(lambda: "GPS Glitch" not in str(uav.telemetry().health))

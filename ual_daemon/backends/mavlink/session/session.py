@@ -16,6 +16,7 @@ from ual_daemon.backends.engine.command import FLYING, Verdict
 from ual_daemon.backends.engine.command_runner import Asked, CommandRunner
 from ual_daemon.backends.engine.limits import ANEW_S
 from ual_daemon.backends.engine.link_watch import LinkState
+from ual_daemon.backends.engine.severe_texts import SevereTexts
 from ual_daemon.backends.firmwares.autopilot import SimulationVerdict, assumed_text, assumption_text
 from ual_daemon.backends.firmwares.cause_watch import CauseWatch
 from ual_daemon.backends.firmwares.feed_forward import FeedForward
@@ -159,7 +160,7 @@ class Session:
             names_intended_mode=dialect.names_intended_mode,
             setpoints_lost_s=lambda: dialect.setpoints_lost_s(self.telemetry.parameters),
         )
-        self._health = HealthReport()
+        self._health, self._severe_texts = HealthReport(), SevereTexts()
         self._sender_watch = SenderWatch(setpoints, stays_without_setpoints=dialect.stays_without_setpoints)
         self._next_own_heartbeat_s = -math.inf
         self._next_home_request_s = -math.inf
@@ -356,6 +357,8 @@ class Session:
             scheduling_gap=scheduling_gap,
             refused=self.refused if self._setup.refused else "",
             corrections=self._protocols.corrections.seen(now_s),
+            severe_texts=self._severe_texts.fresh(now_s),
+            aids=causes.aids,
         )
 
     @property
@@ -446,6 +449,7 @@ class Session:
             self._heartbeats.want()
             self._causes.on_sign(event.cause, now_s, lasting=event.lasting)
             self._health.on_event(event)
+            self._severe_texts.on_text(event.severe_text, event.severity, now_s)
             if event.armed is not None:
                 self.telemetry.set_armed(event.armed, now_s)
                 self._commands.on_state(now_s)
@@ -506,6 +510,7 @@ class Session:
         self._commands.on_text(text)
         self._causes.on_sign(self.dialect.cause_of_text(text), now_s)
         self._health.on_text(text, now_s)
+        self._severe_texts.on_text(text, message.severity, now_s, self.dialect.ends_of_text(text))
 
     def _on_parameter(self, message: Message, now_s: float, _: float) -> None:
         self._protocols.handlers[mavlink.MAVLINK_MSG_ID_PARAM_VALUE](message, now_s)

@@ -46,6 +46,7 @@ from ual_daemon.backends.values import (
     Mode,
     MotionState,
     Sample,
+    SevereText,
     Snapshot,
 )
 
@@ -252,6 +253,8 @@ class Telemetry:
         scheduling_gap: str = "",
         refused: str = "",
         corrections: SeenCorrections = NO_CORRECTIONS,
+        severe_texts: tuple[SevereText, ...] = (),
+        aids: str = "",
     ) -> Snapshot:
         """Returns all values as of now, with those that are known elsewhere."""
         home = self._home.sample
@@ -263,7 +266,8 @@ class Telemetry:
         if gps is not None and corrections is not NO_CORRECTIONS:
             gps = replace(gps, corrections_age_s=corrections.age_s, baseline_m=corrections.baseline_m)
         batteries = self._batteries.all
-        condition = (self._battery, gps, self._status_text.text, health, self._has_rangefinder, batteries)
+        text, has_rangefinder = self._status_text.text, self._has_rangefinder
+        condition = (self._battery, gps, text, health, has_rangefinder, batteries, severe_texts, aids)
         if condition != self._condition:
             self._condition = Condition(*condition)
         link = ("", refused, self.conflict, self._boots_count, 0)

@@ -118,3 +118,24 @@ def test_the_events_of_a_recorded_flight_say_when_it_was_armed_and_disarmed(name
     assert [armed for _, armed in events] == [True, False]
     assert events[0][0] == pytest.approx(trace.time_s("pilot_arms"), abs=0.3)
     assert trace.time_s("autopilot_disarmed") - 1.1 < events[1][0] < trace.time_s("autopilot_disarmed") + 0.1
+
+
+CRITICAL, WARNING = 0x42, 0x44
+
+
+@pytest.mark.parametrize(
+    ("name", "levels", "text"),
+    [
+        ("navigator_terrain_collision_risk", CRITICAL, "navigator terrain collision risk"),
+        ("commander_failsafe_enter", CRITICAL, "failsafe enter"),
+        ("commander_gcs_lost", WARNING, ""),
+        ("check_battery_critical", CRITICAL, ""),
+    ],
+)
+def test_a_severe_event_is_told_unless_it_is_a_check(name: str, levels: int, text: str) -> None:
+    assert Px4().event(frame(event(name, levels=levels)), LOITER_NAME).severe_text == text
+
+
+def test_a_severe_event_without_a_name_is_told_by_its_number() -> None:
+    found = Px4().event(frame(event("no_name_of_ours", levels=CRITICAL)), LOITER_NAME)
+    assert found.severe_text == f"event {event_id('no_name_of_ours')}, of which UAL knows no name"
