@@ -1,27 +1,37 @@
-"""How long no pose has come from outside, or why those that come are dropped: the reason of a lost position."""
+"""The poses from outside as a source of the position: whether they come, since when not, and what doubts them."""
 
 from __future__ import annotations
 
 import math
 
-_NOTICED_S = 0.5
+NOTICED_S = 0.4
 """Sources send 20 poses a second, or more."""
+_STREAM_S = 1.0
+"""Poses that come for so long are a source on which the UAV may fly."""
+_FORGOTTEN_S = 10.0
+"""Poses that were no such source explain nothing any more after so long."""
 _RELIED_ON_S = 20.0
 """An estimate that is good for so long without poses from outside does not rest on them."""
+_DOUBTED_S = 1.0
 
 
 class ExternalSilence:
-    """The time of the last pose from outside. Any thread may call."""
+    """When poses came from outside. Any thread may call."""
 
     def __init__(self) -> None:
         self._last_s: float | None = None
+        self._since_s = 0.0
+        """Since when they have come without a pause."""
         self._dropped = (-math.inf, "")
         """When the newest pose was dropped or refused, and why."""
+        self._doubted = (-math.inf, "")
         self._is_cause = False
         """Whether the position was lost soon after the last one: where it was later, they are not the cause."""
 
     def heard(self, now_s: float) -> None:
         """Notes that a pose was given to the autopilot."""
+        if self._last_s is None or now_s - self._last_s > NOTICED_S:
+            self._since_s = now_s
         self._last_s, self._is_cause = now_s, False
 
     def is_good(self, now_s: float) -> None:
@@ -33,17 +43,42 @@ class ExternalSilence:
         """Notes that a pose came, but was dropped or refused."""
         self._dropped = (now_s, why)
 
+    def doubted(self, now_s: float, why: str) -> None:
+        """Notes why the poses that come are not to be trusted."""
+        self._doubted = (now_s, why)
+
+    def doubt(self, now_s: float) -> str:
+        """Returns why the poses that come are not to be trusted; empty if nothing shows it."""
+        doubted_s, why = self._doubted
+        return why if now_s - doubted_s <= _DOUBTED_S else ""
+
     def passed_s(self, now_s: float) -> float:
-        """Returns how long ago that was; infinity if it never was."""
+        """Returns how long ago the last one came; infinity if none ever did."""
         last_s = self._last_s
         return math.inf if last_s is None else now_s - last_s
+
+    def is_source(self, now_s: float) -> bool:
+        """Returns whether they come, and have come for long enough to fly on them."""
+        return self.passed_s(now_s) <= NOTICED_S and self._is_stream
+
+    @property
+    def _is_stream(self) -> bool:
+        last_s = self._last_s
+        return last_s is not None and last_s - self._since_s >= _STREAM_S
+
+    def why_ended(self, now_s: float) -> str:
+        """Returns how a source has ended, human-readable."""
+        dropped_s, why = self._dropped
+        is_dropped = now_s - dropped_s <= NOTICED_S
+        return f"the poses from outside are dropped: {why}" if is_dropped else "no poses come from outside any more"
 
     def text(self, now_s: float) -> str:
         """Returns what the reason of UNINITIALIZED adds; empty while poses come, and where they are not the cause."""
         passed_s, (dropped_s, why) = self.passed_s(now_s), self._dropped
-        if passed_s <= _NOTICED_S:
+        if passed_s <= NOTICED_S:
             return ""
-        if now_s - dropped_s <= _NOTICED_S:
+        if now_s - dropped_s <= NOTICED_S:
             return f"; the poses from outside are dropped: {why}"
         self._is_cause = passed_s <= _RELIED_ON_S or (self._is_cause and passed_s < math.inf)
-        return f"; no poses from outside for {passed_s:.1f} s" if self._is_cause else ""
+        is_forgotten = passed_s > _FORGOTTEN_S and not self._is_stream
+        return f"; no poses from outside for {passed_s:.1f} s" if self._is_cause and not is_forgotten else ""

@@ -30,6 +30,7 @@ from ual_daemon.flight.policy.authority import Authority
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.policy.lease import NOBODY, Lease
+from ual_daemon.flight.position_watch import PositionWatch
 from ual_daemon.flight.refusals import (
     just_taken,
     not_pausable,
@@ -121,6 +122,8 @@ class Flight:
         """What is added to a commanded velocity."""
         self._explanation = Explanation(backend, self.authority, self.is_flown_by_us)
         self.external_silence = self._explanation.external_silence
+        self.position = PositionWatch(self.external_silence)
+        """What is known of the sources of the position."""
         self._flown = Flown()
         self.sender = SetpointSender(backend, limits, self._flown)
         self._stopping = Stopping(limits, geofence)
@@ -581,6 +584,10 @@ class Flight:
     def step(self, snapshot: Snapshot) -> None:
         """Makes one update."""
         raw, manoeuvre = self.raw_estimate(snapshot), self._flown.manoeuvre
+        if snapshot.time_s >= self.position.due_s:
+            self.position.update(snapshot)
+        if manoeuvre is not None:
+            manoeuvre.waits_for = self.position.waits
         self.authority.follow(raw.state, snapshot)
         self.arming.follow(snapshot, is_idle=manoeuvre is None)
         is_taking_off = manoeuvre is not None and manoeuvre.declares is State.TAKING_OFF
@@ -593,7 +600,8 @@ class Flight:
             if unstopped is self._flown.manoeuvre:
                 self.stop_for_lease(why)
         self._watched.step(snapshot, raw)
-        self._explanation.update(snapshot, self.trouble)
+        trouble, position = self.trouble, self.position.trouble
+        self._explanation.update(snapshot, f"{trouble}; {position}" if trouble and position else trouble or position)
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from ual.errors import TaskAbortedError
 from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
@@ -33,6 +34,8 @@ def moving_goal(
     start, geofence = flight.start(snapshot), flight.geofence
 
     def admit(polyline: Sequence[Vector3], now: Snapshot) -> None:
+        if flight.position.waits:
+            raise TaskAbortedError(f"{_WHAT} is not followed: {flight.position.waits}", {"by": "estimator"})
         geofence.require_inside(polyline, _WHAT, now)
         reach_limit.require_goal(_WHAT, goal, Waypoint(polyline[-1]), now)
 

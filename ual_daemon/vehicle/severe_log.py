@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 
 from ual_daemon import logs
-from ual_daemon.backends.values import SevereText, Snapshot
+from ual_daemon.backends.values import SevereText
 
 _log = logging.getLogger(__name__)
 
@@ -14,18 +14,16 @@ class SevereLog:
     """Logs the severe texts of one UAV. Belongs to the update thread."""
 
     def __init__(self) -> None:
-        self._seen: tuple[SevereText, ...] = ()
+        self.seen: tuple[SevereText, ...] = ()
+        """Those of the last update."""
 
-    def observe(self, snapshot: Snapshot) -> None:
-        """Logs those that are new in a snapshot."""
-        texts = snapshot.condition.severe_texts
-        if texts is self._seen:
-            return
+    def observe(self, texts: tuple[SevereText, ...]) -> None:
+        """Logs those that are new."""
         for each in texts:
-            if each not in self._seen:
+            if each not in self.seen:
                 level = logging.ERROR if each.severity < _CRITICAL else logging.WARNING
                 logs.event(_log, level, "autopilot_says", text=each.text, severity=each.severity)
-        self._seen = texts
+        self.seen = texts
 
 
 _CRITICAL = 2

@@ -289,7 +289,8 @@ class Vehicle(ReportedVehicle):
     @override
     def _sample(self, snapshot: Snapshot, found: Estimate, *, is_late: bool = False) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
-        trouble = self._flight.trouble
+        trouble, position = self._flight.trouble, self._flight.position.check
+        troubles = tuple(filter(None, (trouble, position))) if trouble or position else ()
         return make_telemetry(
             snapshot,
             found,
@@ -298,7 +299,7 @@ class Vehicle(ReportedVehicle):
             self._pose_frame_id,
             sequence,
             is_late=is_late,
-            daemon_checks=(*self.daemon_checks, trouble) if trouble else self.daemon_checks,
+            daemon_checks=(*self.daemon_checks, *troubles) if troubles else self.daemon_checks,
         )
 
     def observe_setpoints(self, callback: Callable[[Setpoint], None]) -> None:
@@ -366,7 +367,8 @@ class Vehicle(ReportedVehicle):
         if snapshot.time_s >= self.gimbals.due_s:
             self._contained.call(self.gimbals.update, snapshot)
         self._fence_notice.observe(snapshot.time_s)
-        self._severe_log.observe(snapshot)
+        if snapshot.condition.severe_texts is not self._severe_log.seen:  # no call for each update
+            self._severe_log.observe(snapshot.condition.severe_texts)
 
     def _fly(self, snapshot: Snapshot) -> None:
         if self._flight.lease.id != NOBODY:

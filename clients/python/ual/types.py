@@ -240,7 +240,8 @@ class Health:
 
     `is_ready_to_arm` is whether its own checks would let it be armed (None: it does not say), and `failing_checks` are
     those that fail, human-readable. Those of the daemon itself, such as its audit, begin with ``daemon: ``. Texts of
-    the autopilot that are critical or worse begin with ``autopilot: ``, for 30 s.
+    the autopilot that are critical or worse begin with ``autopilot: ``, for 30 s, and what is wrong with the position
+    with ``position: ``.
     `link_quality` is the part of its messages that arrived of late, 0 to 1 (None: not measured). `failsafe` is the
     one that is active, in the words of the metadata `by` of errors (``battery failsafe``, ``rc failsafe``, ``fence``,
     ...; empty: none). `held_by` is who or what holds the control in the present mode, in the same words (empty: UAL,

@@ -62,8 +62,9 @@ class _Way(NamedTuple):
 class FollowTrajectory(Manoeuvre):
     """A go-to or a path: the manoeuvre that flies a trajectory by a tracker, until the UAV has arrived at its end.
 
-    While its task is paused, the tracker brakes and holds on the trajectory, and the time limit does not run. When the
-    world has changed, its `course` plans the rest anew. Where that takes long, the UAV first comes to rest on its way.
+    While its task is paused or waits for a position, the tracker brakes and holds on the trajectory, and the time limit
+    does not run. When the world has changed, its `course` plans the rest anew. Where that takes long, the UAV first
+    comes to rest on its way.
     """
 
     why_not_pausable = ""
@@ -118,7 +119,8 @@ class FollowTrajectory(Manoeuvre):
         return self._follow(self._reference, snapshot, estimate)
 
     def _follow(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot, estimate: Estimate) -> Step:
-        is_waiting = self.is_paused or self._planning is not None
+        is_waiting = self.is_paused or self._planning is not None or bool(self.waits_for)
+        self._task.note = f"waits: {self.waits_for}" if self.waits_for else ""
         self._spend(snapshot.time_s, is_paused=is_waiting)
         reference.is_stopping = is_waiting
         setpoint, arrival = reference.setpoint(snapshot), self._way.arrival

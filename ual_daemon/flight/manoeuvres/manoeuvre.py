@@ -138,6 +138,9 @@ class Manoeuvre(ABC):
     """What it does while the state is not known, human-readable; empty where nobody needs to be told."""
     trouble = ""
     """Why the UAV does not do what it was asked last, human-readable, where no task ends with that; empty otherwise."""
+    waits_for = ""
+    """Why it waits on its way where it can, human-readable: a source of the position has ended; else empty. Set by the
+    flight before each step."""
     has_held = False
     """Whether the autopilot has held by itself since it stops a mission."""
     overrules_nobody = False
