@@ -37,6 +37,7 @@ from tests.pages import (
 from ual import errors
 from ual_daemon.backends.light import LightSettings
 from ual_daemon.backends.values import Cause
+from ual_daemon.flight.policy.following import Trouble
 from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.settings import (
     FrameSettings,
@@ -362,7 +363,7 @@ def test_who_or_what_ends_a_task_is_listed() -> None:
     }
     code = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "ual_daemon").rglob("*.py"))
     literals = set(re.findall(r'"by": "(.+?)"', code))
-    causes = {cause.value for cause in Cause if cause.value}
+    causes = {cause.value for cause in Cause if cause.value} | {trouble.value for trouble in Trouble}
     assert listed - {"go_to_waypoint", "set_velocity", "abort"} == literals | causes | {"cancel"}
 
 

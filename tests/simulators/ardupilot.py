@@ -558,6 +558,11 @@ class ArduPilot(Autopilot):
         self._watch()
         if not self.is_armed:
             return
+        if self._falls:
+            body.fall(STEP_S)
+            if body.is_on_ground:  # which it notices once its motors work
+                self._touched_s = self.now_s
+            return
         target = self._wanted()
         if not body.is_on_ground:
             self._follow(target, self._agility())
@@ -757,6 +762,10 @@ class ArduPilot(Autopilot):
         total = max(0, len(self.missions.lists[0]) - 1)
         state = {PAUSED: NOT_STARTED}.get(self.mission.state, self.mission.state)
         return mavlink.MAVLink_mission_current_message(self.mission.seq, total, state, int(self.mode == AUTO))
+
+    def kill(self, is_killed: bool = True) -> None:
+        super().kill(is_killed)
+        self.say(f"RC7: MotorEStop {'HIGH' if is_killed else 'LOW'}")
 
     def heartbeat(self) -> Message:
         base_mode = 81 if self.mode == STABILIZE else 89

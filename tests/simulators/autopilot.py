@@ -156,6 +156,10 @@ class Autopilot(ABC):
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._count = itertools.count()
         self.is_armed = False
+        self.has_thrust = True
+        """Whether its motors work: dead ones are not told."""
+        self.is_killed = False
+        """Whether a switch of the pilot, or a termination, stops its motors; see `kill`."""
         self.home: Vector | None = None
         self.now_s = 0.0
         """Time since it has booted."""
@@ -376,7 +380,16 @@ class Autopilot(ABC):
             self.is_gps_good = True
             self.gps_lost_s = math.inf
 
+    def kill(self, is_killed: bool = True) -> None:
+        """The pilot sets the switch that stops the motors at once, or sets it back: the vehicle stays armed."""
+        with self.lock:
+            self.is_killed = is_killed
+
     # Flying
+
+    @property
+    def _falls(self) -> bool:
+        return not self.has_thrust or self.is_killed
 
     @abstractmethod
     def _fly(self) -> None:

@@ -530,6 +530,11 @@ class Px4(Autopilot):
         self._watch()
         if not self.is_armed:
             return
+        if self._falls:
+            body.fall(STEP_S)
+            if body.is_on_ground:  # which it notices once its motors work
+                self._touched_s = self.now_s
+            return
         target = self._target()
         if body.is_on_ground:
             self._stand(target)
@@ -750,6 +755,8 @@ class Px4(Autopilot):
             status = mavlink.MAV_STATE_ACTIVE
         else:
             status = mavlink.MAV_STATE_STANDBY if self.is_ready_to_arm else mavlink.MAV_STATE_UNINIT
+        if self.is_killed:
+            status = mavlink.MAV_STATE_FLIGHT_TERMINATION
         return mavlink.MAVLink_heartbeat_message(self.kind, self.autopilot, base_mode, self.mode.custom, status, 3)
 
     def _current_mode(self) -> Message:

@@ -18,15 +18,19 @@ from ual.geometry import Pose, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Setpoint, SetpointLoss, Snapshot, Takes
+from ual_daemon.backends.values import Cause, Control, Setpoint, SetpointLoss, Snapshot, Takes
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.explanation import Explanation
 from ual_daemon.flight.flown import SILENT, Ending, Flown
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
+from ual_daemon.flight.manoeuvres.land import Landing
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
+from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.manoeuvres.stand_by import Here, StandBy, TakeToStandBy
 from ual_daemon.flight.mission_stop import MissionStop
 from ual_daemon.flight.policy.arming import Arming
 from ual_daemon.flight.policy.authority import Authority
+from ual_daemon.flight.policy.following import Following
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.policy.lease import NOBODY, Lease
@@ -120,6 +124,12 @@ class Flight:
         self.lease = Lease()
         self.drift = DriftCorrection()
         """What is added to a commanded velocity."""
+        self.following = Following(backend)
+        """Whether it follows; see `_stand_by`."""
+        self.land_here: Callable[[Snapshot], Handover | None] = lambda _: None
+        """Makes a landing on the spot as a task; set from above."""
+        self._stood_by = 0
+        """The `Following.count` for which what was flown has ended."""
         self._explanation = Explanation(backend, self.authority, self.is_flown_by_us)
         self.external_silence = self._explanation.external_silence
         self.position = PositionWatch(self.external_silence)
@@ -153,7 +163,8 @@ class Flight:
         found = estimate(snapshot, self._backend.freshness, declared, explanation.note, mission)
         if found.state is not State.UNINITIALIZED:
             is_plain = declared is not None or found.state is State.FLYING_AUTO  # no call for each setpoint
-            return found if is_plain else self.arming.explained(found)
+            found = found if is_plain else self.arming.explained(found)
+            return self.following.told(found) if self.following.why else found
         explained, does = explanation.explained(found, snapshot), "" if manoeuvre is None else manoeuvre.unseen
         return replace(explained, why=f"{explained.why}; {does}") if does else explained
 
@@ -594,6 +605,10 @@ class Flight:
         is_led = _is_led(manoeuvre)
         is_on_way = is_led and manoeuvre is not None and manoeuvre.task is not None
         self.geofence.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=is_on_way, is_led=is_led)
+        if snapshot.time_s >= self.following.due_s:
+            self.following.observe(snapshot, raw, None if manoeuvre is None else manoeuvre.current_reference)
+        if self.following.why:
+            self._stand_by(snapshot, raw)
         self._stepper.update(snapshot, raw)
         if self._unstopped is not None and self.authority.is_ours:
             (unstopped, why), self._unstopped = self._unstopped, None
@@ -605,6 +620,55 @@ class Flight:
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)
 
+    def _stand_by(self, snapshot: Snapshot, raw: Estimate) -> None:
+        """Withdraws what a UAV that does not follow was to fly, so that nothing moves when its motors work again.
+
+        What UAL flies by references ends in the present pose. Where the autopilot flies for UAL by itself (a mission, a
+        take-off, a landing), it is to land on the spot. What was commanded since is left: a landing, or taking control.
+        """
+        following, old = self.following, self._flown.manoeuvre
+        if self._stood_by != following.count:
+            logs.event(_log, logging.ERROR, "does_not_follow", why=following.why, remedy=following.told(raw).why)
+        elif isinstance(old, StandBy | Landing | Recover) or (old is None and not self._has_references(raw)):
+            return
+        self._stood_by = following.count
+        # A take-off that UAL's arming has begun is no task, and climbs on all the same.
+        if old is not None or raw.state is State.FLYING_AUTO or self._begun_by_arming(raw):
+            self._withdraw(old, snapshot, raw)
+
+    def _withdraw(self, old: Manoeuvre | None, snapshot: Snapshot, raw: Estimate) -> None:
+        error = TaskAbortedError(
+            f"{'' if old is None else f'{old.name}: '}{self.following.why}",
+            {**self.following.metadata, "state": raw.state.name},
+        )
+        new: Handover | None = None
+        if self._has_references(raw):
+            here = Here(snapshot, self.following)
+            new = Handover(StandBy("stand_by", here, self._rules, following=self.following, land=self.land_here))
+        elif raw.state in (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING):
+            new = self._end_own_flight(snapshot, raw.state)
+        if new is not None:
+            new.manoeuvre.begins_in(snapshot.control.settled_mode)
+        to = None if new is None else new.manoeuvre
+        if self._exchange(to, lambda flown: Ending(error) if flown is old else None) and new is not None:
+            new.begin()
+
+    def _begun_by_arming(self, raw: Estimate) -> bool:
+        return raw.state is State.TAKING_OFF and self.arming.is_ours and not self.is_watch_only
+
+    def _has_references(self, raw: Estimate) -> bool:
+        return raw.state is State.FLYING_AUTO and self.is_flown_by_us()
+
+    def _end_own_flight(self, snapshot: Snapshot, state: State) -> Handover | None:
+        """Returns what ends what the autopilot flies by itself; None where it takes no other mode."""
+        mode = snapshot.control.mode
+        if snapshot.control.held_by is Cause.TERMINATION:
+            return None
+        if mode is None or mode.value.control is Control.REFERENCES:  # ArduPilot takes off in the mode for references
+            return self.land_here(snapshot)
+        take = TakeToStandBy(state, self.limits.get(), self._backend.take_control, self.land_here)
+        return Handover(take, partial(take.send, snapshot))
+
     def estimate_jumped(self, jump: Jump, snapshot: Snapshot) -> None:
         """Takes note that the autopilot's estimate has jumped: the UAV must not follow it, but hold where it is.
 
@@ -614,6 +678,7 @@ class Flight:
         logs.event(_log, logging.WARNING, "estimate_jumped", **jump.fields)
         self.geofence.estimate_jumped(jump.offset)
         self.drift.forget()
+        self.following.forget()
         stop = brake(snapshot, self.limits.get())
         self._exchange(FlyReference("stop", stop, self._rules), partial(_ends_by_jump, jump, stop))
 

@@ -43,11 +43,18 @@ _RECORDING = "a recording"
 T = TypeVar("T")
 
 
+class _Unwatched:
+    """Whether the UAV of a recording follows is in its reasons."""
+
+    why = ""
+
+
 class _NothingFlown:
     """What UAL does with a recording; see `ual_daemon.vehicle.telemetry.Doing`."""
 
     def __init__(self, limitation: str) -> None:
         self.limitation = limitation
+        self.following = _Unwatched()
 
     def reference_pose(self) -> Pose | None:
         return None

@@ -91,6 +91,7 @@ class Commands:
         """Whether a simulated safety pilot arms whenever the UAV is ready on the ground: a take-off waits for that."""
         reach_limit = ReachLimit(settings)
         self._landings = Landings(backend, flight)
+        flight.land_here = self._land_where_it_fell
         self._planner = Planner(backend, flight, resolver, preconditions, tasks, settings, reach_limit, self._landings)
         self.setpoints = Setpoints(flight, resolver, preconditions, reach_limit)
         """The commands that are sent as they are: `set_pose` and `set_velocity`."""
@@ -232,6 +233,13 @@ class Commands:
 
         return Prepared(Plan(), begin)
 
+    def _land_where_it_fell(self, snapshot: Snapshot) -> Handover | None:
+        """Returns the landing on the spot of a UAV that does not follow; None where its backend has none."""
+        if Capability.LAND not in self._backend.info().capabilities:
+            return None
+        task = self._tasks.new(TaskKind.LAND, "land on the spot, as the UAV does not follow")
+        return self._landings.here(task, snapshot)
+
     def recover_from_manual(self, lease_id: str = NOBODY, *, force: bool = False) -> Prepared[Future[None]]:
         """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO.
 
@@ -241,6 +249,12 @@ class Commands:
             self._preconditions.require_capability(Capability.RECOVER, "recover_from_manual")
             force = flag(force, "force")
             self._flight.require_replaceable("recover_from_manual")
+            if self._flight.following.why:
+                allowed = self._preconditions.require_recoverable("recover_from_manual")
+                snapshot = self._preconditions.require_state("recover_from_manual", lease_id, *allowed)
+                self._preconditions.require_no_failsafe("recover_from_manual", snapshot, force=force)
+                if self._flight.estimate(snapshot).state is not State.FLYING_MANUAL:
+                    return Prepared(Plan(), partial(self._take_up_again, lease_id, allowed))
             is_ground_theirs = self._flight.authority.is_ground_theirs
             allowed = (State.FLYING_MANUAL, State.LANDED_ARMED) if is_ground_theirs else (State.FLYING_MANUAL,)
             snapshot = self._preconditions.require_state("recover_from_manual", lease_id, *allowed)
@@ -253,6 +267,7 @@ class Commands:
 
         def begin() -> Future[None]:
             with self._preconditions.logging_refusal("recover_from_manual"):
+                self._flight.following.release()
                 command = AutopilotCommand("take our references")
                 recover = Recover(command, self._flight.limits.get(), self._backend.take_control, refusal)
                 self._flight.begin(recover, Order(lease_id), snapshot)
@@ -262,6 +277,17 @@ class Commands:
                 return recover.future
 
         return Prepared(Plan(), begin)
+
+    def _take_up_again(self, lease_id: str, allowed: tuple[State, ...]) -> Future[None]:
+        """Allows new motions again for a UAV that has not followed, and sends nothing."""
+        with self._preconditions.logging_refusal("recover_from_manual"):
+            self._preconditions.require_state("recover_from_manual", lease_id, *allowed)
+            self._flight.following.release()
+            self._flight.authority.is_ground_theirs = False
+            accepted("recover_from_manual")
+        done: Future[None] = Future()
+        done.set_result(None)
+        return done
 
     def _take_ground_back(self, lease_id: str) -> Future[None]:
         """Makes the ground UAL's again, from which it may take off."""

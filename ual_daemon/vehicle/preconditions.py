@@ -14,6 +14,9 @@ from ual_daemon.flight.refusals import only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 from ual_daemon.vehicle.refusal_log import RefusalLog
 
+_ALWAYS = frozenset({"land", "abort", "cancel", "disarm", "pause", "set_home", "recover_from_manual"})
+"""Commands that are possible also where the UAV does not follow: they end a motion, or begin none."""
+
 
 class Preconditions(RefusalLog):
     """The checks of one UAV, and the log of what they refuse. Any thread may call."""
@@ -68,6 +71,18 @@ class Preconditions(RefusalLog):
                 {"state": State.LANDED_ARMED.name, "needed": "recover_from_manual", "command": command},
             )
 
+    def require_recoverable(self, command: str) -> tuple[State, ...]:
+        """Returns the states in which the control of a UAV that does not follow may be asked back.
+
+        Raises:
+            WrongStateError: It still moves, or its motors are stopped.
+
+        """
+        following = self._flight.following
+        if why_not := following.why_not_recoverable():
+            raise WrongStateError(f"{command}: {why_not} ({following.why})", {"command": command})
+        return State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDED_ARMED
+
     def require_no_pilot(self, command: str, lease_id: str) -> Snapshot:
         """Returns the snapshot in which the end of a flight may begin: in FLYING_AUTO, or where the autopilot flies by
         itself. It does, too, in a take-off that our arming has begun.
@@ -107,6 +122,10 @@ class Preconditions(RefusalLog):
 
     def failsafe_refusal(self, command: str, snapshot: Snapshot, *, force: bool) -> WrongStateError | None:
         """Returns the refusal of a command because of a failsafe; None if none hinders it, or if it is forced."""
+        if Cause.TERMINATION in (snapshot.control.held_by, snapshot.control.failsafe):
+            why = f"{command}: the autopilot has stopped the motors (flight termination, or a kill switch)"
+            metadata = {"by": Cause.TERMINATION.value, "command": command}
+            return WrongStateError(f"{why}; {takes_back(Cause.TERMINATION)}", metadata)
         held_by = _needing_force(snapshot.control.held_by)
         cause = held_by or _needing_force(snapshot.control.failsafe)
         if force or cause is None:
@@ -139,6 +158,10 @@ class Preconditions(RefusalLog):
         snapshot = self._backend.snapshot()
         found = self._flight.estimate(snapshot)
         if found.state in allowed:
+            if self._flight.following.why and command not in _ALWAYS:
+                refusal = self._flight.following.refusal(command, found.state)
+                if refusal is not None:
+                    raise refusal
             return snapshot
         _require_link(command, found)
         needed = " or ".join(state.name for state in allowed)

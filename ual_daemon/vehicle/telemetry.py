@@ -19,12 +19,23 @@ AUTOPILOT = "autopilot: "
 """How a severe text of the autopilot begins among the checks that fail."""
 
 
+class Follows(Protocol):
+    """Whether a UAV follows; see `ual_daemon.flight.policy.following.Following`."""
+
+    why: str
+    """Why it does not; empty while it does, or where that is not watched."""
+
+
 class Doing(Protocol):
     """What a UAV does, as far as a sample tells it. `Flight` is that of one that UAL flies."""
 
     @property
     def limitation(self) -> str:
         """What the reason of the state adds; empty if nothing."""
+
+    @property
+    def following(self) -> Follows:
+        """Whether the UAV follows."""
 
     def reference_pose(self) -> Pose | None:
         """Returns the pose that is commanded now, in the local frame; None if no pose is."""
@@ -93,29 +104,34 @@ def make_telemetry(
         "odometry": partial(_odometry, body if odom_loss is None else None, twist, tree.odom, tree.body, stamp_s),
         "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
         "position_geo": snapshot.position_geo,
-        "health": partial(_health, snapshot, daemon_checks),
+        "health": partial(_health, snapshot, doing.following.why, daemon_checks),
     }
     if is_late:
         return Telemetry.late(lambda name: late[name](), **known)
     return Telemetry(**known, **{name: make() for name, make in late.items()})
 
 
-def _health(snapshot: Snapshot, daemon_checks: tuple[str, ...]) -> Health | None:
-    """Returns the autopilot's health, with the failsafe, who holds the control, what arming would start, and what fails
-    in the daemon.
+def _health(snapshot: Snapshot, trouble: str, daemon_checks: tuple[str, ...]) -> Health | None:
+    """Returns the autopilot's health, with the failsafe, who holds the control, what arming would start, that the UAV
+    does not follow, and what fails in the daemon.
     """
     control, health = snapshot.control, snapshot.condition.health
     failsafe, held_by = control.failsafe, control.held_by
     is_armed = control.armed is not None and control.armed.value
     starts = "" if is_armed else control.arming_starts  # no call for each sample of a flight
     severe = snapshot.condition.severe_texts
-    if failsafe is None and held_by is None and not starts and not daemon_checks and not severe:
+    if failsafe is None and held_by is None and not starts and not trouble and not daemon_checks and not severe:
         return health
     said = (f"{AUTOPILOT}{each.text}" for each in severe)
     health = health or Health()
     return replace(
         health,
-        failing_checks=(*health.failing_checks, *said, *((starts,) if starts else ()), *daemon_checks),
+        failing_checks=(
+            *health.failing_checks,
+            *said,
+            *(each for each in (starts, trouble) if each),
+            *daemon_checks,
+        ),
         failsafe="" if failsafe is None else failsafe.value,
         held_by="" if held_by is None else held_by.value,
     )

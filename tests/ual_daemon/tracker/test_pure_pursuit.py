@@ -86,7 +86,7 @@ def test_a_uav_that_is_pushed_off_the_line_comes_back_to_it(flying: Stepped) -> 
 
 
 def test_a_uav_that_cannot_get_there_times_out_and_names_the_distance(flying: Stepped) -> None:
-    flying.sim.begin_fault(MotorsWeak(0.0))
+    flying.sim.begin_fault(MotorsWeak(1e-6))
     task = flying.prepare.go_to_waypoint(at(4.0, 0.0, 3.0)).begin()
     flying.until(task.future.done)
     error = task.future.exception()

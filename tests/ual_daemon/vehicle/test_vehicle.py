@@ -673,7 +673,7 @@ def test_weak_motors_still_arrive(flying: Stepped) -> None:
 
 def test_motors_without_power_time_out_and_the_error_names_the_distance(flying: Stepped) -> None:
     flying.run(5.0)  # at rest: without power it would coast on
-    flying.sim.begin_fault(MotorsWeak(0.0))
+    flying.sim.begin_fault(MotorsWeak(1e-6))
     task = flying.prepare.go_to_waypoint(at(6, 0, 3)).begin()
     with pytest.raises(UalTimeoutError, match=r"6\.00 m"):
         flying.end(task.future)

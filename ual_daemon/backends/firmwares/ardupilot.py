@@ -161,6 +161,8 @@ _ENDS: Mapping[str, tuple[str, ...]] = {
     "Vibration compensation OFF": ("Vibration compensation ON",),
 }
 """Texts that say that something is over, as severe as those that said that it began, and how those begin."""
+_MOTOR_STOP, _INTERLOCK = "MotorEStop", "MotorInterlock"
+"""The names of the switches that stop the motors at once (an RCn_OPTION of 31 or 32): high, and low."""
 _SENSORS = (
     (Sensor.BATTERY, Cause.BATTERY),
     (Sensor.RC_RECEIVER, Cause.RC),
@@ -304,6 +306,12 @@ class ArduCopter(Autopilot):
     @override
     def ends_of_text(self, text: str) -> tuple[str, ...]:
         return _ENDS.get(text, ())
+
+    @override
+    def motor_stop_of_text(self, text: str) -> bool | None:
+        if _MOTOR_STOP in text:  # "RC7: MotorEStop HIGH"
+            return text.endswith("HIGH")
+        return text.endswith("LOW") if _INTERLOCK in text else None
 
     @override
     def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:

@@ -103,6 +103,8 @@ class Autopilot(ABC):
     """The name of the mode in which it holds its position by itself, whatever the sticks say."""
     land_mode = ""
     """The name of the mode in which it lands where it is."""
+    termination_mode = ""
+    """The name of the mode in which it keeps the motors stopped in the air; empty where it has none."""
     arming_mode = ""
     """The name of the mode in which it is armed where it cannot be, or would fly, in the present one."""
     setpoints_before_mode_s = 0.0
@@ -188,6 +190,10 @@ class Autopilot(ABC):
     def ends_of_text(self, text: str) -> tuple[str, ...]:
         """Returns how the texts begin that are over by this one; none for any other text."""
         return ()
+
+    def motor_stop_of_text(self, text: str) -> bool | None:
+        """Returns whether a text says that a switch stops the motors, or that it does not any more; None for others."""
+        return None
 
     def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:
         """Returns the failsafe that its sensors show (bits of MAV_SYS_STATUS): those that fail now, and those that have

@@ -81,7 +81,9 @@ class CauseWatch:
         self._sensors: Cause | None = None
         self._sensors_s = -math.inf
         self._healthy_once = 0
-        self._is_booting = self._is_critical = False
+        self._is_booting = self._is_critical = self._is_terminated = False
+        self._are_motors_stopped: bool | None = None
+        """What a text said last of the switch that stops the motors; None while none has."""
         self._critical_s = -math.inf
         self._switches: tuple[int, ...] = ()
         self._switched_s = -math.inf
@@ -115,6 +117,16 @@ class CauseWatch:
             self._critical_s = now_s
         self._is_critical = is_critical
         self._is_booting = status == SystemStatus.BOOT
+        self._is_terminated = status == SystemStatus.FLIGHT_TERMINATION
+        if self._is_booting:
+            self._are_motors_stopped = None
+
+    def on_text(self, text: str, now_s: float) -> None:
+        """Takes a text of the autopilot."""
+        self.on_sign(self._autopilot.cause_of_text(text), now_s)
+        are_stopped = self._autopilot.motor_stop_of_text(text)
+        if are_stopped is not None:
+            self._are_motors_stopped = are_stopped
 
     def on_intention(self, custom_mode: int, intended_custom_mode: int, now_s: float) -> None:
         """Takes the number of the mode, and of the one that the autopilot was asked for (0: it does not say)."""
@@ -170,6 +182,8 @@ class CauseWatch:
 
     def failsafe(self, *, is_armed: bool | None) -> Cause | None:
         """Returns the failsafe that is active, whatever the mode; None if none is, or while it has no name yet."""
+        if self._is_terminated or self._are_motors_stopped:
+            return Cause.TERMINATION
         if is_armed and self._is_unintended:
             return self._episode
         return self._sensors
@@ -190,6 +204,8 @@ class CauseWatch:
             return None
         if mode.control is Control.REFERENCES:
             return None
+        if mode.name == self._autopilot.termination_mode:
+            return Cause.TERMINATION
         if not self._is_settled:
             found = self._find(mode, now_s)
             if found is Cause.OPEN or self._was_found:  # of a mode that was found, a failsafe may yet become known

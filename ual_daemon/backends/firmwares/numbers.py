@@ -36,6 +36,7 @@ class SystemStatus(IntEnum):
 
     BOOT = 1
     CRITICAL = 5
+    FLIGHT_TERMINATION = 8
 
 
 class EstimatorFlag(IntFlag):

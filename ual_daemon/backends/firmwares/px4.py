@@ -129,6 +129,7 @@ class Px4(Autopilot):
     capabilities = frozenset(Capability)
     sends_landed_state = True
     setpoint_mode, hold_mode, land_mode = "OFFBOARD", "AUTO.LOITER", "AUTO.LAND"
+    termination_mode = "TERMINATION"
     arming_mode = hold_mode
     setpoints_before_mode_s = OFFBOARD_NEEDS_SETPOINTS_S
     takes_feed_forward = True

@@ -88,6 +88,8 @@ class Faults:
             match fault:
                 case MotorsWeak(power_ratio):
                     fleet.power[index] = power_ratio
+                case FailsafeTriggered(Cause.TERMINATION.value):
+                    fleet.power[index] = 0.0
                 case PositionLost():
                     fleet.has_position[index] = False
                 case EstimatorJumps(offset, period_s):

@@ -16,6 +16,7 @@ import numpy as np
 
 from ual_daemon.backends.light.physics import (
     COMMAND_HEADROOM,
+    GRAVITY_M_S2,
     LANDED_AFTER_S,
     LANDED_DRAIN,
     LIFT_OFF_M,
@@ -229,6 +230,8 @@ class Fleet:
         after[:, :2] /= np.maximum(1.0, fast)[:, None]
         after[:, 2] = np.clip(after[:, 2], -self.vertical_speed, self.vertical_speed)
         after = np.where(self.is_armed[:, None], after, 0.0)
+        falls = ~self.is_landed & ~(self.is_armed & (self.power > 0.0))
+        after[falls] = before[falls] - (0.0, 0.0, GRAVITY_M_S2 * STEP_S)
         self.velocity = after
         self.position = self.position + (before + after) * (STEP_S / 2)
 

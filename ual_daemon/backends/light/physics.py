@@ -20,6 +20,7 @@ WIND_DRAG = 0.1
 """Acceleration by wind in 1/s, times the wind's speed: the drag of a small multirotor, for which its controller has to
 compensate.
 """
+GRAVITY_M_S2 = 9.81
 COMMAND_HEADROOM = 1.25
 """Velocity commands may exceed the speed limits by this factor, so that the vehicle can reach the limits exactly."""
 LIFT_OFF_M = 0.05

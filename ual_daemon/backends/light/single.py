@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 from ual_daemon.backends.light.physics import (
     COMMAND_HEADROOM,
+    GRAVITY_M_S2,
     LANDED_AFTER_S,
     LANDED_DRAIN,
     LIFT_OFF_M,
@@ -214,7 +215,9 @@ class Single:
         vx, vy, vz = bx + (ax + wx) * STEP_S, by + (ay + wy) * STEP_S, bz + (az + wz) * STEP_S
         slower = max(1.0, math.hypot(vx, vy) / top)
         vx, vy, vz = vx / slower, vy / slower, max(-climb, min(climb, vz))
-        if not self.is_armed[0]:
+        if not (self.is_armed[0] and self.power[0]) and not self.is_landed[0]:  # it falls
+            vx, vy, vz = bx, by, bz - GRAVITY_M_S2 * STEP_S
+        elif not self.is_armed[0]:
             vx = vy = vz = 0.0
         self.velocity[0] = (vx, vy, vz)
         half = STEP_S / 2

@@ -265,7 +265,7 @@ class Session:
         if self.autopilot.gripper is not None:
             self.gripper_state = self.autopilot.gripper.texts.get(text, self.gripper_state)
         self.runner.on_text(text)
-        self._causes.on_sign(self.autopilot.cause_of_text(text), now_s)
+        self._causes.on_text(text, now_s)
         self._health.on_text(text, now_s)
         self._severe_texts.on_text(text, severity, now_s, self.autopilot.ends_of_text(text))
 

@@ -62,6 +62,8 @@ class Cause(Enum):
     """No setpoints came: taking control back is the remedy, so it needs no force."""
     COLLISION = "collision"
     """It has hit something (a simulator tells)."""
+    TERMINATION = "flight termination"
+    """The autopilot keeps the motors stopped: by a flight termination, or by a kill or emergency-stop switch."""
     FAILSAFE = "failsafe"
     """A failsafe whose reason the autopilot does not say."""
     OPEN = ""
@@ -74,8 +76,8 @@ class Cause(Enum):
 
     @property
     def needs_force(self) -> bool:
-        """Whether UAL overrides it only with force."""
-        return self.is_failsafe and self is not Cause.SETPOINTS
+        """Whether UAL overrides it only with force. Nothing but a disarming ends a termination."""
+        return self.is_failsafe and self not in (Cause.SETPOINTS, Cause.TERMINATION)
 
 
 _FAILSAFES = frozenset(
@@ -87,6 +89,7 @@ _FAILSAFES = frozenset(
         Cause.POSITION,
         Cause.SETPOINTS,
         Cause.COLLISION,
+        Cause.TERMINATION,
         Cause.FAILSAFE,
     }
 )

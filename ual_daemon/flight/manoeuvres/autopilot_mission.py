@@ -38,6 +38,7 @@ from ual_daemon.flight.manoeuvres.mission_watch import MissionWatch
 from ual_daemon.flight.manoeuvres.recover import TAKES_BACK, Recover
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.touch_down import TouchDown
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.tracker.references import Reference
@@ -133,6 +134,7 @@ class AutopilotMission(Manoeuvre):
         self._done_s: float | None = None
         """Since when it is in the mode in which it holds after a mission."""
         self._was_in_air = first is None
+        self._touch_down = TouchDown()
         self._heard_s: float | None = None
         self._seen_s: float | None = None
         """When its state was known last."""
@@ -260,7 +262,7 @@ class AutopilotMission(Manoeuvre):
         self._look_at_items()
         self._was_in_air = self._was_in_air or estimate.state not in _LANDED
         if estimate.state in _LANDED and self._was_in_air:
-            return self._landed(snapshot, estimate)
+            return self._landed(snapshot, estimate) if self._touch_down.has_landed(snapshot, estimate) else Step()
         if estimate.state is State.LANDED_DISARMED:
             return failed(TaskAbortedError(f"{NAME}: the motors were disarmed", {"by": "autopilot"}))
         return _STEPS[self._phase](self, snapshot)

@@ -24,6 +24,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
 )
 from ual_daemon.flight.manoeuvres.progress_watch import ProgressWatch
 from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.touch_down import TouchDown
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference, measured_motion
@@ -72,6 +73,7 @@ class Landing(Manoeuvre):
         self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT
         self._descent = ProgressWatch(task, self._stuck, is_up=False)
         self._on_height = on_height
+        self._touch_down = TouchDown()
 
     def _watch_descent(self, snapshot: Snapshot) -> UalError | None:
         """Watches a descent that has begun; see `_why_too_late`."""
@@ -151,7 +153,7 @@ class Land(Landing):
         if lost is not None:
             return failed(_goes_on(lost) if self._is_landing else self._command.left_behind(lost))
         if estimate.state in (State.LANDED_ARMED, State.LANDED_DISARMED):
-            return Step(has_ended=True)
+            return Step(has_ended=self._touch_down.has_landed(snapshot, estimate))
         assert snapshot.control.mode is not None
         control = snapshot.control.mode.value.control
         landed = LandedState.UNKNOWN if snapshot.control.landed is None else snapshot.control.landed.value

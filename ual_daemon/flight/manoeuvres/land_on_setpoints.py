@@ -91,7 +91,9 @@ class LandOnSetpoints(Landing):
         if error is not None:
             return failed(error)
         assert snapshot.control.mode is not None
-        if estimate.state is State.LANDED_DISARMED or _is_disarmed(snapshot):
+        if estimate.state is State.LANDED_DISARMED and not self._stops_count:  # not by UAL, on the ground
+            return Step(has_ended=self._touch_down.has_landed(snapshot, estimate))
+        if _is_disarmed(snapshot):
             return Step(has_ended=True)
         if _is_on_ground(snapshot):
             return self._step_on_ground(snapshot)

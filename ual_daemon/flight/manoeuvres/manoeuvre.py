@@ -20,6 +20,7 @@ from ual_daemon.backends.values import Cause, Control, LandedState, Setpoint, Sn
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
 from ual_daemon.flight.policy.autopilot_fence import breach_text
+from ual_daemon.flight.policy.following import ENDS_TERMINATION
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.state import Estimate
@@ -357,5 +358,7 @@ def _way_out(state: State, cause: Cause) -> str:
 
 def takes_back(cause: Cause | None) -> str:
     """Returns how UAL gets a UAV back that others, or a failsafe, fly."""
+    if cause is Cause.TERMINATION:
+        return ENDS_TERMINATION
     needs_force = cause is not None and cause.needs_force
     return f"recover_from_manual takes control back{' only with force' if needs_force else ''}"

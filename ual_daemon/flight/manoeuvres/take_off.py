@@ -25,6 +25,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     with_advice,
 )
 from ual_daemon.flight.manoeuvres.progress_watch import ProgressWatch
+from ual_daemon.flight.policy.following import Trouble
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
 from ual_daemon.flight.state import Estimate
@@ -42,6 +43,8 @@ _LEAST_TOLERANCE_M = 0.1
 _HIGHEST_SHARE, _HIGHEST_MARGIN_M = 1.2, 1.0
 """A climb is stopped above this many times the height asked for, plus the margin. An autopilot that climbs by itself
 may count heights from elsewhere; the estimate of the ground wanders by 0.7 m."""
+_LEFT_GROUND_M = 1.0
+"""The estimate of a UAV that stands wanders by less."""
 _REFUSED = "the UAV stays on the ground: disarm it, or remove what the autopilot complains of and take off again"
 _STUCK = (
     "let its safety pilot disarm it if it stands on the ground, or take over and land it if it flies, and look at its "
@@ -107,17 +110,22 @@ class TakeOff(Manoeuvre):
         if lost is not None:
             return failed(lost if self._climbing_since_s is not None else self._command.left_behind(lost))
         if estimate.state is State.LANDED_DISARMED:
-            return failed(
-                TaskAbortedError(
-                    "take_off: the motors were disarmed (after a landing the autopilot does that by itself): arm again",
-                    {"by": "autopilot"},
-                )
-            )
+            return failed(self._disarmed(snapshot))
         if self._climbing_since_s is None:
             if not self._has_begun(snapshot):
                 return self._wait_on_ground(snapshot, estimate)
             self._climbing_since_s = snapshot.time_s
         return self._step_climb(snapshot, estimate, self._climbing_since_s)
+
+    def _disarmed(self, snapshot: Snapshot) -> UalError:
+        height_m = measured_motion(snapshot).position.z - self._ground_z
+        if self._climbing_since_s is not None and height_m > _LEFT_GROUND_M:
+            in_air = f"take_off: the motors were disarmed in the air, {height_m:.1f} m above the ground"
+            return TaskAbortedError(in_air, {"by": Trouble.DISARMED.value})
+        return TaskAbortedError(
+            "take_off: the motors were disarmed (after a landing the autopilot does that by itself): arm again",
+            {"by": "autopilot"},
+        )
 
     def _wait_on_ground(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         """Makes one update before the autopilot has begun the take-off."""

@@ -272,6 +272,11 @@ class Geofence:
         """Notes that the autopilot's estimate has jumped. Called by the update thread."""
         self.ground.estimate_jumped(jump)
 
+    def height_m(self, snapshot: Snapshot) -> tuple[float, bool]:
+        """Returns the height above the ground of the take-off, or else above home, and whether it is the former."""
+        assert snapshot.motion.pose is not None
+        return snapshot.motion.pose.value.position.z - self.ground_z_m(snapshot), self.ground.z_m is not None
+
     def ground_z_m(self, snapshot: Snapshot) -> float:
         """Returns the z of the ground from which heights are measured, in the local frame."""
         return self._datum(snapshot).z_m

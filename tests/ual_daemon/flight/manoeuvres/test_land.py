@@ -29,8 +29,19 @@ def test_a_landing_sends_references_only_until_the_autopilot_lands_by_itself(
     flying.control, flying.climb_m_s = Control.LAND, -1.0
     for _ in range(40):
         assert flying.step(landing) == Step()
-    flying.landed = LandedState.ON_GROUND
-    assert flying.step(landing) == Step(has_ended=True)
+    flying.landed, flying.climb_m_s = LandedState.ON_GROUND, 0.0
+    assert not flying.step(landing).has_ended  # it may have been disarmed in the air
+    assert flying.until_end(landing) is None
+
+
+def test_a_landing_that_is_disarmed_in_the_air_has_not_landed(flying: Autopilot, ack: Future[None]) -> None:
+    landing = land(flying, ack)
+    flying.control = Control.LAND
+    flying.step(landing)
+    flying.landed, flying.armed = LandedState.ON_GROUND, False  # ArduPilot says so of all that is disarmed
+    flying.climb_m_s = -4.0
+    for _ in range(40):
+        assert not flying.step(landing).has_ended
 
 
 def test_a_landing_of_an_autopilot_that_is_not_heard_any_more_is_said_to_go_on(

@@ -508,7 +508,7 @@ class Session:
         text = self.telemetry.status_text
         self._protocols.handlers[mavlink.MAVLINK_MSG_ID_STATUSTEXT](message, now_s)
         self._commands.on_text(text)
-        self._causes.on_sign(self.dialect.cause_of_text(text), now_s)
+        self._causes.on_text(text, now_s)
         self._health.on_text(text, now_s)
         self._severe_texts.on_text(text, message.severity, now_s, self.dialect.ends_of_text(text))
 

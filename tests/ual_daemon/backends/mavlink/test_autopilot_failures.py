@@ -1,0 +1,143 @@
+"""The simulated autopilots fall, as a motor dies, a switch stops them, or a station disarms them in the air."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.conftest import LIMIT_S
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, landing, start
+from ual.errors import TaskAbortedError, WrongStateError
+from ual.interface import Task
+from ual.types import State
+
+FALLS = ("dies", "killed")
+BACK_S = 4.0
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
+    flight = Flight(str(request.param))
+    try:
+        yield flight
+    finally:
+        flight.uav.close()
+
+
+def climb(flight: Flight, height_m: float = 8.0) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    flight.wait_for(flight._is_take_off_planned, "what a take-off needs")
+    flight.uav.take_off(height_m)
+
+
+def break_it(flight: Flight, how: str, *, ends: bool = False) -> None:
+    if how == "killed":
+        flight.autopilot.kill(not ends)
+    else:
+        flight.autopilot.has_thrust = ends
+
+
+def height_m(flight: Flight) -> float:
+    return flight.autopilot.body.ground_z_m - flight.autopilot.body.position[2]
+
+
+def begin(flight: Flight, what: str) -> Task | None:
+    uav = flight.uav
+    if what == "go_to":
+        task = uav.go_to_waypoint(flight.goal(60.0, 0.0), blocking=False)
+        flight.wait_for(lambda: uav.velocity().twist.linear.norm() > 1.0, "its speed")
+        return task
+    if what == "mission":
+        task = uav.task(start(flight, [at(flight, 60.0, 0.0, 8.0), at(flight, 90.0, 0.0, 8.0)]))
+        flight.wait_for(lambda: "mission" in uav.telemetry().state_reason, "its mission")
+        flight.let_pass(1.0)
+        return task
+    if what == "land":
+        task = uav.land(blocking=False)
+        flight.wait_for(lambda: uav.velocity().twist.linear.z < -0.3, "its descent")
+        return task
+    return None
+
+
+@pytest.mark.parametrize("how", FALLS)
+@pytest.mark.parametrize("what", ["hold", "go_to", "mission", "land"])
+def test_a_fall_is_told_within_a_second_and_nothing_climbs_when_its_cause_ends(
+    flight: Flight, what: str, how: str
+) -> None:
+    climb(flight)
+    task = begin(flight, what)
+    broken_s = flight.now_s
+    break_it(flight, how)
+    told_s = flight.first_s(lambda telemetry: "does not follow" in telemetry.state_reason, broken_s)
+    assert told_s - broken_s < 1.3  # the heartbeat comes once a second
+    if task is not None:
+        with pytest.raises(TaskAbortedError, match="does not follow"):
+            task.wait(LIMIT_S)
+    with pytest.raises(WrongStateError):
+        flight.uav.go_to_waypoint(flight.goal(1.0, 0.0))
+    flight.let_pass(BACK_S)
+    assert height_m(flight) == 0.0
+    break_it(flight, how, ends=True)
+    ends_s = flight.now_s
+    highest_m = 0.0
+    while flight.now_s < ends_s + 6.0:
+        highest_m = max(highest_m, height_m(flight))
+        flight.let_pass(0.1)
+    assert highest_m < 0.3
+    flight.wait_for_state(State.LANDED_DISARMED)
+
+
+@pytest.mark.parametrize("how", FALLS)
+def test_a_fall_in_a_take_off_ends_it_and_nothing_climbs_when_its_cause_ends(flight: Flight, how: str) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    flight.wait_for(flight._is_take_off_planned, "what a take-off needs")
+    task = flight.uav.take_off(12.0, blocking=False)
+    flight.wait_for(lambda: height_m(flight) > 5.0, "its climb")
+    break_it(flight, how)
+    with pytest.raises(TaskAbortedError, match="does not follow"):
+        task.wait(LIMIT_S)
+    flight.let_pass(BACK_S)
+    break_it(flight, how, ends=True)
+    ends_s = flight.now_s
+    while flight.now_s < ends_s + 6.0:
+        assert height_m(flight) < 0.3
+        flight.let_pass(0.1)
+
+
+@pytest.mark.parametrize("what", ["land", "go_to", "mission that lands"])
+def test_disarmed_in_the_air_is_no_landing(flight: Flight, what: str) -> None:
+    climb(flight)
+    if what == "mission that lands":
+        items = [at(flight, 4.0, 0.0, 8.0), landing(flight, 4.0, 0.0)]
+        task: Task | None = flight.uav.task(start(flight, items))
+        flight.wait_for(lambda: flight.uav.velocity().twist.linear.z < -0.3, "its descent")
+    else:
+        task = begin(flight, what)
+    assert task is not None
+    disarmed_s = flight.now_s
+    assert flight.autopilot.pilot_disarm(is_forced=True)
+    with pytest.raises(TaskAbortedError, match="disarmed"):
+        task.wait(LIMIT_S)
+    flight.first_s(lambda telemetry: "disarmed in the air" in telemetry.state_reason, disarmed_s)
+    flight.wait_for(lambda: flight.uav.telemetry().state_reason.startswith("not armed"), "that it lies still")
+    assert height_m(flight) == 0.0
+
+
+def test_a_daemon_that_is_new_tells_that_the_motors_are_stopped() -> None:
+    flight = Flight("px4")
+    try:
+        climb(flight)
+        flight.kill()
+        flight.autopilot.kill()
+        flight.autopilot.run(3.0)
+        flight.start()
+        flight.first_s(lambda telemetry: "stopped its motors" in telemetry.state_reason, flight.started_s)
+        assert flight.commands_since(flight.started_s) == set()
+    finally:
+        flight.uav.close()

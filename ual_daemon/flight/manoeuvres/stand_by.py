@@ -1,0 +1,118 @@
+"""Holding a UAV that does not follow where it is, wherever that is, and landing it on the spot where it has fallen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+from typing_extensions import override
+
+from ual.errors import UalError
+from ual.geometry import Pose, Quaternion
+from ual.types import Limits, State
+from ual_daemon.backends.values import Control, PositionSetpoint, Setpoint, Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.manoeuvres.fly_reference import FlyReference
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Step
+from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.policy.following import Following
+from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.state import Estimate
+from ual_daemon.tracker.references import Reference, measured_motion
+from ual_daemon.trajectory import Motion
+
+_STAYS_M = 0.5
+"""A UAV that stands still is held where it is while its estimate wanders by less."""
+
+
+class Here(Reference):
+    """The present pose, so that nothing draws the UAV back to where it was when it works again."""
+
+    def __init__(self, snapshot: Snapshot, following: Following) -> None:
+        self._following = following
+        self._motion = _at_rest(snapshot)
+
+    @override
+    def setpoint(self, snapshot: Snapshot) -> Setpoint:
+        now = _at_rest(snapshot)
+        if not self._following.is_still or (now.position - self._motion.position).norm() > _STAYS_M:
+            self._motion = now
+        return PositionSetpoint(self._motion.position, self._motion.yaw_rad)
+
+    @override
+    def motion(self, snapshot: Snapshot) -> Motion:
+        return self._motion
+
+    @override
+    def pose(self) -> Pose | None:
+        return Pose(self._motion.position, Quaternion.from_yaw(self._motion.yaw_rad))
+
+
+def _at_rest(snapshot: Snapshot) -> Motion:
+    measured = measured_motion(snapshot)
+    return Motion(measured.position, measured.yaw_rad)
+
+
+@dataclass(eq=False, kw_only=True)
+class StandBy(FlyReference):
+    """Sends the present pose. Where the UAV has fallen, a landing follows: silence would lead PX4 to a return."""
+
+    following: Following
+    land: Callable[[Snapshot], Handover | None]
+    """Makes the landing on the spot; None where there is none."""
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        step = super().step(snapshot, estimate)
+        if step.has_ended:
+            return step
+        height_m, is_known = self.rules.geofence.height_m(snapshot)
+        if not self.following.is_down(height_m, is_ground_known=is_known):
+            return step
+        landing = self.land(snapshot)
+        return step if landing is None else Step(handover=landing)
+
+    @override
+    def fit(self, snapshot: Snapshot, limits: object, geofence: object) -> None:
+        """Holds where it is, also beyond the geofence."""
+
+    @override
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+        return None  # it sends the present pose, wherever that is
+
+
+class TakeToStandBy(Recover):
+    """Takes the control from a mode in which the autopilot flies by itself, so that `StandBy` follows.
+
+    To land at once is the next best. PX4, whose landing has begun above, climbs back by up to 5 m when the motors work
+    again: its own reference has stayed there.
+    """
+
+    is_replaceable = True
+    why_not_pausable = "the UAV does not follow"
+
+    def __init__(
+        self,
+        out_of: State,
+        limits: Limits,
+        take_control: Callable[[], Future[None]],
+        land: Callable[[Snapshot], Handover | None],
+    ) -> None:
+        """`land` makes the landing that follows where the control is not given; None where there is none."""
+        command = AutopilotCommand("take our references")
+        super().__init__(command, limits, take_control, lambda _: None, name="stand_by", out_of=out_of)
+        self._land = land
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        mode = snapshot.control.mode
+        is_given = mode is not None and mode.value.control is Control.REFERENCES
+        if is_given and estimate.state in (State.LANDING, State.TAKING_OFF):  # its landed state is from before
+            return self._hold(snapshot)
+        step = super().step(snapshot, estimate)
+        is_seen = estimate.is_link_up and estimate.state in (self._out_of, State.FLYING_MANUAL, State.LANDING)
+        if step.error is None or step.is_taken or not is_seen:
+            return step
+        landing = self._land(snapshot)
+        return step if landing is None else Step(handover=landing)

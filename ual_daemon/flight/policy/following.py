@@ -1,0 +1,425 @@
+"""Whether the UAV follows: what is flown is compared with what was asked, in hold, tasks and streams.
+
+Each rule needs two signs that agree, or one that lasts, by measured velocities: late data of a busy computer is no
+fall.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import Enum
+from typing import NamedTuple
+
+from ual.errors import WrongStateError
+from ual.types import State
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import Cause, Snapshot
+from ual_daemon.flight.state import Estimate
+from ual_daemon.tracker.references import Hold, Reference, Velocity
+
+FALL_M_S = 2.5
+"""A descent by so much faster than asked is a fall: 0.25 s without lift. A controller overshoots by less than 1 m/s."""
+OWN_DESCENT_M_S = 2.0
+"""How fast an autopilot may descend by itself (PX4 1.5 m/s, ArduPilot 1.5 m/s), if its limits do not say more."""
+CARRIED_M_S = 6.0
+"""Faster than a disarmed UAV is carried, as in a lift."""
+_BELOW_M = 1.0
+"""A pose that is not so far below the UAV asks for no descent."""
+_BRAKES_M_S2 = 0.7
+"""A descent that is asked no more may end so slowly: less than the least acceleration of any autopilot's limits."""
+_EVERY_S = 0.09
+"""Between two looks: a velocity that comes sooner shows no more."""
+_DESCENDS_M_S = 0.5
+"""What descends more slowly does not fall, whatever was asked."""
+_FALLS_S = 0.1
+"""So long a fall must last: three velocities at 30 Hz."""
+_DROP_SHARE = 0.4
+"""The part of a fall by the velocities that must show in the positions: a wrong estimate of the velocity is no fall."""
+TILT_RAD = math.radians(70.0)
+"""Beyond what an autopilot tilts by itself: PX4 45 deg at most (MPC_TILTMAX_AIR), ArduPilot 30 deg (ANGLE_MAX)."""
+_TILTS_S = 0.3
+ASTRAY_M = 3.0
+"""So far beside what is asked it does not follow: a reference that leads waits for it within 2 m."""
+_ASTRAY_SHARE_S = 0.5
+"""A fast reference may be so much farther ahead."""
+_ASTRAY_S = 0.5
+_MOVES_M_S, _TOWARDS = 0.5, 0.5
+"""One that stands, or comes back, lags: that is for its task to judge (no way)."""
+_LOOK_S, _LOOK_AT_REST_S = 0.2, 0.5
+"""Between two comparisons of the place, of a UAV that moves, and of one that does not."""
+_LEAST_BRAKING_M_S2 = 1.0
+_TURNED_M = 0.5
+"""Once it has come nearer by this it flies to the pose."""
+_OFF_M_S, _OFF_SHARE, _OFF_S = 2.0, 0.3, 2.5
+"""A velocity that stays off by more, and does not come nearer, for so long is not followed."""
+_NEARER_M_S = 0.3
+_STILL_M_S, _STILL_S = 0.4, 1.0
+"""So slow for so long it stands still."""
+DISARMED_S = 3.0
+"""So long after the disarming in the air it may begin to fall."""
+_STOPPED_DROP_M, _STOPPED_S = 1.0, 8.0
+"""In a landing, motors are stopped in the air where the UAV has dropped so far since, or is not disarmed for so long
+(COM_KILL_DISARM is 5 s).
+"""
+_LONGEST_GAP_S = 1.0
+"""After so long without a velocity nothing follows from those before."""
+_IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
+_GROUND_NOISE_M = 1.2
+_UNKNOWN_GROUND_M = 3.0
+
+
+ENDS_TERMINATION = (
+    "secure it, then end what stops the motors (the kill switch), have it disarmed by force, or cut its power"
+)
+"""The remedy for stopped motors. An autopilot that takes itself to be in the air refuses an ordinary disarming."""
+
+
+class Trouble(Enum):
+    """How it does not follow; the value is the metadata `by` of errors."""
+
+    FALL = "fall"
+    TILT = "tilt"
+    STOPPED = "flight termination"
+    DISARMED = "disarmed in the air"
+    ASTRAY = "does not follow"
+
+
+class _Seen(NamedTuple):
+    """A velocity that came, and where it was then."""
+
+    time_s: float
+    z_m: float
+    down_m_s: float
+
+
+class Following:
+    """What one UAV that does not follow is told to have. Only the update thread calls `observe`.
+
+    Once it does not, that holds until somebody asks for the control, or until it lies disarmed. A daemon that is new
+    finds it by the same data.
+    """
+
+    def __init__(self, backend: Backend) -> None:
+        self._backend = backend
+        self.why = ""
+        """Why it does not follow, human-readable; empty while it does. An attribute, because each setpoint looks."""
+        self.trouble: Trouble | None = None
+        self.is_still = False
+        """Whether it stands or lies still."""
+        self.count = 0
+        """How often it has ceased to follow."""
+        self._is_now = False
+        """Whether a rule shows it at present."""
+        self._worst = 0.0
+        self.due_s = -math.inf
+        """When the next look is due, by the backend's clock. An attribute, because each update looks."""
+        self._seen_s = -math.inf
+        """When the newest velocity was measured, by the autopilot's clock. All that follows is by that clock."""
+        self._speed_squared = 0.0
+        self._asked_down_m_s, self._asked_s = 0.0, -math.inf
+        self._fall: _Seen | None = None
+        self._stopped: _Seen | None = None
+        """Since when, in a landing, the motors are stopped."""
+        self._tilted_s = self._astray_s = math.inf
+        self._still_s: float | None = None
+        self._looked_s = self._placed_s = -math.inf
+        self._hold: Hold | None = None
+        self._nearest = self._furthest = self._turn_m = 0.0
+        """How near and how far from a pose it was, in metres, and how far it may fly on until it has turned to it."""
+        self._off: tuple[float, float] = (-math.inf, math.inf)
+        """Since when a velocity is off, and by how much it was then."""
+        self._armed_s = -math.inf
+        """When it was in the air and armed last."""
+
+    # --- What is known ------------------------------------------------------------------------------------------------
+
+    def told(self, found: Estimate) -> Estimate:
+        """Returns the state of a UAV that does not follow, with its reason."""
+        state = State.LANDED_ARMED if self.lies and found.state in _IN_AIR else found.state
+        return Estimate(state, f"{self.why}{self._now()}; {self._remedy(state)} ({found.why})", found.is_link_up)
+
+    def _now(self) -> str:
+        if self.trouble is Trouble.ASTRAY:
+            return ""
+        return "; it lies or stands still now" if self.is_still else ""
+
+    def _remedy(self, state: State) -> str:
+        if self.trouble is Trouble.DISARMED:
+            return "it is armed again once it lies still"
+        if self.trouble is Trouble.STOPPED and self._is_now:
+            return f"new motions are refused: {ENDS_TERMINATION}"
+        once = "" if self.is_still else "it stands still or follows, and "
+        possible = "land, abort and disarm are possible"
+        return f"new motions are refused until {once}recover_from_manual is called ({possible})"
+
+    def refusal(self, command: str, state: State) -> WrongStateError | None:
+        """Returns the refusal of a new motion or of an arming; None where it follows."""
+        if not self.why:
+            return None
+        needed = "recover_from_manual" if state is not State.LANDED_DISARMED else "standing still"
+        metadata = {"state": state.name, "needed": needed, "command": command, "by": self._by}
+        return WrongStateError(f"{command}: {self.why}; {self._remedy(state)}", metadata)
+
+    @property
+    def _by(self) -> str:
+        return "" if self.trouble is None else self.trouble.value
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """The metadata of the error of a task that has ended because it does not follow."""
+        return {"by": self._by}
+
+    def why_not_recoverable(self) -> str:
+        """Returns why the control cannot be asked back yet; empty where it can."""
+        if self._is_now and self.trouble is Trouble.STOPPED:
+            return "the motors are still stopped: end what stops them (the kill switch), or disarm it"
+        return "" if self.is_still or not self._is_now else "it still does not follow"
+
+    def is_down(self, height_m: float, *, is_ground_known: bool) -> bool:
+        """Returns whether it has fallen, and lies on the ground, by its height over that."""
+        has_fallen = self.trouble is not None and self.trouble is not Trouble.ASTRAY
+        near_m = _GROUND_NOISE_M if is_ground_known else _UNKNOWN_GROUND_M
+        return has_fallen and self.is_still and height_m < near_m
+
+    def release(self) -> None:
+        """Begins anew: somebody has asked for the control, or it lies disarmed."""
+        self.why, self.trouble, self._is_now, self._worst = "", None, False, 0.0
+        self.forget()
+
+    def forget(self) -> None:
+        """Forgets the motion from before: the estimate has jumped."""
+        self._fall, self._hold, self._stopped, self._off = None, None, None, (-math.inf, math.inf)
+        self._still_s = None
+        self._tilted_s = self._astray_s = math.inf
+        self._looked_s = self._placed_s = -math.inf
+
+    @property
+    def lies(self) -> bool:
+        """Whether it lies on the ground, whatever the autopilot says: without motors nothing stands in the air."""
+        return self._is_now and self.trouble is Trouble.STOPPED and self.is_still
+
+    # --- Updates ------------------------------------------------------------------------------------------------------
+
+    def observe(self, snapshot: Snapshot, raw: Estimate, current: Callable[[], Reference | None] | None) -> None:
+        """Takes an update that is due; `current` returns the reference that is flown.
+
+        It is short: in ordinary flight it compares numbers, and asks for the reference at few updates.
+        """
+        self.due_s = snapshot.time_s + _EVERY_S
+        motion = snapshot.motion
+        velocity, pose = motion.velocity, motion.pose
+        if velocity is None or pose is None or raw.state is State.UNINITIALIZED:
+            self.forget()
+            return
+        now_s = motion.measured_s or velocity.time_s
+        passed_s = now_s - self._seen_s
+        if passed_s == 0.0:
+            return
+        self._seen_s = now_s
+        if passed_s < 0.0:  # it has booted
+            self._asked_s = self._armed_s = -math.inf
+        if not 0.0 < passed_s <= _LONGEST_GAP_S or snapshot.time_s - velocity.time_s > _LONGEST_GAP_S:
+            self.forget()
+        x, y, z = velocity.value.linear
+        self._speed_squared = x * x + y * y + z * z
+        if self._speed_squared > _STILL_M_S * _STILL_M_S:
+            self._still_s, self.is_still = None, False
+        elif self._still_s is None:
+            self._still_s = now_s
+        else:
+            self.is_still = now_s - self._still_s >= _STILL_S
+        found = self._find(snapshot, raw.state, current)
+        if found is not None:
+            self._note(*found)
+        elif self.why:
+            self._is_now = False
+            self._settle(raw.state)
+
+    def _settle(self, state: State) -> None:
+        """Tells what was in the past tense, and ends it where it lies disarmed."""
+        if self.trouble in _PAST:
+            self.why = _PAST[self.trouble].format(self._worst)
+        if state is State.LANDED_DISARMED and self.is_still:
+            self.release()
+
+    def _note(self, trouble: Trouble, size: float) -> None:
+        if self.trouble is None:
+            self.count += 1
+        is_worse = self.trouble is None or trouble is not self.trouble
+        if is_worse and not (self.trouble in _LEADING and trouble not in _LEADING):
+            self.trouble, self._worst = trouble, 0.0
+        self._is_now = True
+        if trouble is self.trouble:
+            self._worst = max(self._worst, size)
+            self.why = _WORDS[trouble].format(size)
+
+    def _find(
+        self, snapshot: Snapshot, state: State, current: Callable[[], Reference | None] | None
+    ) -> tuple[Trouble, float] | None:
+        """Returns the rule that shows that it does not follow, and by how much; None while none does."""
+        motion, control, now_s = snapshot.motion, snapshot.control, self._seen_s
+        assert motion.velocity is not None
+        assert motion.pose is not None
+        down_m_s, z_m = -motion.velocity.value.linear.z, motion.pose.value.position.z
+        is_in_air = state in _IN_AIR
+        if is_in_air:
+            self._armed_s = now_s
+        if state is State.LANDED_DISARMED:
+            is_new = now_s - self._armed_s <= DISARMED_S or self.trouble is Trouble.DISARMED
+            fall = self._falls(now_s, z_m, down_m_s, FALL_M_S if is_new else CARRIED_M_S)
+            return (Trouble.DISARMED, down_m_s) if fall else None
+        is_stopped = Cause.TERMINATION in (control.failsafe, control.held_by)
+        if not is_stopped:
+            self._stopped = None
+        elif self.trouble is Trouble.STOPPED or (is_in_air and self._is_stopped_in_air(state, now_s, z_m)):
+            return Trouble.STOPPED, down_m_s
+        mode = control.mode
+        if state is State.FLYING_MANUAL and not (mode is not None and mode.value.is_autonomous):
+            self._fall = None
+            return None  # its pilot may fly as he likes
+        if down_m_s <= _DESCENDS_M_S:
+            self._fall = None
+        else:
+            asked_m_s = self._asked(snapshot, state, None if current is None else current())
+            if self._falls(now_s, z_m, down_m_s, (0.0 if is_stopped else asked_m_s) + FALL_M_S):
+                return (Trouble.STOPPED if is_stopped else Trouble.FALL), down_m_s
+        if not is_in_air or now_s - self._looked_s < _LOOK_S:
+            return None
+        self._looked_s = now_s
+        return self._tilted_or_astray(snapshot, state, current)
+
+    def _tilted_or_astray(
+        self, snapshot: Snapshot, state: State, current: Callable[[], Reference | None] | None
+    ) -> tuple[Trouble, float] | None:
+        now_s, pose = self._seen_s, snapshot.motion.pose
+        assert pose is not None
+        x, y, *_ = pose.value.orientation
+        level = 1.0 - 2.0 * (x * x + y * y)
+        if level >= _COS_TILT:
+            self._tilted_s = math.inf
+        elif self._tilted_s == math.inf:
+            self._tilted_s = now_s
+        elif now_s - self._tilted_s >= _TILTS_S:
+            return Trouble.TILT, math.degrees(math.acos(max(-1.0, level)))
+        if current is None or state is not State.FLYING_AUTO:
+            return None
+        moves = self._speed_squared > _MOVES_M_S * _MOVES_M_S
+        if not moves:
+            self._astray_s = math.inf
+            if now_s - self._placed_s < _LOOK_AT_REST_S:
+                return None
+        self._placed_s = now_s
+        reference = current()
+        return None if reference is None else self._astray(snapshot, reference)
+
+    def _is_stopped_in_air(self, state: State, now_s: float, z_m: float) -> bool:
+        """Whether motors that are stopped are so in the air: at a touch-down the pilot may stop them before the
+        autopilot notices the ground. An autopilot that does not, tells so for ever.
+        """
+        if state is not State.LANDING:
+            return True
+        if self._stopped is None:
+            self._stopped = _Seen(now_s, z_m, 0.0)
+        return self._stopped.z_m - z_m > _STOPPED_DROP_M or now_s - self._stopped.time_s > _STOPPED_S
+
+    def _asked(self, snapshot: Snapshot, state: State, reference: Reference | None) -> float:
+        """Returns how fast it is to descend at most: what was asked of late ends slowly."""
+        own_m_s = max(OWN_DESCENT_M_S, self._backend.info().limits.descent_speed_m_s)
+        if state is State.LANDED_ARMED:
+            asked_m_s = 0.0
+        elif reference is None or state is not State.FLYING_AUTO:
+            asked_m_s = own_m_s
+        elif isinstance(reference, Hold):
+            assert snapshot.motion.pose is not None
+            asked_m_s = own_m_s if snapshot.motion.pose.value.position.z - reference.position.z > _BELOW_M else 0.0
+        elif isinstance(reference, Velocity):
+            asked_m_s = -reference.velocity(snapshot).z
+        else:
+            asked_m_s = -reference.motion(snapshot).velocity.z
+        left_m_s = self._asked_down_m_s - _BRAKES_M_S2 * (self._seen_s - self._asked_s)
+        self._asked_down_m_s, self._asked_s = max(asked_m_s, left_m_s, 0.0), self._seen_s
+        return self._asked_down_m_s
+
+    def _falls(self, now_s: float, z_m: float, down_m_s: float, most_m_s: float) -> bool:
+        """Whether it has descended faster than `most_m_s` for long enough, by its velocities and its heights."""
+        if down_m_s <= most_m_s:
+            self._fall = None
+            return False
+        fall = self._fall
+        if fall is None or down_m_s < fall.down_m_s:  # one that gets slower brakes
+            self._fall = _Seen(now_s, z_m, down_m_s)
+            return False
+        passed_s = now_s - fall.time_s
+        if passed_s < _FALLS_S:
+            return False
+        return fall.z_m - z_m >= _DROP_SHARE * passed_s * fall.down_m_s
+
+    # --- The place ----------------------------------------------------------------------------------------------------
+
+    def _astray(self, snapshot: Snapshot, reference: Reference) -> tuple[Trouble, float] | None:
+        """Compares the place, or the velocity, with the reference."""
+        if isinstance(reference, Velocity):
+            self._hold, self._astray_s = None, math.inf
+            return self._off_velocity(snapshot, reference)
+        self._off = (-math.inf, math.inf)
+        assert snapshot.motion.pose is not None
+        asked = reference.motion(snapshot)
+        assert snapshot.motion.velocity is not None
+        back, velocity = asked.position - snapshot.motion.pose.value.position, snapshot.motion.velocity.value.linear
+        off_m, speed_m_s = back.norm(), velocity.norm()
+        is_away = speed_m_s > _MOVES_M_S and velocity.dot(back) < _TOWARDS * speed_m_s * off_m
+        free_m = ASTRAY_M + _ASTRAY_SHARE_S * asked.velocity.norm()
+        if isinstance(reference, Hold):  # it may be far: how near it has come counts
+            free_m += self._nearest_m(snapshot, reference, off_m)
+        else:
+            self._hold = None
+        self._astray_s = min(self._astray_s, self._seen_s) if is_away and off_m > free_m else math.inf
+        return (Trouble.ASTRAY, off_m) if self._seen_s - self._astray_s >= _ASTRAY_S else None
+
+    def _nearest_m(self, snapshot: Snapshot, hold: Hold, off_m: float) -> float:
+        """Returns how near it has come to a pose, and at first the way that it needs to turn round."""
+        if self._hold is None or (moved_m := (hold.position - self._hold.position).norm()) > ASTRAY_M:
+            assert snapshot.motion.velocity is not None
+            speed_m_s = snapshot.motion.velocity.value.linear.norm()
+            self._nearest, self._furthest = off_m, off_m
+            self._turn_m = speed_m_s * speed_m_s / (2.0 * _LEAST_BRAKING_M_S2)
+        else:
+            self._nearest, self._furthest = min(self._nearest + moved_m, off_m), max(self._furthest, off_m)
+            if off_m < self._furthest - _TURNED_M:
+                self._turn_m = 0.0
+        self._hold = hold
+        return self._nearest + self._turn_m
+
+    def _off_velocity(self, snapshot: Snapshot, reference: Velocity) -> tuple[Trouble, float] | None:
+        assert snapshot.motion.velocity is not None
+        asked = reference.velocity(snapshot)
+        off_m_s = (snapshot.motion.velocity.value.linear - asked).norm()
+        since_s, began_m_s = self._off
+        if off_m_s <= _OFF_M_S + _OFF_SHARE * asked.norm():
+            self._off = (-math.inf, math.inf)
+        elif since_s == -math.inf or off_m_s < began_m_s - _NEARER_M_S or off_m_s > began_m_s + FALL_M_S:
+            self._off = (self._seen_s, off_m_s)
+        elif self._seen_s - since_s >= _OFF_S:
+            return Trouble.ASTRAY, off_m_s
+        return None
+
+
+_COS_TILT = math.cos(TILT_RAD)
+_STOPS = "the autopilot {} stopped its motors in the air (flight termination, or a kill switch)"
+_LEADING = (Trouble.STOPPED, Trouble.DISARMED)
+"""What names the cause, and not only what follows from it."""
+_WORDS = {
+    Trouble.FALL: "the UAV does not follow: it falls at {:.0f} m/s",
+    Trouble.TILT: "the UAV does not follow: it is tilted by {:.0f} deg",
+    Trouble.STOPPED: f"the UAV does not follow: {_STOPS.format('has')}",
+    Trouble.DISARMED: "the motors were disarmed in the air, and the UAV falls at {:.0f} m/s",
+    Trouble.ASTRAY: "another sender, or the UAV does not follow: it is {:.1f} (m, or m/s) beside what is asked",
+}
+_PAST = {
+    Trouble.FALL: "the UAV did not follow: it fell at {:.0f} m/s",
+    Trouble.TILT: "the UAV did not follow: it was tilted by {:.0f} deg",
+    Trouble.STOPPED: f"the UAV did not follow: {_STOPS.format('had')}",
+    Trouble.DISARMED: "the motors were disarmed in the air, and the UAV fell at {:.0f} m/s",
+    Trouble.ASTRAY: "another sender, or the UAV did not follow: it was {:.1f} (m, or m/s) beside what was asked",
+}
