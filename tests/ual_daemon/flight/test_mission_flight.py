@@ -323,7 +323,9 @@ def test_a_shutdown_waits_for_a_stop_without_a_position_only_until_the_autopilot
     assert world.flight.manoeuvre is None
     assert (error is None) is is_held
     if not is_held:
-        assert "the autopilot has not said its pose; its mission may go on: " in str(error)
+        assert "the autopilot has not said its pose; it is in the air, in mode MISSION; its mission may go on: " in str(
+            error
+        )
 
 
 def test_a_shutdown_waits_for_a_stop_that_is_seen_again_in_time(world: World) -> None:
