@@ -29,7 +29,7 @@ from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.references import Reference
 from ual_daemon.vehicle.mission_file import FlownMission, MissionFile
 from ual_daemon.vehicle.mission_plan import MissionPlanner
-from ual_daemon.vehicle.mission_stage import judged_stage
+from ual_daemon.vehicle.mission_stage import Brought, judged_stage
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.reach_limit import ReachLimit
 from ual_daemon.vehicle.refusal_log import accepted
@@ -73,6 +73,7 @@ class Missions:
         """What is in the file since this daemon flies a mission."""
         self._last: AutopilotMission | None = None
         """The newest mission that was flown, or is."""
+        self._brought = Brought()
         self.changes_count = 0
         """How often something was about to be sent that changes the autopilot's mission."""
 
@@ -98,6 +99,11 @@ class Missions:
         if is_flown or is_begun or (self._flight.is_on_mission and not self._flight.is_stopping_mission):
             text = f"{command}: the autopilot flies a mission now; stop it first (abort), or wait for its end"
             raise WrongStateError(text, {"command": command, "needed": "abort"})
+
+    def brought(self, kept: KeptMission) -> None:
+        """Notes that UAL has brought a mission, or has removed it."""
+        stage = MissionStage.NOT_STARTED if kept.items else MissionStage.NONE
+        self._last, self._brought = None, Brought(self._backend.snapshot().time_s, stage)
 
     def require_whole(self) -> None:
         """Checks that no upload was cut off on which the start of a mission relies; see `UploadJournal.require_whole`.
@@ -165,12 +171,12 @@ class Missions:
         task_id = info.id if info is not None and info.kind is TaskKind.MISSION else ""
         if report is None:
             return MissionProgress(MissionStage.UNKNOWN, task_id=task_id)
-        manoeuvre, last = self._flight.manoeuvre, self._last
+        manoeuvre, last, brought = self._flight.manoeuvre, self._last, self._brought
         flown = manoeuvre if isinstance(manoeuvre, AutopilotMission) else None
         if flown is None and last is not None and not last.has_list_of(report):
             last = None
-        reached = report.reached if flown is None else flown.reached(report)
-        stage = judged_stage(report, self._backend.snapshot(), offer.mode, flown, flown or last)
+        reached = brought.reached(report) if flown is None else flown.reached(report)
+        stage = judged_stage(report, self._backend.snapshot(), offer.mode, flown, flown or last, brought)
         return MissionProgress(stage, report.item, reached, task_id)
 
     def require_task(self, command: str) -> str:

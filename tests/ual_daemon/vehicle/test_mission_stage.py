@@ -9,7 +9,7 @@ from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import Lab
 from ual.missions.plan import MissionStage
 from ual_daemon.backends.offers.missions import MissionReport
 from ual_daemon.backends.values import Control, LandedState
-from ual_daemon.vehicle.mission_stage import judged_stage
+from ual_daemon.vehicle.mission_stage import Brought, judged_stage
 
 NONE, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = list(MissionStage)[1:]
 
@@ -45,6 +45,27 @@ def test_one_that_did_not_reach_its_last_item_is_not_complete(*, armed: bool, st
     lab.kept = lab.kept._replace(items=lab.kept.items * 3)
     lab.mission = lab.make()
     assert judged(COMPLETE, "HOLD", armed=armed, lab=lab) is stage
+
+
+@pytest.mark.parametrize("told", [NONE, NOT_STARTED, ACTIVE, PAUSED, COMPLETE])
+@pytest.mark.parametrize("armed", [True, False])
+def test_one_that_was_just_brought_has_not_begun(told: MissionStage, *, armed: bool) -> None:
+    """What was told before is of another one: PX4 told COMPLETE, or PAUSED once armed, of a mission nobody flew."""
+    autopilot = Autopilot(control=Control.OTHER, landed=LandedState.ON_GROUND, mode="OFFBOARD", armed=armed)
+    report = MissionReport(told, 4, 3, 1.0, 5, 1.0)
+    brought = Brought(1.5, NOT_STARTED)
+    assert judged_stage(report, autopilot.snapshot(), "MISSION", None, None, brought) is NOT_STARTED
+
+
+@pytest.mark.parametrize("told", [PAUSED, COMPLETE])
+@pytest.mark.parametrize("armed", [True, False])
+def test_one_of_which_nothing_was_reached_has_not_begun_on_the_ground(told: MissionStage, *, armed: bool) -> None:
+    """PX4 tells the number and the end of the mission before with the new checksum, too."""
+    autopilot = Autopilot(control=Control.OTHER, landed=LandedState.ON_GROUND, mode="OFFBOARD", armed=armed)
+    for reached, reached_s in ((None, 0.0), (3, 1.0)):
+        report = MissionReport(told, 4, reached, 2.0, 5, reached_s)
+        brought = Brought(1.5, NOT_STARTED)
+        assert judged_stage(report, autopilot.snapshot(), "MISSION", None, None, brought) is NOT_STARTED
 
 
 def stage_of(lab: Lab) -> MissionStage:

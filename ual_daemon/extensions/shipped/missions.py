@@ -57,7 +57,12 @@ class VehicleMissions:
         undo = partial(self._removal, offer, lease_id) if offer.keeps_parts else None
         sent = list(items)
         uploading = upload.run(partial(offer.upload, sent), partial(self._refusal, _UPLOAD, lease_id), undo)
-        return then(uploading, lambda kept: _noted("mission_uploaded", _numbered(kept, items)))
+
+        def end(kept: KeptMission) -> StoredMission:
+            self._vehicle.missions.brought(kept)
+            return _noted("mission_uploaded", _numbered(kept, items))
+
+        return then(uploading, end)
 
     def download(self) -> Future[StoredMission]:
         """See `ual.interface.Mission`."""
@@ -69,6 +74,7 @@ class VehicleMissions:
         self._require_change(_CLEAR, lease_id)
 
         def end(kept: KeptMission) -> None:
+            self._vehicle.missions.brought(kept)
             _noted("mission_cleared", kept)
 
         return then(self._removal(offer, lease_id), end)

@@ -730,6 +730,15 @@ def test_how_far_it_is_is_judged_by_what_it_does(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
     flight.let_pass(3.0)
     assert flight.uav.mission.progress().stage is MissionStage.NOT_STARTED
+    flight.uav.mission.upload(box(flight))
+    stages = {flight.uav.mission.progress().stage}
+    flight.uav.arm()
+    for _ in range(30):
+        stages.add(flight.uav.mission.progress().stage)
+        flight.let_pass(0.1)
+    assert stages == {MissionStage.NOT_STARTED}
+    flight.uav.mission.clear()
+    assert flight.uav.mission.progress().stage is MissionStage.NONE
 
 
 def test_one_that_begins_with_a_speed_takes_off_and_flies_at_it(flight: Flight) -> None:
