@@ -24,7 +24,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     why_blind,
     with_advice,
 )
-from ual_daemon.flight.manoeuvres.progress_watch import ProgressWatch
+from ual_daemon.flight.manoeuvres.progress_watch import STUCK_S, ProgressWatch
 from ual_daemon.flight.policy.following import Trouble
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
@@ -45,6 +45,9 @@ _HIGHEST_SHARE, _HIGHEST_MARGIN_M = 1.2, 1.0
 may count heights from elsewhere; the estimate of the ground wanders by 0.7 m."""
 _LEFT_GROUND_M = 1.0
 """The estimate of a UAV that stands wanders by less."""
+_LIFTS_OFF_M, _LIFT_OFF_S = 0.5, 6.0
+"""The climb that shows a lift-off, and how long an autopilot may take to begin it. On the ground the estimate wanders
+by 0.3 m at a time, which is way to a watch of the way alone."""
 _REFUSED = "the UAV stays on the ground: disarm it, or remove what the autopilot complains of and take off again"
 _STUCK = (
     "let its safety pilot disarm it if it stands on the ground, or take over and land it if it flies, and look at its "
@@ -103,6 +106,7 @@ class TakeOff(Manoeuvre):
         self._air_since_s = math.inf
         """Since when it is in the air, in a mode that is not ours as far as it was told."""
         self._longest_s = _longest_s(height_m, limits)
+        self._has_lifted_off = False
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -196,11 +200,17 @@ class TakeOff(Manoeuvre):
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
         is_there = self._height_m - climbed_m <= self._tolerance_m
         self._climb_watch.observe(motion.position.z, snapshot.time_s, is_there=is_there)
+        passed_s = snapshot.time_s - since_s
+        has_lifted_off = is_there or climbed_m >= min(_LIFTS_OFF_M, self._height_m / 2.0)
+        self._has_lifted_off = self._has_lifted_off or has_lifted_off
         if self._climb_watch.text:
-            return self._given_up(climbed_m)
+            return self._given_up(climbed_m, self._climb_watch.text)
+        patience_s = max(STUCK_S, _LIFT_OFF_S + _LIFTS_OFF_M / self._limits.climb_speed_m_s)
+        if not self._has_lifted_off and passed_s > patience_s:
+            return self._given_up(climbed_m, f"it has not lifted off for {passed_s:.0f} s: {self._stuck}")
         if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):
             return Step(setpoint, has_ended=True, next_reference=self._top)
-        if snapshot.time_s - since_s > self._longest_s:
+        if passed_s > self._longest_s:
             return failed(
                 UalTimeoutError(
                     f"take_off: at {climbed_m:.2f} m after {self._longest_s:.0f} s, not at {self._height_m:g} m; "
@@ -218,10 +228,10 @@ class TakeOff(Manoeuvre):
         )
         return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
 
-    def _given_up(self, climbed_m: float) -> Step:
+    def _given_up(self, climbed_m: float, why: str) -> Step:
         """Returns the step that ends a climb that makes no way: it must not begin later, when nobody expects it."""
         error = UalTimeoutError(
-            f"take_off: at {climbed_m:.2f} m, not at {self._height_m:g} m: {self._climb_watch.text}; the autopilot is "
+            f"take_off: at {climbed_m:.2f} m, not at {self._height_m:g} m: {why}; the autopilot is "
             "to hold by itself now",
             {"by": "no way"},
         )

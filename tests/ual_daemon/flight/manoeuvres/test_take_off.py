@@ -341,6 +341,24 @@ def test_a_take_off_that_is_stuck_ends_within_10_s_and_says_what_can_be_done(
     assert step.is_autopilot_to_hold
 
 
+@pytest.mark.parametrize("on_setpoints", [True, False])
+def test_a_height_that_wanders_on_the_ground_is_no_climb(
+    autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool
+) -> None:
+    climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
+    ack.set_result(None)
+    autopilot.control, autopilot.climb_m_s = Control.REFERENCES, 0.07
+    begun_s, step = autopilot.time_s, Step()
+    while not step.has_ended:
+        if autopilot.time_s - begun_s > 6.0:
+            autopilot.climb_m_s = 0.0
+        step = autopilot.step(climb)
+    assert isinstance(step.error, UalTimeoutError)
+    assert step.error.metadata["by"] == "no way"
+    assert step.is_autopilot_to_hold
+    assert autopilot.time_s - begun_s < 9.0
+
+
 def test_a_climb_that_is_slow_by_its_limit_is_not_stuck(autopilot: Autopilot, ack: Future[None]) -> None:
     slow = Limits(climb_speed_m_s=0.02)
     command, start = sent(ack, autopilot), autopilot.snapshot()
