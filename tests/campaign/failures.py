@@ -76,6 +76,7 @@ def _stop(rig: Rig, fault: Fault, wait: Wait) -> None:
         wait(fault.duration_s)
         rig.pilot.order(_DO_AUX_FUNCTION, (_STOP_OPTION, _LOW))
         return
+    rig.must_boot = True  # before that it is not armed again
     rig.pilot.sticks = _KILLING
     wait(_GESTURE_S)
     rig.pilot.sticks = Sticks()

@@ -27,7 +27,7 @@ def fly(rig: Rig, plan: Plan) -> Record:
         NotFlownError: Something other than UAL failed.
 
     """
-    if any(fault.kind == "reboot" for fault in plan.faults) or rig.is_astray():
+    if any(fault.kind == "reboot" for fault in plan.faults) or rig.is_astray() or rig.must_boot:
         rig.reboot()
     rig.prepare()
     record = rig.begin_record()

@@ -37,7 +37,7 @@ _NEARER_M = 0.5
 _OFF_M_S, _OFF_SHARE = 2.0, 0.3
 _PAUSE_S = 0.3
 """What lasts may be interrupted for so long."""
-_LOW_M, _HIGH_M = 0.3, 1.0
+LOW_M, _HIGH_M = 0.3, 1.0
 """A vehicle that is lower lies, one that is higher has lifted off."""
 _LIES_S, _STILL_M_S = 1.0, 0.3
 _ARMED_S = 8.0
@@ -100,7 +100,7 @@ def _released_s(case: Case, stray: Stray) -> float:
         for call in case.record.called
         if call.name == "recover" and not call.outcome and call.began_s > stray.began_s
     ]
-    times += [each for each in case.disarmed_s if each > stray.began_s and _height_m(case, each) < _LOW_M]
+    times += [each for each in case.disarmed_s if each > stray.began_s and height_m(case, each) < LOW_M]
     times += [lying.time_s for lying in lyings(case) if lying.time_s > stray.began_s and not _is_armed(case, lying)]
     return min(times, default=math.inf)
 
@@ -127,9 +127,9 @@ def _drops(case: Case) -> Iterator[Stray]:
     """It is disarmed in the air."""
     for time_s in case.disarmed_s:
         # An autopilot may tell of it a second late: PX4's heartbeat.
-        height_m = min((_height_m(case, time_s - back_s) for back_s in (0.0, 0.5)), default=0.0)
-        if height_m > _HIGH_M:
-            yield Stray(time_s, time_s + BESIDE_S, f"it was disarmed {height_m:.1f} m up")
+        up_m = min(height_m(case, time_s - back_s) for back_s in (0.0, 0.5))
+        if up_m > _HIGH_M:
+            yield Stray(time_s, time_s + BESIDE_S, f"it was disarmed {up_m:.1f} m up")
 
 
 def _besides(case: Case) -> Iterator[Stray]:
@@ -229,7 +229,7 @@ def lyings(case: Case) -> Iterator[Located]:
     since_s, ground_m = math.inf, _ground_m(case.record)
     for each in case.record.truth:
         is_moving = each.velocity is not None and math.hypot(*each.velocity) > _STILL_M_S
-        if is_moving or each.place[2] - ground_m > _LOW_M:
+        if is_moving or each.place[2] - ground_m > LOW_M:
             since_s = math.inf
             continue
         since_s = min(since_s, each.time_s)
@@ -258,7 +258,8 @@ def _ground_m(record: Record) -> float:
     return record.truth[0].place[2] if record.truth else 0.0
 
 
-def _height_m(case: Case, time_s: float) -> float:
+def height_m(case: Case, time_s: float) -> float:
+    """Returns how high it was above where it stood at its begin, by the truth."""
     place = nearest(case.record.truth, time_s)
     return 0.0 if place is None else place[2] - _ground_m(case.record)
 

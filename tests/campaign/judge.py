@@ -33,7 +33,7 @@ from tests.campaign.evidence import (
     place_text,
     until_s,
 )
-from tests.campaign.follows import follows, nothing_flies_unasked
+from tests.campaign.follows import LOW_M, follows, height_m, nothing_flies_unasked
 from tests.campaign.modes import Modes
 from tests.campaign.motion import a_task_makes_way, a_velocity_leads_straight
 from tests.campaign.places import distance_m
@@ -146,6 +146,8 @@ def the_state_is_true(case: Case) -> Iterator[Breach]:
         since_s = known_since_s(record, said.time_s, STATE_S)
         true = {state for each in between(changes, since_s, said.time_s + AHEAD_S) for state in _states(each, modes)}
         true |= _doing(record, since_s, said.time_s)
+        if height_m(case, said.time_s) < LOW_M and any(each.armed for each in between(changes, since_s, said.time_s)):
+            true.add("LANDED_ARMED")  # it has fallen, and its autopilot has not noticed the ground
         if said.state == "UNINITIALIZED":
             lost = any(each.is_placed is False for each in between(changes, said.time_s - _UNPLACED_S, said.time_s))
             if not (lost or _is_disturbed(record, said.time_s) or _was_silent(times, said.time_s)):

@@ -98,6 +98,8 @@ class Rig:
         self.daemon = DaemonProcess(options.mutant, self._flags(), options.folder)
         self._observer: ual.Uav | None = None
         self._client: ClientProcess | None = None
+        self.must_boot = False
+        """Whether the autopilot must boot before the next flight."""
         self._places: list[Place] = []
         self.anchor: Place | None = None
         self.anchor_error_m = 0.0
@@ -324,7 +326,7 @@ class Rig:
             self.simulator.start()
         else:
             raise NotFlownError("no command to start the simulator")
-        self.truth.place = None
+        self.truth.place, self.must_boot = None, False
         self.pilot = self._make_pilot()
         self.set_parameters()
         self._ears.renew()
