@@ -287,6 +287,7 @@ def test_one_cause_has_one_name() -> None:
     record.troubles.append(Trouble("freeze", 5.0, 6.0))
     record.called[2] = dataclasses.replace(record.called[2], by="failsafe")
     assert rules(told(record, 16.0, "in the air, mode LOITER does not take our references: failsafe")) == set()
+    assert rules(told(record, 17.0, "it falls (mode LOITER does not take our references: failsafe)")) == set()
     assert rules(told(record, 18.0, "in the air, mode LOITER does not take our references")) == {"words"}
 
 

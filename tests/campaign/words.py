@@ -98,5 +98,5 @@ def _modes(case: Case) -> Iterator[Known]:
 
 def cause_in(reason: str) -> str:
     """Returns the cause that a reason of a state ends with; empty where it names none."""
-    cause = reason.rpartition(": ")[2]
+    cause = reason.rpartition(": ")[2].rstrip(")")  # of a vehicle that does not follow it comes in brackets
     return cause if cause in _NAMES else ""
