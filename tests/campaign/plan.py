@@ -201,8 +201,9 @@ def _fault(dice: random.Random, steps: list[Step]) -> Fault:
     durations = {"silence": (0.3, 4.0), "freeze": (0.1, 3.0), "kill_daemon": (0.0, 3.0), "busy": (1.0, 2.0)}
     duration_s, strength = dice.uniform(*durations.get(kind, (1.5, 4.0))), dice.random()
     if kind in _OF_MISSION:
-        is_cut = kind == "cut"
-        return Fault(kind, missions[0] - is_cut, 0.0 if is_cut else dice.uniform(1.5, 5.0), duration_s, strength)
+        if kind == "cut":
+            return Fault(kind, [step.name for step in steps].index("upload"), 0.0, duration_s, strength)
+        return Fault(kind, missions[0], dice.uniform(1.5, 5.0), duration_s, strength)
     if kind == "held":
         return Fault(kind, 0, 0.0, duration_s, strength)
     first = 2 if kind in _IN_MOTION else 1 if kind in _IN_FLIGHT | _OF_VEHICLE | _BY_STATION else 0

@@ -276,7 +276,7 @@ def test_what_is_new_can_be_judged_again_from_its_file() -> None:
 
 
 def test_the_plans_of_a_campaign_have_every_failure_and_service() -> None:
-    plans = [plan(seed) for seed in range(600)]
+    plans = [plan(seed) for seed in range(1000)]
     kinds = {fault.kind for each in plans for fault in each.faults}
     assert kinds >= {"motor_off", "motor_weak", "stop", "disarmed", "held", "wind", "gps_jam", "gps_jump", "compass"}
     assert kinds >= {"barometer", "accelerometer", "station_upload", "station_clear", "station_jump", "cut"}
