@@ -70,7 +70,8 @@ def follows(case: Case) -> Iterator[Breach]:
             continue  # the same fall
         told_s = stray.began_s + TOLD_S
         due_s = told_s + (told_s - known_since_s(record, told_s, 0.0))
-        if not _is_told(record, stray.began_s, due_s):
+        is_over = not record.said or record.said[-1].time_s < due_s
+        if not is_over and not _is_told(record, stray.began_s, due_s):
             yield Breach("follows", due_s, f"{stray.what} since {stray.began_s:.2f}, which is not told")
         released_s = _released_s(case, stray)
         for call in record.called:

@@ -59,6 +59,8 @@ _DOWN_S = 60.0
 _ASTRAY_M = 3.0
 _UP_M = 2.8
 _DOWN_M = 0.3
+_FALLEN_S = 3.0
+"""After so long what was disarmed in the air lies on the ground, and is told."""
 _FORCE = 21196.0
 _KEPT_COUNT = 5
 _SURE_M, _SURE_S = 1.0, 20.0
@@ -356,6 +358,8 @@ class Rig:
             if self.is_down():  # it has fallen, and may be taken for flying
                 self.pilot.order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, _FORCE))
             time.sleep(0.2)
+        if not self.is_down():  # disarmed in the air
+            time.sleep(_FALLEN_S)
         if self.record.said and self.daemon.is_running:
             with contextlib.suppress(NotFlownError):  # the judge finds a state that stays untrue
                 self.wait_for(lambda: self.state() == "LANDED_DISARMED", "LANDED_DISARMED", 3.0)
