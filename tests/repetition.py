@@ -5,7 +5,11 @@ The rules stand here alone: no test is marked by hand.
 
 from __future__ import annotations
 
+import dis
+from types import CodeType
 from typing import Any
+
+import pytest
 
 from ual.conformance import Check
 
@@ -47,6 +51,14 @@ _OF_THE_WIRE = {
     "lands",
 }
 """Calls of each kind: another transport carries all others alike."""
+_OF_ANOTHER_VEHICLE = {
+    *_OF_THE_WIRE,
+    "a_velocity_of_the_body_turns_with_it",
+    "arms_and_disarms",
+    "flies_a_velocity_and_stops_without",
+}
+"""What another vehicle of a backend flies, beside what is its own and its pilot's: setpoints and commands of each kind.
+"""
 
 # --- Faults -----------------------------------------------------------------------------------------------------------
 
@@ -56,6 +68,7 @@ SAME_BACKEND = {"ardupilot", "mavros ardupilot", "dji osdk", "hover"}
 A fault is shown at all its moments over the first vehicle of a test, and at the first moment over the others.
 """
 
+# --- The second autopilot ---------------------------------------------------------------------------------------------
 
 _MAVLINK = "tests/ual_daemon/backends/mavlink/test_autopilot_"
 BOTH_ALIKE = (
@@ -65,6 +78,10 @@ BOTH_ALIKE = (
     "tests/ual_tools/rtcm/",
 )
 """Where two autopilots fly the same code of UAL: one of them does in `make test`."""
+WHERE_ASKED = (_MAVLINK,)
+"""Where both fly if the test itself asks which it is, and then at the first of several moments."""
+_NAMES = {"ArduPilot", "Px4", "ardupilot", "px4", "kind"}
+"""Names by which a test asks."""
 
 
 def repeats(item: Any) -> bool:
@@ -73,20 +90,57 @@ def repeats(item: Any) -> bool:
     if item.nodeid.startswith(tuple(PROGRAMS)):
         return True
     parameters: dict[str, Any] = item.callspec.params if hasattr(item, "callspec") else {}
-    if not parameters:
+    if not parameters or path.startswith("tests/sitl/"):
         return False
-    if item.callspec.indices.get("craft"):
-        is_another_moment = any(index for name, index in item.callspec.indices.items() if name != "craft")
-        return is_another_moment or parameters["craft"] in SAME_BACKEND
     check = parameters.get("check")
-    if check is None and path.startswith(BOTH_ALIKE):
-        return any(parameters[name] == "ardupilot" and index for name, index in item.callspec.indices.items())
-    return isinstance(check, Check) and not path.startswith("tests/sitl/") and _is_the_same_here(check, path, item.name)
+    if isinstance(check, Check):
+        return _is_the_same_here(check, path, item)
+    others = {name for name in parameters if not _is_first(item, name)}
+    if "craft" in others:
+        return parameters["craft"] in SAME_BACKEND or len(others) > 1
+    second = {name for name in others if _is_ardupilot(parameters[name])}
+    if not second or path.startswith(BOTH_ALIKE):
+        return bool(second)
+    return path.startswith(WHERE_ASKED) and (others > second or not asks_which(item.function.__code__))
 
 
-def _is_the_same_here(check: Check, path: str, name: str) -> bool:
-    if any(f"[{way}-" in name or f"-{way}]" in name for way in WHOLE.get(path, ())):
+def _is_ardupilot(value: object) -> bool:
+    name = value[0] if isinstance(value, tuple) and value else value
+    return isinstance(name, str) and name == "ardupilot"
+
+
+def _is_first(item: Any, name: str) -> bool:
+    """Whether a parameter has the first of its values. The indices of pytest count all tests of a function."""
+    value = item.callspec.params[name]
+    for mark in item.iter_markers("parametrize"):
+        names = [each.strip() for each in mark.args[0].split(",")] if isinstance(mark.args[0], str) else mark.args[0]
+        if name in names:
+            first = _plain(next(iter(mark.args[1])), is_one=len(names) == 1)
+            return first[names.index(name)] is value
+    params = item._fixtureinfo.name2fixturedefs[name][-1].params
+    return not params or _plain(params[0], is_one=True)[0] is value
+
+
+def _plain(values: Any, *, is_one: bool) -> Any:
+    """Returns the values of one set of parameters, which `pytest.param` may have made."""
+    if isinstance(values, type(pytest.param())):
+        return values.values
+    return (values,) if is_one else values
+
+
+def asks_which(code: CodeType) -> bool:
+    """Whether a function, or one within it, reads a name or a text that tells the autopilots apart."""
+    inner = [each for each in code.co_consts if isinstance(each, CodeType)]
+    read = {each.argval for each in dis.get_instructions(code) if not each.opname.startswith("STORE")}
+    return any(isinstance(each, str) and each in _NAMES for each in read) or any(map(asks_which, inner))
+
+
+def _is_the_same_here(check: Check, path: str, item: Any) -> bool:
+    if any(f"[{way}-" in item.name or f"-{way}]" in item.name for way in WHOLE.get(path, ())):
         return False
     if path == "tests/ual/test_conformance.py":
         return check.name not in _OF_THE_WIRE
-    return check.run.__module__.rpartition(".")[2] in _ABOVE_BACKENDS or check.name in _OF_TRAJECTORIES
+    room = check.run.__module__.rpartition(".")[2]
+    if not all(_is_first(item, name) for name in item.callspec.params if name != "check"):
+        return not room.startswith(("own_", "piloted")) and check.name not in _OF_ANOTHER_VEHICLE
+    return room in _ABOVE_BACKENDS or check.name in _OF_TRAJECTORIES
