@@ -12,7 +12,7 @@ _FORGOTTEN_S = 10.0
 """Poses that were no such source explain nothing any more after so long."""
 _RELIED_ON_S = 20.0
 """An estimate that is good for so long without poses from outside does not rest on them."""
-_DOUBTED_S = 1.0
+_DOUBTED_S = 0.5
 
 
 class ExternalSilence:
@@ -27,6 +27,8 @@ class ExternalSilence:
         self._doubted = (-math.inf, "")
         self._is_cause = False
         """Whether the position was lost soon after the last one: where it was later, they are not the cause."""
+        self.is_doubtful = False
+        """Whether they have been doubted at all: no call for each sample of others."""
 
     def heard(self, now_s: float) -> None:
         """Notes that a pose was given to the autopilot."""
@@ -46,6 +48,7 @@ class ExternalSilence:
     def doubted(self, now_s: float, why: str) -> None:
         """Notes why the poses that come are not to be trusted."""
         self._doubted = (now_s, why)
+        self.is_doubtful = True
 
     def doubt(self, now_s: float) -> str:
         """Returns why the poses that come are not to be trusted; empty if nothing shows it."""

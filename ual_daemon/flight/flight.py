@@ -616,6 +616,8 @@ class Flight:
                 self.stop_for_lease(why)
         self._watched.step(snapshot, raw)
         trouble, position = self.trouble, self.position.trouble
+        if self.external_silence.is_doubtful:
+            position = self.position.doubts(snapshot.time_s)
         self._explanation.update(snapshot, f"{trouble}; {position}" if trouble and position else trouble or position)
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)

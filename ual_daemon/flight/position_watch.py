@@ -64,8 +64,6 @@ class PositionWatch:
         self._external = external
         self.trouble = ""
         """What is wrong with the position, human-readable; empty if nothing is known to be."""
-        self.check = ""
-        """The same as a check that fails."""
         self.due_s = -math.inf
         """When the next update is due."""
         self.waits = ""
@@ -97,10 +95,16 @@ class PositionWatch:
                 self._fix = self._fix if has_fix else gps.fix.name
                 no_fix = f"no satellite fix ({self._fix}), and {DRIFTS}"
         self.waits = no_fix or ("" if has_fix else outside)
-        self._tell("; ".join(filter(None, (no_fix, outside, self._external.doubt(now_s)))))
+        self._tell("; ".join(filter(None, (no_fix, outside))))
+
+    def doubts(self, now_s: float) -> str:
+        """Returns what is wrong with the position, and with the poses that come from outside; empty if nothing is."""
+        external = self._external
+        doubt = external.doubt(now_s) if external.is_doubtful else ""
+        return f"{self.trouble}; {doubt}" if self.trouble and doubt else self.trouble or doubt
 
     def _tell(self, trouble: str) -> None:
         if trouble != self.trouble:
             level = logging.WARNING if trouble else logging.INFO
             logs.event(_log, level, "position_trouble", why=trouble or "over")
-            self.trouble, self.check = trouble, f"position: {trouble}" if trouble else ""
+            self.trouble = trouble

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections.abc import Callable
 from dataclasses import replace
 
 from ual.errors import UalError
+from ual.geometry import Vector3
 from ual.types import Capability, ExternalPose
 from ual_daemon import logs, validation
 from ual_daemon.backends import values
@@ -15,6 +17,7 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.flight.external_silence import ExternalSilence
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.vehicle.pose_gate import SHORTEST_S, Drop, PoseGate
+from ual_daemon.vehicle.pose_sources import PoseSources
 from ual_daemon.vehicle.preconditions import Preconditions
 
 _log = logging.getLogger(__name__)
@@ -24,6 +27,12 @@ CONTINUES_S = 0.5
 _MOST_STD_DEV = 1000.0
 _SPEED_FACTOR = 2.0
 """By wind and in braking a UAV is faster than the limits with which the autopilot flies."""
+_GAINED_M_S = 3.0
+"""By how much it may be faster than its newest velocity, which is a moment old."""
+_VELOCITY_S = 0.5
+"""An older velocity of the autopilot says nothing."""
+_STEPS_S = 1.0
+"""A step is logged at most so often."""
 _NAME = "set_external_pose"
 _SIMULATED = "simulated time is not that of your clock: give no stamp (0), and it counts as measured just now"
 _TOO_SOON = Drop("it comes too soon after the one before", f"at most {1.0 / SHORTEST_S:g} a second are passed on")
@@ -47,6 +56,8 @@ class ExternalPoses:
         self._preconditions = preconditions
         self._silence = silence
         self._gate = PoseGate() if backend.simulation() is None else PoseGate(_SIMULATED)
+        self._sources = PoseSources()
+        self._stepped_s = -math.inf
         self._lock = threading.Lock()
 
     def set(self, measured: ExternalPose) -> str:
@@ -86,10 +97,19 @@ class ExternalPoses:
         """Gives the backend a valid pose. Returns why it did not."""
         now_s = self._backend.clock.now_s()
         local = self._to_local(measured, now_s)
+        velocity = self._velocity()
         with self._lock:
+            self._sources.heard(logs.caller_text(), now_s)
             resets_count = self._gate.resets_count
-            drop = self._judge(local, now_s, is_stream=is_stream)
+            drop = self._judge(local, now_s, velocity, is_stream=is_stream)
             local = replace(local, resets_count=self._gate.resets_count)
+            step_m = (
+                0.0
+                if drop is not None
+                else self._sources.step_m(local.pose.position, local.time_s, local.position_std_dev_m or 0.0, velocity)
+            )
+            two = self._sources.two(now_s)
+        self._tell(now_s, two, step_m if local.resets_count == resets_count else 0.0, local.pose.position)
         if drop is not None:
             self._silence.dropped(now_s, drop.why)
             return drop
@@ -100,7 +120,28 @@ class ExternalPoses:
         self._silence.heard(now_s)
         return None
 
-    def _judge(self, local: values.ExternalPose, now_s: float, *, is_stream: bool) -> Drop | None:
+    def _tell(self, now_s: float, two: str, step_m: float, position: Vector3) -> None:
+        """Logs a step of the source, and that there are two sources."""
+        if two:
+            if not self._silence.doubt(now_s):
+                logs.event(_log, logging.WARNING, "external_poses_of_two", why=two)
+            self._silence.doubted(now_s, two)
+        elif step_m and now_s - self._stepped_s >= _STEPS_S:
+            self._stepped_s = now_s
+            to = self._resolver.describe(position)
+            logs.event(_log, logging.WARNING, "external_pose_step", step_m=round(step_m, 2), to=to)
+
+    def _velocity(self) -> Vector3 | None:
+        """Returns the velocity that the autopilot has now, in the local frame; None where that is not known."""
+        snapshot = self._backend.snapshot()
+        estimator, velocity = snapshot.motion.estimator, snapshot.motion.velocity
+        if estimator is None or velocity is None or not estimator.value.is_good:
+            return None
+        return velocity.value.linear if snapshot.time_s - velocity.time_s <= _VELOCITY_S else None
+
+    def _judge(
+        self, local: values.ExternalPose, now_s: float, velocity: Vector3 | None, *, is_stream: bool
+    ) -> Drop | None:
         """Returns why a pose is not to be passed on. Called with the lock held.
 
         Raises:
@@ -114,10 +155,12 @@ class ExternalPoses:
             return _TOO_SOON
         if drop is not None:
             return drop
-        return self._gate.jump(local.pose, local.time_s, local.position_std_dev_m or 0.0, self._fastest_m_s())
+        return self._gate.jump(local.pose, local.time_s, local.position_std_dev_m or 0.0, self._fastest_m_s(velocity))
 
-    def _fastest_m_s(self) -> float:
-        """Returns the highest speed at which the UAV may move."""
+    def _fastest_m_s(self, velocity: Vector3 | None) -> float:
+        """Returns the highest speed at which the UAV may move now: little more than it flies, where that is known."""
+        if velocity is not None:
+            return velocity.norm() + _GAINED_M_S
         limits = self._backend.info().limits
         fastest_m_s = max(limits.horizontal_speed_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s)
         return _SPEED_FACTOR * fastest_m_s

@@ -289,8 +289,12 @@ class Vehicle(ReportedVehicle):
     @override
     def _sample(self, snapshot: Snapshot, found: Estimate, *, is_late: bool = False) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
-        trouble, position = self._flight.trouble, self._flight.position.check
-        troubles = tuple(filter(None, (trouble, position))) if trouble or position else ()
+        flight, troubles = self._flight, list[str]()
+        if trouble := flight.trouble:
+            troubles.append(trouble)
+        if flight.position.trouble or flight.external_silence.is_doubtful:
+            position = flight.position.doubts(snapshot.time_s)
+            troubles += [f"position: {position}"] * bool(position)
         return make_telemetry(
             snapshot,
             found,

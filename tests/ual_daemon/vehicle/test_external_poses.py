@@ -266,3 +266,26 @@ def test_a_flood_is_thinned_without_a_line_in_the_log(lab: Lab, caplog: pytest.L
         for _ in range(100):
             assert lab.offer(Vector3()).startswith("it comes too soon")
     assert caplog.records == []
+
+
+def test_two_senders_a_little_apart_are_told_and_a_step_is_logged(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+    lab.uav.simulation.begin_fault(PositionLost())
+    for _ in range(60):
+        lab.measure(Vector3())
+    lab.measure(Vector3(0.3, 0.0, 0.0))
+    assert "external_pose_step" in caplog.text
+    for number in range(60):
+        lab.measure(Vector3(0.3 * (number % 2), 0.0, 0.0))
+    health = lab.uav.telemetry().health
+    assert health is not None
+    assert "position: poses from outside step to and fro by 0.3 m: they come from two sources" in health.failing_checks
+    for _ in range(80):
+        lab.measure(Vector3())
+    assert "two sources" not in str(lab.uav.telemetry().health)
+
+
+def test_a_step_of_half_a_metre_is_dropped_whatever_the_limits_allow(lab: Lab) -> None:
+    lab.uav.simulation.begin_fault(PositionLost())
+    for _ in range(60):
+        assert not lab.measure(Vector3())
+    assert lab.measure(Vector3(0.5, 0.0, 0.0)).startswith("it jumps as no vehicle flies")
