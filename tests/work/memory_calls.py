@@ -7,7 +7,7 @@ from collections.abc import Callable
 import grpc
 from typing_extensions import override
 
-from ual_daemon.server.transport.base import Call, Metadata, Options, Transport, TransportServer
+from ual_daemon.server.transport.base import Call, MakeCredentials, Metadata, Options, Transport, TransportServer
 
 
 class MemoryTransport(Transport):
@@ -34,7 +34,7 @@ class MemoryTransport(Transport):
 
 class _MemoryServer(TransportServer):
     @override
-    def listen(self, address: str, credentials: grpc.ServerCredentials | None = None) -> int:
+    def listen(self, address: str, credentials: MakeCredentials | None = None) -> int:
         return 0
 
     @override
