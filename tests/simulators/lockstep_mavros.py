@@ -8,6 +8,7 @@ from typing_extensions import override
 
 from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.autopilot import STEP_S, Autopilot
+from tests.simulators.lockstep import POSE_RATE_HZ
 from tests.simulators.mavros import BEGIN_UTC_S, Mavros
 from tests.simulators.memory_transport import MemoryTransport
 from tests.simulators.pace import Pace
@@ -34,7 +35,8 @@ class LockstepMavros(MavrosBackend):
     def __init__(
         self, options: BackendOptions, autopilot: Autopilot, port: MemoryPort, ros: int = 1, speed: float = SPEED
     ) -> None:
-        super().__init__(BackendOptions(options.ns, "rosbridge://127.0.0.1:9", options.settings))
+        settings = {"pose_rate_hz": POSE_RATE_HZ, **options.settings}
+        super().__init__(BackendOptions(options.ns, "rosbridge://127.0.0.1:9", settings))
         self.autopilot = autopilot
         # In fast time the autopilot would disarm before a caller takes off.
         for name in ("COM_DISARM_PRFLT", "DISARM_DELAY"):

@@ -159,6 +159,8 @@ _UNREAD = frozenset(
     }
 )
 """What comes often and the daemon does not read: half of all that a PX4 sends."""
+_TERSE_RATES_HZ = {mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0}
+"""What comes more often than it is needed, and how often instead."""
 _OTHER_RATES_HZ = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
 _GROUND_STATION_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
@@ -206,7 +208,9 @@ class Px4(Autopilot):
         wander_m: float = 0.0,
         is_terse: bool = False,
     ) -> None:
-        rates_hz = {each: rate_hz for each, rate_hz in _RATES_HZ.items() if not (is_terse and each in _UNREAD)}
+        rates_hz = _RATES_HZ
+        if is_terse:
+            rates_hz = {each: rate for each, rate in _RATES_HZ.items() if each not in _UNREAD} | _TERSE_RATES_HZ
         channels = [Channel(onboard, rates_hz)]
         if ground is not None:
             channels.append(Channel(ground, _GROUND_STATION_RATES_HZ, forwards=True))

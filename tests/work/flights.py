@@ -23,6 +23,8 @@ from ual_daemon import UAL
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
+OPTIONS = BackendOptions("uav_1", settings={"pose_rate_hz": 50.0})
+"""As often as a daemon asks by default: the work of each second is counted."""
 CONCAVE = ((-1.5, -1.5), (40.0, -1.5), (40.0, 30.0), (1.5, 30.0), (1.5, 1.5), (-1.5, 1.5))
 """A configured fence, which cannot have holes: a corner of it points inwards, 2 m from where the UAV flies."""
 
@@ -70,12 +72,12 @@ def _autopilot(kind: type[Px4 | ArduPilot], has_holes: bool) -> tuple[Autopilot,
 @contextmanager
 def _mavlink(kind: type[Px4 | ArduPilot], place: Place) -> Iterator[Backend]:
     autopilot, port = _autopilot(kind, place.has_holes)
-    yield LockstepBackend(BackendOptions("uav_1"), autopilot, port)
+    yield LockstepBackend(OPTIONS, autopilot, port)
 
 
 @contextmanager
 def _mavros(place: Place) -> Iterator[Backend]:
-    yield LockstepMavros(BackendOptions("uav_1"), *_autopilot(Px4, place.has_holes), ros=2)
+    yield LockstepMavros(OPTIONS, *_autopilot(Px4, place.has_holes), ros=2)
 
 
 @contextmanager
