@@ -209,7 +209,10 @@ def _lasting(times: Sequence[float], needed_s: float, what: str) -> Iterator[Str
 def nothing_flies_unasked(case: Case) -> Iterator[Breach]:
     """It is armed only where somebody armed it; it lifts off only where somebody asked since it lay, and still does."""
     record = case.record
+    began_s = record.truth[0].time_s if record.truth else -math.inf  # what was told before is known, too
     for before, after in zip(case.changes, case.changes[1:], strict=False):
+        if after.time_s < began_s:
+            continue
         if after.armed and before.armed is False and not _is_armed_by_somebody(record, after.time_s):
             yield Breach("nothing flies", after.time_s, "it is armed, and nobody armed it")
     lay_s = -math.inf

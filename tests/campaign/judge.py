@@ -141,7 +141,7 @@ def nothing_unasked(case: Case) -> Iterator[Breach]:
 def the_state_is_true(case: Case) -> Iterator[Breach]:
     """The state that is told was true at some time within the last 0.5 s."""
     record, changes, modes = case.record, case.changes, case.modes
-    times = [each.time_s for each in record.told]
+    times, posed_s = ([each.time_s for each in found] for found in (record.told, record.estimate))
     for said in record.said:
         since_s = known_since_s(record, said.time_s, STATE_S)
         true = {state for each in between(changes, since_s, said.time_s + AHEAD_S) for state in _states(each, modes)}
@@ -150,7 +150,8 @@ def the_state_is_true(case: Case) -> Iterator[Breach]:
             true.add("LANDED_ARMED")  # it has fallen, and its autopilot has not noticed the ground
         if said.state == "UNINITIALIZED":
             lost = any(each.is_placed is False for each in between(changes, said.time_s - _UNPLACED_S, said.time_s))
-            if not (lost or _is_disturbed(record, said.time_s) or _was_silent(times, said.time_s)):
+            is_silent = _was_silent(times, said.time_s) or _was_silent(posed_s, said.time_s)
+            if not (lost or is_silent or _is_disturbed(record, said.time_s)):
                 yield _untrue(said, true, "although nothing disturbs it")
         elif _silence_s(times, said.time_s) > SILENT_S and not _was_starved(record, said.time_s):
             yield _untrue(said, {"UNINITIALIZED"}, "although the autopilot is silent")
