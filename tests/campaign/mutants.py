@@ -84,7 +84,7 @@ def _early() -> None:
 
 
 def _half_way() -> None:
-    """Counts a take-off as done half-way up."""
+    """Takes off to half of the height, and counts that as done."""
 
     def make(init: Callable[..., None]) -> object:
         def lower(manoeuvre: object, *args: object, **values: object) -> None:
@@ -94,6 +94,7 @@ def _half_way() -> None:
         return lower
 
     _changed("ual_daemon.flight.manoeuvres.take_off:TakeOff", "__init__", make)
+    _changed(_MAVLINK, "take_off", lambda take_off: lambda backend, up_m, *args: take_off(backend, up_m / 2.0, *args))
 
 
 def _unfenced() -> None:
