@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 
 from typing_extensions import Self
@@ -15,17 +15,19 @@ from typing_extensions import Self
 from tests.campaign.failures import FAILURES, Wait
 from tests.campaign.plan import Fault
 from tests.campaign.rig import NAMES, Rig, take_mode
-from tests.sitl.troubles import TROUBLES, Change, changed
+from tests.simulators.faults import GOOD
+from tests.sitl.troubles import TROUBLES, changed
 
 _CLIMB_TIMES = 60
 _BLIND_S = 7.0
 """So long both autopilots fly on without GPS until they act (PX4 5.8 s)."""
-_NARROW_M = 2.0
-_LIMITS = {
-    "px4": (Change("MPC_XY_CRUISE", 1.0, 5.0), Change("MPC_XY_VEL_MAX", 1.5, 12.0)),
-    "ardupilot": (Change("WPNAV_SPEED", 150.0, 1000.0), Change("WPNAV_SPEED_UP", 80.0, 250.0)),
+_ON_LINE: dict[str, Callable[[float], dict[str, float | bool]]] = {
+    "loss": lambda strength: {"loss": 0.05 + 0.25 * strength},
+    "delay": lambda strength: {"delay_s": 0.3 * strength, "jitter_s": 0.1},
+    "corruption": lambda strength: {"corruption": 0.02 + 0.1 * strength},
+    "silence": lambda _: {"is_silent": True},
 }
-_WIDE_M, _WIDER_M = 8.0, 4.0
+"""Faults of the line, from their strength."""
 _HOME_M, _HOME_UP_M = 3.0, 2.0
 _ORIGIN_M = 5.0
 _LAND = {"px4": (4.0, 6.0), "ardupilot": (9.0, 0.0)}
@@ -81,28 +83,10 @@ class Befalling:
                 self._active -= 1
 
 
-def _loss(rig: Rig, fault: Fault, wait: Wait) -> None:
-    rig.set_line(loss=0.05 + 0.25 * fault.strength)
+def _line(rig: Rig, fault: Fault, wait: Wait) -> None:
+    rig.set_line(**_ON_LINE[fault.kind](fault.strength))
     wait(fault.duration_s)
-    rig.set_line(loss=0.0)
-
-
-def _delay(rig: Rig, fault: Fault, wait: Wait) -> None:
-    rig.set_line(delay_s=0.3 * fault.strength, jitter_s=0.1)
-    wait(fault.duration_s)
-    rig.set_line(delay_s=0.0, jitter_s=0.0)
-
-
-def _corruption(rig: Rig, fault: Fault, wait: Wait) -> None:
-    rig.set_line(corruption=0.02 + 0.1 * fault.strength)
-    wait(fault.duration_s)
-    rig.set_line(corruption=0.0)
-
-
-def _silence(rig: Rig, fault: Fault, wait: Wait) -> None:
-    rig.set_line(is_silent=True)
-    wait(fault.duration_s)
-    rig.set_line(is_silent=False)
+    rig.set_line(**{name: getattr(GOOD, name) for name in _ON_LINE[fault.kind](0.0)})
 
 
 def _reboot(_rig: Rig, _fault: Fault, _wait: Wait) -> None:
@@ -163,34 +147,6 @@ def _battery(rig: Rig, fault: Fault, wait: Wait) -> None:
         rig.pilot.order(42651, (255.0, 100.0))
 
 
-def _fence(rig: Rig, fault: Fault, wait: Wait) -> None:
-    """The autopilot's own fence becomes so narrow that most flights are beyond it."""
-    with changed(rig.pilot, _fences(rig.options.autopilot, _NARROW_M)):
-        wait(2.0 + fault.duration_s)
-
-
-def _wide_fence(rig: Rig, fault: Fault, wait: Wait) -> None:
-    """The autopilot's own fence becomes one in which most flights are, but not all that they may want."""
-    with changed(rig.pilot, _fences(rig.options.autopilot, _WIDE_M + _WIDER_M * fault.strength)):
-        wait(2.0 + fault.duration_s)
-
-
-def _fences(autopilot: str, radius_m: float) -> Sequence[Change]:
-    if autopilot == "px4":
-        return (Change("GF_MAX_HOR_DIST", radius_m, 150.0),)
-    return (
-        Change("FENCE_TYPE", 2.0, 2.0),
-        Change("FENCE_RADIUS", radius_m, 150.0),
-        Change("FENCE_ENABLE", 1.0, 0.0),
-    )
-
-
-def _limits(rig: Rig, fault: Fault, wait: Wait) -> None:
-    """The autopilot's own limits of speed become low."""
-    with changed(rig.pilot, _LIMITS[rig.options.autopilot]):
-        wait(2.0 + fault.duration_s)
-
-
 def _home(rig: Rig, fault: Fault, wait: Wait) -> None:
     """A ground station moves the autopilot's home aside and up or down, and back."""
     before = rig.record.homes[-1].place if rig.record.homes else (0.0, 0.0, 0.0)
@@ -238,10 +194,7 @@ def _busy(_rig: Rig, fault: Fault, wait: Wait) -> None:
 
 FAULTS: dict[str, Callable[[Rig, Fault, Wait], None]] = {
     **FAILURES,
-    "loss": _loss,
-    "delay": _delay,
-    "corruption": _corruption,
-    "silence": _silence,
+    **dict.fromkeys(_ON_LINE, _line),
     "reboot": _reboot,
     "kill_daemon": _kill_daemon,
     "kill_client": _kill_client,
@@ -249,10 +202,7 @@ FAULTS: dict[str, Callable[[Rig, Fault, Wait], None]] = {
     "pilot": _pilot,
     "rc_loss": _rc_loss,
     "battery": _battery,
-    "fence": _fence,
     "ekf": _ekf,
-    "limits": _limits,
-    "wide_fence": _wide_fence,
     "home": _home,
     "origin": _origin,
     "station": _station,

@@ -1,4 +1,4 @@
-"""Failures of the vehicle and a second station, by the simulators' own parameters and commands."""
+"""Failures of the vehicle, and a second station: by the autopilots' and simulators' parameters and commands."""
 
 from __future__ import annotations
 
@@ -15,7 +15,28 @@ from ual_daemon.backends.mavlink.wire.messages import mavlink
 Wait = Callable[[float], object]
 """Waits so long, or until the flight is over."""
 
+_NARROW_M, _WIDE_M, _WIDER_M = 2.0, 8.0, 4.0
+
+
+def _fences(radius_m: Callable[[float], float]) -> Mapping[str, Callable[[float], tuple[Change, ...]]]:
+    """The autopilot's own fence, a circle around its home."""
+    return {
+        "px4": lambda strength: (Change("GF_MAX_HOR_DIST", radius_m(strength), 150.0),),
+        "ardupilot": lambda strength: (
+            Change("FENCE_TYPE", 2.0, 2.0),
+            Change("FENCE_RADIUS", radius_m(strength), 150.0),
+            Change("FENCE_ENABLE", 1.0, 0.0),
+        ),
+    }
+
+
 _CHANGES: Mapping[str, Mapping[str, Callable[[float], tuple[Change, ...]]]] = {
+    "fence": _fences(lambda _: _NARROW_M),
+    "wide_fence": _fences(lambda strength: _WIDE_M + _WIDER_M * strength),
+    "limits": {
+        "px4": lambda _: (Change("MPC_XY_CRUISE", 1.0, 5.0), Change("MPC_XY_VEL_MAX", 1.5, 12.0)),
+        "ardupilot": lambda _: (Change("WPNAV_SPEED", 150.0, 1000.0), Change("WPNAV_SPEED_UP", 80.0, 250.0)),
+    },
     "motor_weak": {
         "ardupilot": lambda strength: (Change("SIM_ENGINE_MUL", 0.3 + 0.4 * strength, 1.0),),
         "px4": lambda strength: (Change("SIH_T_MAX", 1.5 + 0.8 * strength, 5.0),),

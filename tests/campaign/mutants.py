@@ -19,6 +19,7 @@ from ual_daemon.backends.values import Cause
 VARIABLE = "CAMPAIGN_MUTANT"
 _REPEATS_S = 0.05
 _REARMS_S = 0.5
+_EARLY_SHARE = 0.3
 _CROOKED_RAD = math.radians(12.0)
 _MAVLINK = "ual_daemon.backends.mavlink:MavlinkBackend"
 _NOT_COMMANDED = "; UAL has not been commanded in this flight since it was started, and sends nothing"
@@ -71,16 +72,11 @@ def _misled() -> None:
 
 
 def _early() -> None:
-    """Counts a goal as reached 4 m before it."""
-
-    def make(has_arrived: Callable[..., bool]) -> object:
-        def sooner(arrival: Any, snapshot: object) -> bool:
-            arrival._tolerance = dataclasses.replace(arrival._tolerance, position_m=4.0, speed_m_s=50.0, dwell_s=0.1)
-            return has_arrived(arrival, snapshot)
-
-        return sooner
-
-    _changed("ual_daemon.flight.manoeuvres.arrival:Arrival", "has_arrived", make)
+    """Counts a goal as reached at three tenths of the time to it."""
+    reference = "ual_daemon.tracker.references:TrajectoryReference"
+    is_at = property(lambda each: each.time_s >= _EARLY_SHARE * each.trajectory.duration_s)
+    _changed(reference, "is_finished", lambda _: is_at)
+    _always("ual_daemon.flight.manoeuvres.arrival:Arrival", "has_arrived", value=True)()
 
 
 def _half_way() -> None:

@@ -295,6 +295,8 @@ def test_a_task_that_was_ended_by_nothing_is_found() -> None:
     record = clean()
     record.called[2] = dataclasses.replace(record.called[2], by="")
     assert rules(record) == {"words"}
+    record.called[2] = dataclasses.replace(record.called[2], outcome="INTERNAL", by="")
+    assert rules(record) == {"words"}
 
 
 # --- a height above home ----------------------------------------------------------------------------------------------

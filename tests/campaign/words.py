@@ -58,6 +58,8 @@ def _possible(case: Case) -> Iterator[Breach]:
         elif kinds is not None and _is_a_stations(record, case, time_s):
             yield Breach("words", time_s, f"{text!r} names {cause!r}, and a ground station had it land")
     for call in record.called:
+        if call.outcome == "INTERNAL":
+            yield Breach("words", call.ended_s, f"{call.name} met a defect of the daemon: {call.text!r}")
         if call.outcome == "TASK_ABORTED" and not call.by:
             yield Breach("words", call.ended_s, f"{call.name} was ended by nothing: {call.text!r}")
 
