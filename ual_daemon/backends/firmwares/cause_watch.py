@@ -16,6 +16,8 @@ BEFORE_S = 1.5
 distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s late."""
 EPISODE_S = 3.0
 """How long before a failsafe flies PX4 may have said what triggered it."""
+HELD_S = 8.0
+"""The same where it has held meanwhile in the mode that was asked for: PX4 holds for 5 s first (COM_FAIL_ACT_T)."""
 SETTLE_S = 0.4
 """Until then the reason of a new mode may still come. ArduPilot's texts follow the heartbeat, and its SYS_STATUS comes
 at 5 Hz. PX4 may report the mode in a heartbeat before it says whether it was intended."""
@@ -136,7 +138,9 @@ class CauseWatch:
         if not is_unintended:
             self._episode = None
         elif self._episode is None:
-            self._episode = self._sign_since(now_s - EPISODE_S)
+            since_s = self._before_s if self._intention[0] == self._mode_name else self._since_s
+            held = self._sign_since(now_s - HELD_S, after_s=max(self._explained_s, since_s))
+            self._episode = self._sign_since(now_s - EPISODE_S) or held
 
     def on_sensors(self, enabled: int, healthy: int, now_s: float) -> None:
         """Takes which sensors are enabled and which are healthy (bits of MAV_SYS_STATUS_SENSOR)."""

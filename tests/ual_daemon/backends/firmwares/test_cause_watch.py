@@ -15,7 +15,7 @@ from ual_daemon.backends.firmwares.px4_events import event_id, read
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Cause
 
-OFFBOARD, POSCTL, RTL = 6 << 16, 3 << 16, 4 << 16 | 5 << 24
+OFFBOARD, POSCTL, RTL, HOLD = 6 << 16, 3 << 16, 4 << 16 | 5 << 24, 4 << 16 | 3 << 24
 WARNING = 0x33
 IN_OFFBOARD, IN_ANY = struct.pack("<I", 1 << 14), b"\xff" * 4
 """The modes that a check concerns, as recorded."""
@@ -193,6 +193,27 @@ def test_a_battery_that_stays_critical_is_no_cause_of_a_later_failsafe_unless_px
         watch.event(name, arguments)
     watch.mode = RTL
     assert watch.pass_s(1.0, is_sending=True) is cause
+
+
+@pytest.mark.parametrize("is_heartbeat_first", [False, True])
+@pytest.mark.parametrize(("is_explained", "cause"), [(False, Cause.BATTERY), (True, Cause.FAILSAFE)])
+def test_a_failsafe_that_held_in_the_mode_that_was_asked_for_keeps_its_cause(
+    cause: Cause, *, is_explained: bool, is_heartbeat_first: bool
+) -> None:
+    """PX4 holds for 5 s before it returns. Amid its own hold it was told as "failsafe" only."""
+    watch = Px4Watch()
+    watch.mode = watch.intended = POSCTL if is_explained else HOLD
+    watch.pass_s(1.0, is_sending=False)
+    watch.event("check_battery_critical", b"\xff\xff\xff\xff\x0b")
+    if is_explained:  # the pilot has ended it, and another one follows
+        watch.mode = HOLD
+        assert watch.pass_s(2.0, is_sending=False) is Cause.BATTERY
+        watch.mode = POSCTL
+    watch.pass_s(5.0, is_sending=False)
+    watch.mode = RTL
+    if is_heartbeat_first:
+        watch.causes.held_by(watch.autopilot.mode(RTL), watch.now_s, is_armed=True)
+    assert watch.pass_s(1.0, is_sending=False) is cause
 
 
 def test_a_battery_counts_as_new_in_each_flight() -> None:
