@@ -479,6 +479,31 @@ def starting(world: World) -> AutopilotMission:
     return AutopilotMission(task, backend, world.offer, KEPT, 1, hold, ends, world.flight.authority.begin)
 
 
+def test_the_hold_of_a_pause_that_shows_after_the_next_start_is_not_told_as_others(world: World) -> None:
+    """Three programs commanded on a real ArduCopter: "others have just chosen mode BRAKE over the mission"."""
+
+    def begin() -> AutopilotMission:
+        task, ends = world.autopilot.task(TaskKind.MISSION), lambda _: pytest.fail("it has not ended")
+        backend = cast("Backend", world.wire)
+        mission = AutopilotMission(task, backend, world.offer, KEPT, 1, None, ends, world.flight.authority.begin)
+        world.flight.begin(mission, Order())
+        return mission
+
+    world.flight.pause()
+    world.run(0.2)
+    assert world.wire.asked == ["hold"]
+    world.offer.chosen = Future()
+    begin()
+    world.run(0.2)
+    world.autopilot.mode = world.offer.pause_mode
+    newest = begin()
+    world.run(0.2)
+    assert world.flight.manoeuvre is newest
+    world.autopilot.mode = "POSCTL"
+    with pytest.raises(WrongStateError, match="others have just chosen mode POSCTL"):
+        begin()
+
+
 @pytest.mark.parametrize("stream", ["set_velocity", "set_pose"])
 def test_a_stream_does_not_replace_a_mission_that_is_being_started(world: World, stream: str) -> None:
     """On PX4 a stream that ran at the start replaced the mission just then."""

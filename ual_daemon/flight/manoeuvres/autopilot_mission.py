@@ -206,6 +206,12 @@ class AutopilotMission(Manoeuvre):
             self.mission = "the autopilot still flies the mission before"  # nobody took the UAV meanwhile
 
     @override
+    def leads(self) -> Led:
+        if self._phase is _Phase.CHOOSING and self._before is not None:  # it has led nowhere by itself
+            return self._before
+        return super().leads()
+
+    @override
     def current_reference(self) -> Reference | None:
         return self._reference
 
@@ -238,8 +244,10 @@ class AutopilotMission(Manoeuvre):
     @override
     def led_to(self, snapshot: Snapshot) -> bool | None:
         mode = _mode(snapshot)
-        if self._phase is _Phase.ENTERING:
-            return mode == self._offer.mode
+        if self._phase is _Phase.ENTERING and mode == self._offer.mode:
+            return True
+        if self._phase in (_Phase.CHOOSING, _Phase.ENTERING):  # to what the one before led may show late
+            return False if self._before is None else self._before.to(snapshot)
         if self._phase is _Phase.PAUSING and not self._is_returning(snapshot):
             return mode == self._offer.pause_mode
         if self._phase not in (_Phase.FLYING, _Phase.PAUSING):
@@ -405,7 +413,7 @@ class AutopilotMission(Manoeuvre):
     def _entering(self, snapshot: Snapshot) -> Step:
         assert self.command is not None
         if _mode(snapshot) == self._offer.mode and not self._is_starting():
-            self._phase, self._reference = _Phase.FLYING, None
+            self._phase, self._reference, self._before = _Phase.FLYING, None, None
             self._update_words()
             return Step()
         if _mode(snapshot) != self._offer.mode and (step := self._unless_ours(snapshot)) is not None:
