@@ -14,8 +14,6 @@ from ual_daemon.backends.offers.missions import MissionReport
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
 
-_NOT_JUDGED = (MissionStage.UNKNOWN, MissionStage.NONE)
-
 
 class Brought(NamedTuple):
     """When UAL has changed the autopilot's mission last, and its stage since."""
@@ -54,7 +52,7 @@ def judged_stage(
     is_flown = control.armed is not None and control.armed.value and control.mode_name == mode
     if flown is None and not is_flown and told is not MissionStage.UNKNOWN and report.time_s <= brought.time_s:
         return brought.stage
-    if told in _NOT_JUDGED:
+    if told is MissionStage.UNKNOWN or (told is MissionStage.NONE and flown is None):
         return told
     # PX4 tells the number and the end of the mission before also once it has another one.
     has_begun = last is not None or not control.is_on_ground or brought.reached(report) is not None

@@ -82,3 +82,10 @@ def test_a_task_tells_what_it_was_seen_to_do() -> None:
     report = MissionReport(ACTIVE, 1, None, 0.0, 5)
     assert told == [NOT_STARTED, ACTIVE, PAUSED]
     assert judged_stage(report, lab.autopilot.snapshot(), "MISSION", lab.mission, lab.mission) is PAUSED
+
+
+def test_one_that_was_just_started_is_there() -> None:
+    """PX4 tells for up to 1 s after an upload that it has none."""
+    lab = Lab()
+    report = MissionReport(NONE, 1, None, 0.0, 5)
+    assert judged_stage(report, lab.autopilot.snapshot(), "MISSION", lab.mission, lab.mission) is NOT_STARTED
