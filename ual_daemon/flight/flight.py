@@ -606,7 +606,9 @@ class Flight:
         is_on_way = is_led and manoeuvre is not None and manoeuvre.task is not None
         self.geofence.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=is_on_way, is_led=is_led)
         if snapshot.time_s >= self.following.due_s:
-            self.following.observe(snapshot, raw, None if manoeuvre is None else manoeuvre.current_reference)
+            # A take-off watches its way by itself: on the ground the estimate is not the place.
+            current = None if manoeuvre is None or is_taking_off else manoeuvre.current_reference
+            self.following.observe(snapshot, raw, current)
         if self.following.why:
             self._stand_by(snapshot, raw)
         self._stepper.update(snapshot, raw)

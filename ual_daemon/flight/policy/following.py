@@ -174,7 +174,8 @@ class Following:
         """Returns why the control cannot be asked back yet; empty where it can."""
         if self._is_now and self.trouble is Trouble.STOPPED:
             return "the motors are still stopped: end what stops them (the kill switch), or disarm it"
-        return "" if self.is_still or not self._is_now else "it still does not follow"
+        follows = not self._is_now and self.trouble is not Trouble.ASTRAY  # its present pose is no measure of that
+        return "" if self.is_still or follows else "it still moves, or does not follow"
 
     def is_down(self, height_m: float, *, is_ground_known: bool) -> bool:
         """Returns whether it has fallen, and lies on the ground, by its height over that."""

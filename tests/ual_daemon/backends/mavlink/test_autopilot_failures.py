@@ -7,11 +7,13 @@ from collections.abc import Iterator
 import pytest
 
 from tests.conftest import LIMIT_S
+from tests.simulators.mission_store import Sender
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, landing, start
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.interface import Task
 from ual.types import State
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 FALLS = ("dies", "killed")
 BACK_S = 4.0
@@ -141,3 +143,39 @@ def test_a_daemon_that_is_new_tells_that_the_motors_are_stopped() -> None:
         assert flight.commands_since(flight.started_s) == set()
     finally:
         flight.uav.close()
+
+
+VELOCITY_ONLY = 0b010111000111
+OTHER = mavlink.MAVLink_set_position_target_local_ned_message(
+    0, 1, 1, 1, VELOCITY_ONLY, 0.0, 0.0, 0.0, 3.0, -3.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+)
+
+
+def another_sends_too(flight: Flight) -> None:
+    """Another program sends a velocity right after each setpoint of ours."""
+    handlers = flight.autopilot._handlers
+    ours = handlers[mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED]
+
+    def both(message: Message, sender: Sender) -> None:
+        ours(message, sender)
+        OTHER.target_system = flight.autopilot.system_id
+        ours(OTHER, sender)
+
+    handlers[mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED] = both
+
+
+@pytest.mark.parametrize("what", ["hold", "go_to"])
+def test_another_sender_of_setpoints_is_told_within_a_second_of_the_way_that_it_drags(
+    flight: Flight, what: str
+) -> None:
+    climb(flight)
+    task = begin(flight, what)
+    begun_s = flight.now_s
+    another_sends_too(flight)
+    told_s = flight.first_s(lambda telemetry: "another sender" in telemetry.state_reason, begun_s)
+    assert told_s - begun_s < (3.5 if what == "hold" else 4.5)
+    if task is not None:
+        with pytest.raises(TaskAbortedError, match="another sender"):
+            task.wait(LIMIT_S)
+    with pytest.raises(WrongStateError, match="another sender"):
+        flight.uav.go_to_waypoint(flight.goal(1.0, 0.0))
