@@ -15,6 +15,7 @@ from ual.errors import WrongStateError
 from ual.types import State
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Snapshot
+from ual_daemon.flight.policy.touch_down import STANDS_M_S
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Hold, Reference, Velocity
 
@@ -107,6 +108,8 @@ class Following:
         self.trouble: Trouble | None = None
         self.is_still = False
         """Whether it stands or lies still."""
+        self.lies = False
+        """Whether it lies on the ground, whatever the autopilot says: without motors nothing stands in the air."""
         self.count = 0
         """How often it has ceased to follow."""
         self._is_now = False
@@ -121,7 +124,7 @@ class Following:
         self._fall: _Seen | None = None
         self._stopped: _Seen | None = None
         """Since when, in a landing, the motors are stopped."""
-        self._tilted_s = self._astray_s = math.inf
+        self._tilted_s = self._astray_s = self._slow_s = math.inf
         self._still_s: float | None = None
         self._looked_s = self._placed_s = -math.inf
         self._hold: Hold | None = None
@@ -142,7 +145,7 @@ class Following:
     def _now(self) -> str:
         if self.trouble is Trouble.ASTRAY:
             return ""
-        return "; it lies or stands still now" if self.is_still else ""
+        return "; it lies or stands still now" if self.is_still or self.lies else ""
 
     def _remedy(self, state: State) -> str:
         if self.trouble is Trouble.DISARMED:
@@ -181,24 +184,19 @@ class Following:
         """Returns whether it has fallen, and lies on the ground, by its height over that."""
         has_fallen = self.trouble is not None and self.trouble is not Trouble.ASTRAY
         near_m = _GROUND_NOISE_M if is_ground_known else _UNKNOWN_GROUND_M
-        return has_fallen and self.is_still and height_m < near_m
+        return has_fallen and (self.is_still or self.lies) and height_m < near_m
 
     def release(self) -> None:
         """Begins anew: somebody has asked for the control, or it lies disarmed."""
-        self.why, self.trouble, self._is_now, self._worst = "", None, False, 0.0
+        self.why, self.trouble, self._is_now, self._worst, self.lies = "", None, False, 0.0, False
         self.forget()
 
     def forget(self) -> None:
         """Forgets the motion from before: the estimate has jumped."""
         self._fall, self._hold, self._stopped, self._off = None, None, None, (-math.inf, math.inf)
         self._still_s = None
-        self._tilted_s = self._astray_s = math.inf
+        self._tilted_s = self._astray_s = self._slow_s = math.inf
         self._looked_s = self._placed_s = -math.inf
-
-    @property
-    def lies(self) -> bool:
-        """Whether it lies on the ground, whatever the autopilot says: without motors nothing stands in the air."""
-        return self._is_now and self.trouble is Trouble.STOPPED and self.is_still
 
     # --- Updates ------------------------------------------------------------------------------------------------------
 
@@ -233,8 +231,10 @@ class Following:
         found = self._find(snapshot, raw.state, current)
         if found is not None:
             self._note(*found)
+            if self.trouble is Trouble.STOPPED and not self.lies:
+                self._note_lying(now_s)
         elif self.why:
-            self._is_now = False
+            self._is_now = self.lies = False
             self._settle(raw.state)
 
     def _settle(self, state: State) -> None:
@@ -249,11 +249,21 @@ class Following:
             self.count += 1
         is_worse = self.trouble is None or trouble is not self.trouble
         if is_worse and not (self.trouble in _LEADING and trouble not in _LEADING):
-            self.trouble, self._worst = trouble, 0.0
+            self.trouble, self._worst, self.lies = trouble, 0.0, False
+            self._slow_s, self._still_s, self.is_still = math.inf, None, False  # as it may stand in the air until now
         self._is_now = True
         if trouble is self.trouble:
             self._worst = max(self._worst, size)
             self.why = _WORDS[trouble].format(size)
+
+    def _note_lying(self, now_s: float) -> None:
+        """Notes that it lies, after the motors were stopped. The estimate is bad after an impact."""
+        if self._speed_squared > STANDS_M_S * STANDS_M_S:
+            self._slow_s = math.inf
+        elif self._slow_s == math.inf:
+            self._slow_s = now_s
+        else:
+            self.lies = now_s - self._slow_s >= _STILL_S
 
     def _find(
         self, snapshot: Snapshot, state: State, current: Callable[[], Reference | None] | None

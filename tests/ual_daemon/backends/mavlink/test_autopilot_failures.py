@@ -76,6 +76,9 @@ def test_a_fall_is_told_within_a_second_and_nothing_climbs_when_its_cause_ends(
     break_it(flight, how)
     told_s = flight.first_s(lambda telemetry: "does not follow" in telemetry.state_reason, broken_s)
     assert told_s - broken_s < 1.3  # the heartbeat comes once a second
+    flight.let_pass(0.5)
+    in_air = [telemetry.state for time_s, telemetry in flight.seen if broken_s <= time_s < broken_s + 0.8]
+    assert State.LANDED_ARMED not in in_air  # it stood still before, but in the air
     if task is not None:
         with pytest.raises(TaskAbortedError, match="does not follow"):
             task.wait(LIMIT_S)
