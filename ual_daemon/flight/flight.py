@@ -636,7 +636,7 @@ class Flight:
         elif isinstance(old, StandBy | Landing | Recover) or (old is None and not self._has_references(raw)):
             return
         self._stood_by = following.count
-        # A take-off that UAL's arming has begun is no task, and climbs on all the same.
+        # A flight that UAL's arming has begun is no task, and climbs on all the same.
         if old is not None or raw.state is State.FLYING_AUTO or self._begun_by_arming(raw):
             self._withdraw(old, snapshot, raw)
 
@@ -658,7 +658,7 @@ class Flight:
             new.begin()
 
     def _begun_by_arming(self, raw: Estimate) -> bool:
-        return raw.state is State.TAKING_OFF and self.arming.is_ours and not self.is_watch_only
+        return raw.state in (State.TAKING_OFF, State.FLYING_MANUAL) and self.arming.is_ours_to_end
 
     def _has_references(self, raw: Estimate) -> bool:
         return raw.state is State.FLYING_AUTO and self.is_flown_by_us()

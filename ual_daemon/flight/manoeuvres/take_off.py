@@ -45,9 +45,9 @@ _HIGHEST_SHARE, _HIGHEST_MARGIN_M = 1.2, 1.0
 may count heights from elsewhere; the estimate of the ground wanders by 0.7 m."""
 _LEFT_GROUND_M = 1.0
 """The estimate of a UAV that stands wanders by less."""
-_LIFTS_OFF_M, _LIFT_OFF_S = 0.5, 6.0
-"""The climb that shows a lift-off, and how long an autopilot may take to begin it. On the ground the estimate wanders
-by 0.3 m at a time, which is way to a watch of the way alone."""
+_LIFT_OFF_S = 6.0
+"""How long an autopilot may take to begin its climb. On the ground the estimate wanders by 0.3 m at a time, which is
+way to a watch of the way alone."""
 _REFUSED = "the UAV stays on the ground: disarm it, or remove what the autopilot complains of and take off again"
 _STUCK = (
     "let its safety pilot disarm it if it stands on the ground, or take over and land it if it flies, and look at its "
@@ -201,11 +201,11 @@ class TakeOff(Manoeuvre):
         is_there = self._height_m - climbed_m <= self._tolerance_m
         self._climb_watch.observe(motion.position.z, snapshot.time_s, is_there=is_there)
         passed_s = snapshot.time_s - since_s
-        has_lifted_off = is_there or climbed_m >= min(_LIFTS_OFF_M, self._height_m / 2.0)
+        has_lifted_off = is_there or climbed_m >= min(_LEFT_GROUND_M, self._height_m / 2.0)
         self._has_lifted_off = self._has_lifted_off or has_lifted_off
         if self._climb_watch.text:
             return self._given_up(climbed_m, self._climb_watch.text)
-        patience_s = max(STUCK_S, _LIFT_OFF_S + _LIFTS_OFF_M / self._limits.climb_speed_m_s)
+        patience_s = max(STUCK_S, _LIFT_OFF_S + _LEFT_GROUND_M / self._limits.climb_speed_m_s)
         if not self._has_lifted_off and passed_s > patience_s:
             return self._given_up(climbed_m, f"it has not lifted off for {passed_s:.0f} s: {self._stuck}")
         if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):

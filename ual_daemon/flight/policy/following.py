@@ -176,7 +176,7 @@ class Following:
     def why_not_recoverable(self) -> str:
         """Returns why the control cannot be asked back yet; empty where it can."""
         if self._is_now and self.trouble is Trouble.STOPPED:
-            return "the motors are still stopped: end what stops them (the kill switch), or disarm it"
+            return f"the motors are still stopped: {ENDS_TERMINATION}"
         follows = not self._is_now and self.trouble is not Trouble.ASTRAY  # its present pose is no measure of that
         return "" if self.is_still or follows else "it still moves, or does not follow"
 

@@ -8,6 +8,7 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.simulators.mission_store import Sender
+from tests.ual_daemon.backends.mavlink.test_autopilot_arming import selected_after_our_arming
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, landing, start
 from ual.errors import TaskAbortedError, WrongStateError
@@ -113,6 +114,24 @@ def test_a_fall_in_a_take_off_ends_it_and_nothing_climbs_when_its_cause_ends(fli
     while flight.now_s < ends_s + 6.0:
         assert height_m(flight) < 0.3
         flight.let_pass(0.1)
+
+
+def test_a_fall_in_a_flight_that_our_arming_has_begun_is_ended_without_a_task() -> None:
+    flight = Flight("px4")
+    try:
+        selected_after_our_arming(flight)
+        flight.wait_for(lambda: height_m(flight) > 2.0, "its climb")
+        broken_s = flight.now_s
+        break_it(flight, "dies")
+        flight.first_s(lambda telemetry: "does not follow" in telemetry.state_reason, broken_s)
+        flight.let_pass(BACK_S)
+        break_it(flight, "dies", ends=True)
+        ends_s = flight.now_s
+        while flight.now_s < ends_s + 6.0:
+            assert height_m(flight) < 0.3
+            flight.let_pass(0.1)
+    finally:
+        flight.uav.close()
 
 
 @pytest.mark.parametrize("what", ["land", "go_to", "mission that lands"])

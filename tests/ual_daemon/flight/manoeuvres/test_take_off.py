@@ -347,7 +347,7 @@ def test_a_height_that_wanders_on_the_ground_is_no_climb(
 ) -> None:
     climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
     ack.set_result(None)
-    autopilot.control, autopilot.climb_m_s = Control.REFERENCES, 0.07
+    autopilot.control, autopilot.climb_m_s = Control.REFERENCES, 0.14
     begun_s, step = autopilot.time_s, Step()
     while not step.has_ended:
         if autopilot.time_s - begun_s > 6.0:
