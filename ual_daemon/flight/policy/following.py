@@ -112,8 +112,8 @@ class Following:
         """Whether it lies on the ground, whatever the autopilot says: without motors nothing stands in the air."""
         self.count = 0
         """How often it has ceased to follow."""
-        self._is_now = False
-        """Whether a rule shows it at present."""
+        self._is_now = self._is_released = False
+        """Whether a rule shows it at present, and whether the next update is to forget the motion from before."""
         self._worst = 0.0
         self.due_s = -math.inf
         """When the next look is due, by the backend's clock. An attribute, because each update looks."""
@@ -166,7 +166,8 @@ class Following:
 
     @property
     def _by(self) -> str:
-        return "" if self.trouble is None else self.trouble.value
+        trouble = self.trouble
+        return "" if trouble is None else trouble.value
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -187,9 +188,9 @@ class Following:
         return has_fallen and (self.is_still or self.lies) and height_m < near_m
 
     def release(self) -> None:
-        """Begins anew: somebody has asked for the control, or it lies disarmed."""
+        """Begins anew: somebody has asked for the control, or it lies disarmed. Any thread may call."""
+        self._is_released = True
         self.why, self.trouble, self._is_now, self._worst, self.lies = "", None, False, 0.0, False
-        self.forget()
 
     def forget(self) -> None:
         """Forgets the motion from before: the estimate has jumped."""
@@ -206,6 +207,9 @@ class Following:
         It is short: in ordinary flight it compares numbers, and asks for the reference at few updates.
         """
         self.due_s = snapshot.time_s + _EVERY_S
+        if self._is_released:
+            self._is_released, self.why, self.trouble = False, "", None  # an update may have told it meanwhile
+            self.forget()
         motion = snapshot.motion
         velocity, pose = motion.velocity, motion.pose
         if velocity is None or pose is None or raw.state is State.UNINITIALIZED:
@@ -239,8 +243,9 @@ class Following:
 
     def _settle(self, state: State) -> None:
         """Tells what was in the past tense, and ends it where it lies disarmed."""
-        if self.trouble in _PAST:
-            self.why = _PAST[self.trouble].format(self._worst)
+        trouble = self.trouble  # another thread may release it
+        if trouble is not None:
+            self.why = _PAST[trouble].format(self._worst)
         if state is State.LANDED_DISARMED and self.is_still:
             self.release()
 
