@@ -28,6 +28,7 @@ _AUTOPILOT = frozenset(
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
         _CURRENT_MODE,
         _EVENT,
     }
@@ -164,6 +165,10 @@ class Ears:
         elif isinstance(message, mavlink.MAVLink_statustext_message):
             if message.severity <= _MOST_SEVERE and not message.chunk_seq:  # the rest of a long one says less
                 self.record.texts.append(Text(now_s, message.text))
+        elif isinstance(message, mavlink.MAVLink_mission_current_message):
+            told = float(getattr(message, "mission_id", 0) or message.total)
+            if not self.record.missions or self.record.missions[-1].value != told:
+                self.record.missions.append(Value(now_s, "mission", told))
         elif message.lat or message.lon:
             place = self._origin.place(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
             self.record.estimate.append(Located(now_s, place))

@@ -155,6 +155,8 @@ class Record:
     """Those of severity 0 to 2."""
     healths: list[Text] = field(default_factory=list)
     """The failing checks that a subscriber was told, and the failsafe, when they changed."""
+    missions: list[Value] = field(default_factory=list)
+    """What the autopilot told of its mission as it reached the daemon: its checksum, or its number of items."""
     orders: list[Order] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
     """The faults that did not come about, and why."""
@@ -189,6 +191,7 @@ _KINDS: dict[str, type] = {
     "texts": Text,
     "healths": Text,
     "orders": Order,
+    "missions": Value,
 }
 assert set(_KINDS) <= {each.name for each in fields(Record)}
 

@@ -23,12 +23,16 @@ _PREFIXES = ("PreArm: ", "Arm: ")
 
 
 def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
-    """Where another station replaces or clears the mission that flies, its task ends within a second and says so."""
+    """Where another station replaces or clears the mission that flies, its task ends within a second and says so.
+
+    The second begins when the autopilot has told it.
+    """
     record = case.record
     for order in record.orders:
         if order.what not in CHANGES or is_befallen(record, _HIDING, order.time_s - TOLD_S, order.time_s + TOLD_S):
             continue
-        due_s = order.time_s + TOLD_S
+        heard_s = [each.time_s for each in record.missions if each.time_s > order.time_s - TOLD_S]
+        due_s = max(order.time_s, min(heard_s, default=-math.inf)) + TOLD_S
         due_s += due_s - known_since_s(record, due_s, 0.0)
         for call in record.called:
             if call.name != "mission" or not call.began_s + TOLD_S < order.time_s < call.ended_s:

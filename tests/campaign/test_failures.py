@@ -10,7 +10,7 @@ import pytest
 from tests.campaign.judge import ON_GROUND
 from tests.campaign.modes import ARDUPILOT
 from tests.campaign.plan import plan
-from tests.campaign.record import Called, Life, Located, Order, Place, Record, Said, Sent, Text, Told, Trouble
+from tests.campaign.record import Called, Life, Located, Order, Place, Record, Said, Sent, Text, Told, Trouble, Value
 from tests.campaign.test_judge import TAKEN_S, clean, place, rules, times
 from tests.campaign.test_world import BEGUN_S, eastwards, flight
 
@@ -195,6 +195,10 @@ def test_the_mission_of_another_station_ends_ours() -> None:
     ):
         record.orders.append(Order(12.0, "upload"))
         assert rules(record) & {"mission's owner"} == found
+    record = mission("TASK_ABORTED", 13.5, named)
+    record.orders.append(Order(12.0, "upload"))
+    record.missions += [Value(9.0, "mission", 3.0), Value(12.8, "mission", 2.0)]
+    assert rules(record) == set()
     record = mission("TASK_ABORTED", 12.5, "the vehicle was taken")
     record.called[1] = dataclasses.replace(record.called[1], by="safety pilot")
     record.orders.append(Order(12.0, "clear"))
