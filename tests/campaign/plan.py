@@ -55,11 +55,11 @@ _KINDS = {
     "station": 3,
     "freeze": 5,
     "busy": 3,
-    "motor_off": 3,
-    "motor_weak": 3,
-    "stop": 4,
-    "disarmed": 3,
-    "held": 2,
+    "motor_off": 5,
+    "motor_weak": 4,
+    "stop": 6,
+    "disarmed": 6,
+    "held": 4,
     "gps_jam": 2,
     "gps_jump": 2,
     "compass": 2,
@@ -88,7 +88,7 @@ _OF_VEHICLE = frozenset(
     )
 )
 _OF_MISSION = ("station_upload", "station_clear", "station_jump", "cut")
-_WITH_MISSION = 10
+_WITH_MISSION = 25
 """How often each of these is chosen, in a flight that has a mission."""
 _BY_STATION = frozenset({"station_parameter", "station_reboot"})
 _FOREIGN = 0.08
