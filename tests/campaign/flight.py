@@ -6,7 +6,7 @@ import time
 
 from tests.campaign.befall import Befalling
 from tests.campaign.evidence import SERVICES
-from tests.campaign.plan import FOREIGN, Plan, Step
+from tests.campaign.plan import FOREIGN, PLAIN, Plan, Step
 from tests.campaign.record import Place, Record
 from tests.campaign.rig import Rig, take_mode
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -65,6 +65,8 @@ def _do(rig: Rig, step: Step, faults: Befalling) -> bool:
         if not call.outcome or call.outcome == "GEOFENCE" or step.name in SERVICES - {"upload"}:
             return True
         _wait_until_calm(rig, faults)
+        if step.name == "upload":
+            rig.call("mission", (float(PLAIN), 0.5))  # a part of it, which must be refused
         state = rig.state()
         if state in ("LANDED_DISARMED", "LANDED_ARMED") and step.name not in ("arm", "take_off"):
             return False
