@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 
 import pytest
 
@@ -267,6 +269,16 @@ def test_a_mission_passes_its_places_in_their_order(goals: tuple[Place, ...], fo
     record.called[1] = dataclasses.replace(record.called[1], goals=goals)
     record.truth = [Located(each.time_s, place(each.time_s)) for each in record.truth]
     assert rules(record) == found
+
+
+def test_the_judge_imports_nothing_of_the_daemon() -> None:
+    imports, todo, seen = re.compile(r"^from tests\.campaign\.(\w+) import", re.MULTILINE), ["judge"], set()
+    while todo:
+        seen.add(name := todo.pop())
+        text = (Path(__file__).parent / f"{name}.py").read_text()
+        assert "ual_daemon" not in text, name
+        todo += [found for found in imports.findall(text) if found not in seen]
+    assert seen >= {"follows", "services", "words", "bounds", "motion", "evidence", "record"}
 
 
 def test_what_is_new_can_be_judged_again_from_its_file() -> None:
