@@ -178,7 +178,8 @@ def _sent(message: Message, now_s: float, mode_number: Callable[[int, int], int]
     """Returns what the message does to the vehicle, which takes itself to be at `local`; None: nothing."""
     if isinstance(message, mavlink.MAVLink_set_position_target_local_ned_message):
         return _setpoint(message, now_s, local)
-    command = getattr(message, "command", None)
+    is_item = isinstance(message, mavlink.MAVLink_mission_item_int_message)
+    command = None if is_item else getattr(message, "command", None)
     if command in _ASKING:
         return None
     if command is None:

@@ -31,6 +31,16 @@ def test_what_a_line_with_jitter_brings_after_something_newer_is_not_told() -> N
     assert modes == [POSCTL, OFFBOARD]
 
 
+def test_an_item_of_a_mission_is_no_command() -> None:
+    record = Record("px4")
+    sender = mavlink.MAVLink(None, srcSystem=250, srcComponent=191)
+    item = mavlink.MAVLink_mission_item_int_message(
+        1, 1, 0, 6, mavlink.MAV_CMD_NAV_WAYPOINT, 0, 1, *(0.0,) * 4, 0, 0, 3.0
+    )
+    Ears(record, Origin(47.0, 8.0, 500.0)).hear_daemon(bytes(item.pack(sender)))
+    assert [sent.what for sent in record.sent] == ["mission_item_int"]
+
+
 def test_what_comes_in_order_is_told() -> None:
     modes = [each.mode for each in told(heartbeat(254, POSCTL), heartbeat(255, OFFBOARD), heartbeat(0, POSCTL))]
     assert modes == [POSCTL, OFFBOARD, POSCTL]
