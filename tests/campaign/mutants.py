@@ -80,17 +80,12 @@ def _early() -> None:
 
 
 def _half_way() -> None:
-    """Takes off to half of the height, and counts that as done."""
+    """Counts a take-off as done at a third of its height."""
 
-    def make(init: Callable[..., None]) -> object:
-        def lower(manoeuvre: object, *args: object, **values: object) -> None:
-            init(manoeuvre, *args, **values)
-            manoeuvre._tolerance_m = 1.6  # type: ignore[attr-defined]
+    def is_up(manoeuvre: Any, _now_s: float, climbed_m: float, *_: object) -> bool:
+        return climbed_m > float(manoeuvre._height_m) / 3.0
 
-        return lower
-
-    _changed("ual_daemon.flight.manoeuvres.take_off:TakeOff", "__init__", make)
-    _changed(_MAVLINK, "take_off", lambda take_off: lambda backend, up_m, *args: take_off(backend, up_m / 2.0, *args))
+    _changed("ual_daemon.flight.manoeuvres.take_off:TakeOff", "_has_arrived", lambda _: is_up)
 
 
 def _unfenced() -> None:

@@ -12,7 +12,7 @@ from tests.campaign.record import DAEMON_STARTED, Record
 _NOT_COMMANDED = "not been commanded in this flight"
 _CAUSES = {
     "battery failsafe": ("battery",),
-    "rc failsafe": ("rc_loss",),
+    "rc failsafe": ("rc_loss", "busy"),  # the transmitter's thread is starved, too
     "fence": ("fence", "wide_fence"),
     "setpoint failsafe": ("freeze", "kill_daemon", "silence", "loss", "delay", "corruption", "busy"),
 }
