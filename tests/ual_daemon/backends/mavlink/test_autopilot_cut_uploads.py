@@ -125,6 +125,7 @@ def test_a_mission_that_was_cut_off_is_not_started_until_it_is_uploaded_again(
     for _ in range(2):
         with pytest.raises(WrongStateError, match=r"upload the mission again|has no mission; upload one"):
             flight.uav.mission.start()
+        assert flight.autopilot.pilot_disarm()  # else a minute passes until it disarms by itself
         flight.restart()
         stand_armed(flight)
     flight.uav.mission.upload(box(flight))

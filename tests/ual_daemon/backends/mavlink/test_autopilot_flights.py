@@ -12,7 +12,7 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Autopilot, BadLink, Faults, MemoryPort, Px4
-from tests.simulators.lockstep import LockstepBackend
+from tests.simulators.lockstep import POSE_RATE_HZ, LockstepBackend
 from tests.simulators.px4 import LOITER, OFFBOARD, RTL
 from tests.waiting import until
 from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
@@ -35,6 +35,7 @@ class Flight:
 
     settings: VehicleSettings | None = None
     home_file: Path | None = None
+    pose_rate_hz = POSE_RATE_HZ
 
     def __init__(self, kind: str, seed: int = 0) -> None:
         self.port = MemoryPort()
@@ -48,7 +49,8 @@ class Flight:
         self.started_s = self.now_s
         self.port.sent.clear()
         self.port.arriving.clear()
-        self.backend = LockstepBackend(BackendOptions("uav_1"), self.autopilot, self.port, SPEED)
+        options = BackendOptions("uav_1", settings={"pose_rate_hz": self.pose_rate_hz})
+        self.backend = LockstepBackend(options, self.autopilot, self.port, SPEED)
         self.uav = UAL(self.backend, settings=self.settings, home_file=self.home_file)
         self.uav.vehicle.subscribe(lambda telemetry: self.seen.append((self.now_s, telemetry)))
 
@@ -121,6 +123,12 @@ class Flight:
     def land(self) -> None:
         self.uav.land()
         self.wait_for_state(State.LANDED_DISARMED)
+
+
+class UsualRates(Flight):
+    """One whose backend asks for as much as it does by default: for tests of rates."""
+
+    pose_rate_hz = 50.0
 
 
 @pytest.fixture(params=["px4", "ardupilot"])

@@ -9,7 +9,7 @@ import pytest
 from tests.simulators import ArduPilot, Px4
 from tests.simulators.autopilot import Autopilot
 from tests.simulators.faults import Faults
-from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, UsualRates
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -25,7 +25,7 @@ def fly(flight: Flight) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("size", [17, 64, 256])
 def test_it_flies_behind_a_bridge_that_cuts_its_messages(kind: str, size: int) -> None:
-    flight = Flight(kind)
+    flight = UsualRates(kind)
     try:
         flight.link.down = Faults(cut_bytes=size)
         fly(flight)
@@ -43,7 +43,7 @@ def test_it_flies_behind_a_bridge_that_cuts_its_messages(kind: str, size: int) -
 @pytest.mark.parametrize("component_id", [0, 50, 200, 250])
 def test_an_autopilot_at_another_component_flies(component_id: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Autopilot, "component_id", component_id)
-    flight = Flight("ardupilot")
+    flight = UsualRates("ardupilot")
     try:
         fly(flight)
     finally:
@@ -51,7 +51,7 @@ def test_an_autopilot_at_another_component_flies(component_id: int, monkeypatch:
 
 
 def test_a_radio_that_is_overrun_is_asked_for_less_until_it_fits(caplog: pytest.LogCaptureFixture) -> None:
-    flight = Flight("px4")
+    flight = UsualRates("px4")
     try:
         flight.kill()
         flight.autopilot = Px4(flight.link)  # with all that a real one sends: 24 kB/s
@@ -76,7 +76,7 @@ def test_a_radio_that_is_overrun_is_asked_for_less_until_it_fits(caplog: pytest.
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_link_that_loses_at_random_is_asked_for_all_again(kind: str, caplog: pytest.LogCaptureFixture) -> None:
-    flight = Flight(kind)
+    flight = UsualRates(kind)
     try:
         flight.wait_for_state(State.LANDED_DISARMED)
         flight.link.down = Faults(loss=0.45)
@@ -85,7 +85,8 @@ def test_a_link_that_loses_at_random_is_asked_for_all_again(kind: str, caplog: p
         (channel, *_) = flight.autopilot.channels
         position = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
         flight.wait_for(lambda: channel.intervals_s[position] == pytest.approx(0.02), "the wanted rate")
-        geo, unasked_hz = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 50.0 if kind == "px4" else 5.0
+        geo = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+        unasked_hz = channel._rates_hz[geo] if kind == "px4" else 5.0
         flight.wait_for(lambda: channel.intervals_s.get(geo) == pytest.approx(1.0 / unasked_hz), "its own rate")
         flight.wait_for(lambda: "the link" not in reason(flight), "a link that is good")
         assert "carries no more" not in reason(flight)
@@ -102,7 +103,7 @@ def reason(flight: Flight) -> str:
 
 
 def test_an_arducopter_3_6_is_asked_for_groups_and_what_it_lacks_is_told() -> None:
-    flight = Flight("ardupilot")
+    flight = UsualRates("ardupilot")
     try:
         flight.wait_for_state(State.LANDED_DISARMED)  # the newer firmware has been asked for its streams
         flight.kill()

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, UsualRates
 from ual.types import State
 
 CONTENT = random.Random(4).randbytes(150_000)
@@ -18,7 +18,7 @@ LATER_S = 0.02
 
 @pytest.fixture(params=["px4", "ardupilot"])
 def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
-    flight = Flight(request.param)
+    flight = UsualRates(request.param)
     files = flight.autopilot.files
     files.files[f"{files.directory}/00000001.BIN"] = CONTENT
     flight.wait_for_state(State.LANDED_DISARMED)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.simulators import ArduPilot
 from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
-from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, UsualRates
 from ual.types import Limits, State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -19,7 +19,7 @@ POSITION = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
 
 @pytest.fixture(params=["px4", "ardupilot"])
 def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
-    flight = Flight(str(request.param))
+    flight = UsualRates(str(request.param))
     yield flight
     flight.uav.close()
 
@@ -75,7 +75,7 @@ def test_limits_that_cannot_be_read_are_reported_with_what_is_assumed(
 
 @pytest.mark.parametrize("renamed", [RENAMED, RENAMED_IN_4_7_0])
 def test_an_arducopter_4_7_flies_by_its_renamed_parameters(renamed: dict[str, tuple[str, float]]) -> None:
-    flight = Flight("ardupilot")
+    flight = UsualRates("ardupilot")
     try:
         autopilot = flight.autopilot
         assert isinstance(autopilot, ArduPilot)
