@@ -40,6 +40,13 @@ class Explanation:
         silence = self.external_silence.text(snapshot.time_s)
         return replace(found, why=found.why + silence) if silence else found
 
+    def taken(self, found: Estimate, snapshot: Snapshot) -> Estimate:
+        """Returns the same. Its reason says who took the UAV from UAL where the mode does not tell."""
+        taken = self._authority.taken
+        if found.state is not State.FLYING_MANUAL or snapshot.control.held_by is not None or not taken:
+            return found
+        return replace(found, why=f"{found.why}; {taken}")
+
     def update(self, snapshot: Snapshot, trouble: str) -> None:
         """Composes the note, and logs when another program's setpoints begin and end.
 

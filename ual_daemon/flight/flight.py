@@ -163,7 +163,7 @@ class Flight:
         found = estimate(snapshot, self._backend.freshness, declared, explanation.note, mission)
         if found.state is not State.UNINITIALIZED:
             is_plain = declared is not None or found.state is State.FLYING_AUTO  # no call for each setpoint
-            found = found if is_plain else self.arming.explained(found)
+            found = found if is_plain else explanation.taken(self.arming.explained(found), snapshot)
             return self.following.told(found) if self.following.why else found
         explained, does = explanation.explained(found, snapshot), "" if manoeuvre is None else manoeuvre.unseen
         return replace(explained, why=f"{explained.why}; {does}") if does else explained

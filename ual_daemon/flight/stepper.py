@@ -136,7 +136,8 @@ class Stepper:
         if manoeuvre.is_paused and step.error is None:
             return None  # paused by another thread during the step
         if manoeuvre.is_awaited:
-            self._rules.authority.end(snapshot, is_taken=step.is_taken)
+            by = "" if step.error is None else step.error.metadata.get("by", "")
+            self._rules.authority.end(snapshot, is_taken=step.is_taken, by=by)
         return Ending(_with_other_sender(step.error, snapshot))
 
     def _hand_over(self, manoeuvre: Manoeuvre, to: Handover, snapshot: Snapshot) -> None:

@@ -150,7 +150,7 @@ def state(session: Session) -> None:
     """Print the state of the UAV.
 
     On a terminal with its reason, its battery, and what is wrong; of several UAVs the worst first, and how many there
-    are of each state at the end.
+    are of each state at the end. Into a pipe the name only, and what is wrong to standard error.
     """
     with session.connect() as uav:
         telemetry = uav.telemetry()
@@ -172,9 +172,11 @@ def state(session: Session) -> None:
         },
         _state_text(telemetry, is_one=session.member is None),
     )
-    if telemetry.state is State.UNINITIALIZED:
-        if not sys.stdout.isatty():  # there the name stands alone
-            session.tell("; ".join(_reasons(telemetry)))
+    is_unknown, reasons = telemetry.state is State.UNINITIALIZED, _reasons(telemetry)
+    told = reasons if is_unknown else reasons[1:]
+    if told and not sys.stdout.isatty():  # there the name stands alone
+        session.tell("; ".join(told))
+    if is_unknown:
         raise click.exceptions.Exit(REFUSED)
 
 

@@ -83,7 +83,7 @@ class CauseWatch:
         self._sensors: Cause | None = None
         self._sensors_s = -math.inf
         self._healthy_once = 0
-        self._is_booting = self._is_critical = self._is_terminated = False
+        self._is_booting, self._is_critical, self._is_terminated = True, False, False
         self._are_motors_stopped: bool | None = None
         """What a text said last of the switch that stops the motors; None while none has."""
         self._critical_s = -math.inf

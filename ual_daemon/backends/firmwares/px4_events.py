@@ -162,6 +162,7 @@ _TRIGGERS = {
     event_id("check_gf_violation_max_hor_dist"): Cause.FENCE,
     event_id("check_gf_violation_max_alt"): Cause.FENCE,
     event_id("check_gf_violation_custom_gf"): Cause.FENCE,
+    event_id("check_flight_time_limit"): Cause.FLIGHT_TIME,
     event_id("check_modes_local_pos"): Cause.POSITION,
     event_id("check_modes_global_pos"): Cause.POSITION,
     event_id("check_modes_offboard_no_local_position"): Cause.POSITION,
@@ -170,8 +171,8 @@ _TRIGGERS = {
     event_id("check_gnss_receiver_no_fix"): Cause.POSITION,
     event_id("check_gps_position_divergence"): Cause.POSITION,
 }
-_LASTING = {event_id("check_battery_critical"), event_id("check_battery_emergency")}
-"""PX4 does not take back the warning of a battery in a flight."""
+_LASTING = {event_id(f"check_{name}") for name in ("battery_critical", "battery_emergency", "flight_time_limit")}
+"""PX4 does not take these back in a flight."""
 _OFFBOARD_SIGNAL = {event_id("check_modes_offboard_signal"), event_id("check_modes_offboard_signal_lost")}
 """No setpoints come: until 1.17, and from 1.18 on. PX4 reports it 10 ms before the failsafe, whose own event has no
 cause; in other modes, too."""

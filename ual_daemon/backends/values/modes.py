@@ -60,6 +60,8 @@ class Cause(Enum):
     """The estimator has no good position."""
     SETPOINTS = "setpoint failsafe"
     """No setpoints came: taking control back is the remedy, so it needs no force."""
+    FLIGHT_TIME = "flight time limit"
+    """It has flown for as long as it may."""
     COLLISION = "collision"
     """It has hit something (a simulator tells)."""
     TERMINATION = "flight termination"
@@ -88,6 +90,7 @@ _FAILSAFES = frozenset(
         Cause.GROUND_STATION_LOST,
         Cause.POSITION,
         Cause.SETPOINTS,
+        Cause.FLIGHT_TIME,
         Cause.COLLISION,
         Cause.TERMINATION,
         Cause.FAILSAFE,

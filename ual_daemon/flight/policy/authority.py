@@ -49,14 +49,16 @@ class Authority:
         self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
         self._has_flown, self.taken = True, ""
 
-    def end(self, snapshot: Snapshot, *, is_taken: bool) -> None:
-        """Notes that a manoeuvre of UAL has ended, and whether others took the UAV in it.
+    def end(self, snapshot: Snapshot, *, is_taken: bool, by: str = "") -> None:
+        """Notes that a manoeuvre of UAL has ended, and whether others took the UAV in it. `by` is who, if it is known.
 
         They may have selected a mode in which the state is FLYING_AUTO all the time (GUIDED in a landing of UAL).
         """
         self.is_ours = not is_taken
         if is_taken:
             self._note_taken(snapshot)
+        if is_taken and by == Cause.GROUND_STATION.value and snapshot.control.held_by is None:
+            self.taken = f"the {by} has brought another mission"  # in the mode to which UAL led
 
     def follow(self, state: State, snapshot: Snapshot) -> None:
         """Notes what an update shows, also while a manoeuvre is under way; before `observe`."""
@@ -96,7 +98,7 @@ class Authority:
     def _note_taken(self, snapshot: Snapshot) -> None:
         """Notes who holds a UAV that UAL has flown in this flight; the first who took it, until that is known."""
         by, mode = snapshot.control.held_by, snapshot.control.mode
-        if not self._has_flown or mode is None or by is Cause.OPEN:
+        if not self._has_flown or mode is None or by is Cause.OPEN or (by is None and self.taken):
             return
         who = "others" if by is None else f"the autopilot's {by.value}" if by.is_failsafe else f"the {by.value}"
         self.taken = f"{who} took it (mode {mode.value.text})"

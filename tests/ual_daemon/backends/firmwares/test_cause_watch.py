@@ -216,6 +216,15 @@ def test_a_failsafe_that_held_in_the_mode_that_was_asked_for_keeps_its_cause(
     assert watch.pass_s(1.0, is_sending=False) is cause
 
 
+def test_a_flight_that_has_lasted_too_long_is_named() -> None:
+    """COM_FLT_TIME_MAX was "failsafe" only, though `flight time limit` was among the failing checks."""
+    watch = Px4Watch()
+    watch.pass_s(5.0, is_sending=True)
+    watch.event("check_flight_time_limit", IN_ANY)
+    watch.mode = RTL
+    assert watch.pass_s(1.0, is_sending=True) is Cause.FLIGHT_TIME
+
+
 def test_a_battery_counts_as_new_in_each_flight() -> None:
     watch = Px4Watch()
     for _ in range(2):
@@ -312,7 +321,10 @@ def test_the_longest_gap_between_setpoints() -> None:
 
 
 def test_a_battery_that_was_not_measured_yet_while_ardupilot_boots_is_no_failsafe() -> None:
+    """SYS_STATUS may come before the first heartbeat, and of a boot before that tells of it."""
     watch = Px4Watch(autopilot=ArduCopter(), names_intended_mode=False)
+    watch.causes.on_sensors(Sensor.BATTERY, 0, 0.0)
+    assert watch.causes.failsafe(is_armed=False) is None
     watch.causes.on_system_status(SystemStatus.BOOT, 0.0)
     watch.causes.on_sensors(Sensor.BATTERY, 0, 0.0)
     assert watch.causes.failsafe(is_armed=False) is None

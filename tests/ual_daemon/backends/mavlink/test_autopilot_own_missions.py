@@ -289,6 +289,8 @@ def test_another_mission_that_came_in_flight_is_not_told_as_ours(flight: Flight)
     with pytest.raises(TaskAbortedError, match="has another mission now, which UAL has not started"):
         task.wait(LIMIT_S)
     flight.wait_for_state(State.FLYING_MANUAL)
+    flight.let_pass(1.0)
+    assert flight.uav.telemetry().state_reason.endswith("; the ground station has brought another mission")
 
 
 def test_another_mission_that_came_in_a_pause_is_not_flown(flight: Flight) -> None:
