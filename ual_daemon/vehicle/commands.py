@@ -325,7 +325,7 @@ class Commands:
             else:
                 motion = measured_motion(snapshot)
                 stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
-                self._flight.begin_reference(stop, "abort", snapshot, Order(lease_id), only_task_id=task_id)
+                self._stop_at("abort", stop, snapshot, task_id, lease_id)
             accepted("abort", freeze=freeze, task_id=task_id or "any")
 
     def _waiting(self, task_id: str) -> VehicleTask | None:
@@ -395,6 +395,15 @@ class Commands:
         self._flight.begin(recover, Order(lease_id), snapshot)
         recover.send(snapshot)
 
+    def _stop_at(self, name: str, stop: Reference, snapshot: Snapshot, task_id: str, lease_id: str) -> None:
+        """Stops the UAV by references; where a mission has just begun, that."""
+        try:
+            self._flight.begin_reference(stop, name, snapshot, Order(lease_id), only_task_id=task_id)
+        except WrongStateError:
+            if not self._is_mission(task_id):
+                raise
+            self._stop_mission(name, self._backend.snapshot(), lease_id)
+
     def _stop_mission(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
         """Stops a mission that the autopilot flies; one that lands only ends as a task."""
         info, stop = self._flight.task_info(), self._flight.mission_stop(name, snapshot)
@@ -421,8 +430,7 @@ class Commands:
             seen = self._require_stoppable("cancel", task.id, lease_id, *_SEEN)
             self._stop_mission("cancel", seen, lease_id)
         elif self._flight.is_following(snapshot):
-            stop = self._flight.brake(snapshot)
-            self._flight.begin_reference(stop, "cancel", snapshot, Order(lease_id), only_task_id=task.id)
+            self._stop_at("cancel", self._flight.brake(snapshot), snapshot, task.id, lease_id)
         else:
             self._flight.drop_task(task.id, "cancel", lease_id)
         accepted("cancel", task_id=task.id)

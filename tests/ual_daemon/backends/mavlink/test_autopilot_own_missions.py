@@ -613,6 +613,30 @@ def require_taken_by_a_station(flight: Flight, task: Task) -> None:
     assert flight.uav.state() is State.FLYING_MANUAL
 
 
+@pytest.mark.parametrize("how", ["abort", "cancel"])
+def test_an_abort_in_the_moment_in_which_it_begins_stops_it(
+    flight: Flight, how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a real PX4 it was refused: the autopilot flies a mission, stop it first (abort)."""
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
+    flight.wait_for(lambda: "our mission" in flight.uav.telemetry().state_reason, "the mission")
+    commands = flight.uav.vehicle.commands
+    judged, is_mission = list[bool](), commands._is_mission
+
+    def judge_before_it_began(task_id: str) -> bool:
+        judged.append(bool(judged) and is_mission(task_id))
+        return judged[-1]
+
+    monkeypatch.setattr(commands, "_is_mission", judge_before_it_began)
+    monkeypatch.setattr(commands._flight, "is_following", lambda _: True)
+    flight.uav.abort() if how == "abort" else task.cancel()
+    monkeypatch.undo()
+    assert judged == [False, True]
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode in ("OFFBOARD", "GUIDED"), "the control")
+    flight.wait_for_state(State.FLYING_AUTO)
+
+
 def test_who_takes_it_as_it_jumps_back_from_its_last_item_keeps_it(flight: Flight) -> None:
     flight.take_off()
     items: list[Item] = [at(flight, 40, 0), at(flight, 40, 40), Jump(1, 2)]
