@@ -149,6 +149,21 @@ def test_a_uav_that_does_as_it_must_passes_and_has_no_mission_afterwards(uav: UA
     assert made.mission.kept == StoredMission(())
 
 
+class GrowingLogs(Logs):
+    """The autopilot writes on: what was half written in one download is whole in the next."""
+
+    def download(self, log_id: str, offset: int = 0) -> Iterator[LogChunk]:
+        yield from super().download(log_id, offset)
+        self.data = self.content + b"written later" if len(self.data) > len(self.content) else self.content + bytes(8)
+
+
+def test_a_log_that_grows_while_it_is_downloaded_is_no_fault(uav: UAL) -> None:
+    made = WithServices(uav)
+    made.logs = GrowingLogs()
+    made.logs.data = made.logs.content + bytes(8)
+    run(made)
+
+
 @pytest.mark.parametrize(
     "check", [*own_missions.ON_GROUND, *own_missions.IN_FLIGHT, *own_logs.ON_GROUND], ids=lambda each: each.name
 )
