@@ -38,8 +38,11 @@ class _Source:
 
     def is_lost(self, now_s: float, *, is_there: bool, is_good: bool) -> bool:
         """Makes one update in flight. `is_good` is whether the estimate is, by the autopilot's word."""
+        if not self._was_used:
+            self._was_used = is_there and is_good
+            self._gone_s = None
+            return False
         if is_there:
-            self._was_used = self._was_used or is_good
             self._back_s = now_s if self._back_s is None else self._back_s
             if self._gone_s is None or now_s - self._back_s >= BACK_S:
                 self._gone_s = None
@@ -68,7 +71,7 @@ class PositionWatch:
         """When the next update is due."""
         self.waits = ""
         """The same, as far as tasks wait for its end."""
-        self._boots_count, self._fix = 0, ""
+        self._boots_count, self._fix, self._lost = 0, "", (False, False)
         self._satellites, self._outside = _Source(GONE_S), _Source(0.0)
 
     def update(self, snapshot: Snapshot) -> None:
@@ -95,7 +98,7 @@ class PositionWatch:
                 self._fix = self._fix if has_fix else gps.fix.name
                 no_fix = f"no satellite fix ({self._fix}), and {DRIFTS}"
         self.waits = no_fix or ("" if has_fix else outside)
-        self._tell("; ".join(filter(None, (no_fix, outside))))
+        self._tell("; ".join(filter(None, (no_fix, outside))), (bool(no_fix), bool(outside)))
 
     def doubts(self, now_s: float) -> str:
         """Returns what is wrong with the position, and with the poses that come from outside; empty if nothing is."""
@@ -103,8 +106,10 @@ class PositionWatch:
         doubt = external.doubt(now_s) if external.is_doubtful else ""
         return f"{self.trouble}; {doubt}" if self.trouble and doubt else self.trouble or doubt
 
-    def _tell(self, trouble: str) -> None:
-        if trouble != self.trouble:
+    def _tell(self, trouble: str, lost: tuple[bool, bool]) -> None:
+        """Takes what is wrong, and logs that where another source is lost: the texts may have figures."""
+        self.trouble = trouble
+        if lost != self._lost:
+            self._lost = lost
             level = logging.WARNING if trouble else logging.INFO
             logs.event(_log, level, "position_trouble", why=trouble or "over")
-            self.trouble = trouble

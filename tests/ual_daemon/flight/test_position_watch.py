@@ -183,3 +183,23 @@ def test_both_that_end_are_told() -> None:
     assert not flight.passes(20.0)
     flight.is_measured = False
     assert flight.passes(1.0) == f"{NO_FIX}; {ENDED}"
+
+
+def test_a_cause_whose_figures_change_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+    flight = Flight(GpsFix.NONE)
+    flight.is_measured = True
+    flight.passes(5.0)
+    flight.is_measured = False
+    for number in range(20):
+        flight.silence.dropped(flight.now_s, f"it is old: measured {number} s ago")
+        flight.passes(0.1)
+    assert caplog.text.count("position_trouble") == 1
+    assert "measured 18 s ago" in flight.watch.trouble or "measured 19 s ago" in flight.watch.trouble
+
+
+def test_a_source_that_begins_in_flight_is_not_one_that_was_lost() -> None:
+    flight = Flight(GpsFix.NONE)
+    flight.passes(5.0)
+    flight.is_measured, flight.fix = True, GpsFix.FIX_3D
+    for _ in range(60):
+        assert not flight.passes(0.1)
