@@ -34,7 +34,7 @@ def speed_m_s(told: Telemetry) -> float:
 
 
 def fly_off(flight: OutdoorFlight, lose: Callable[[], None], find: Callable[[], None], text: str) -> float:
-    """Loses its source on the way, until it nearly stands: the go-to waits, and arrives. Returns after how long it was told.
+    """Loses its source on the way until it nearly stands: the go-to waits, and arrives. Returns when it was told.
 
     Both happen in updates, as a busy computer would else let more time pass than the autopilot flies without a source.
     """

@@ -7,10 +7,13 @@ from typing import NamedTuple
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Harness
+from tests.ual_daemon.backends.mavlink.test_replay import fly
 from tests.ual_daemon.backends.mavlink.traces import Trace, load
 from ual.types import State
-from ual_daemon.backends.values import Cause, Control
+from ual_daemon.backends.values import Cause, Control, Snapshot
+from ual_daemon.flight.external_silence import ExternalSilence
 from ual_daemon.flight.manoeuvres.manoeuvre import taken_over
+from ual_daemon.flight.position_watch import PositionWatch
 from ual_daemon.flight.state import estimate
 
 TICK_S = 0.02
@@ -138,3 +141,28 @@ def test_a_ground_stations_target_in_guided_is_another_senders() -> None:
     # What flew it was not UAL: from the first target in the air on.
     assert [bool(text) for _, text in seen] == [False, True, False]
     assert "UAL has sent none" in seen[1][1]
+
+
+@pytest.mark.parametrize(
+    ("name", "texts", "troubles"),
+    [
+        ("px4_gps_loss_in_offboard", ["failsafe enter autopilot disengaged"], ["no satellite fix (NONE)"]),
+        ("px4_rc_loss_in_offboard", ["failsafe enter hold", "failsafe enter generic"], []),
+        ("ardupilot_guided_manual_recover", [], []),
+    ],
+)
+def test_only_what_is_severe_is_told_of_recorded_flights(name: str, texts: list[str], troubles: list[str]) -> None:
+    watch, trace, lost_s = PositionWatch(ExternalSilence()), load(name), list[float]()
+    said, told = dict[str, None](), dict[str, None]()
+
+    def observe(snapshot: Snapshot) -> None:
+        watch.update(snapshot)
+        said.update(dict.fromkeys(each.text for each in snapshot.condition.severe_texts))
+        if watch.trouble:
+            lost_s.append(snapshot.time_s)
+            told[watch.trouble.partition(",")[0]] = None
+
+    fly(trace, observe)
+    assert (list(said), list(told)) == (texts, troubles)
+    if troubles:
+        assert lost_s[0] - trace.time_s("gps_lost") < 1.0
