@@ -1,5 +1,6 @@
-"""A flight through a daemon: `make run` in one terminal, `python examples/client_flight.py` in another."""
+"""Flies a UAV through its daemon: `make run` in one terminal, `python examples/client_flight.py` in another."""
 
+import argparse
 import sys
 import threading
 import time
@@ -16,6 +17,7 @@ def wait_until_armed(uav: ual.Uav) -> None:
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
     # The only UAV of this computer. With several: ual.Uav("uav_2") or ual.Uav(address="host:50052").
     with ual.Uav() as uav:
         print("flying", uav.ns)

@@ -8,6 +8,7 @@ the line says that it is down, and the UAV leaves only once the gripper is known
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Callable
 
@@ -62,6 +63,7 @@ def deliver(uav: ual.interface.Uav) -> None:
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
     light = {"speed_factor": 20.0}
     with UAL(backend="light", settings=VehicleSettings(payload=CARRIED), backend_settings=light) as uav:
         uav.wait_for(ual.State.LANDED_DISARMED)

@@ -4,6 +4,7 @@ Against a light UAV without satellites: ``ual-daemon --backend light``, ``ual si
 ``python examples/external_poses.py``. Replace `measure` by your system.
 """
 
+import argparse
 import time
 
 import ual
@@ -20,13 +21,19 @@ def measure() -> ual.PoseStamped:
     return ual.PoseStamped(ual.Pose.at(1.0, 2.0, 0.0, 0.0), "map")
 
 
-with ual.Uav() as uav:
-    for number in range(round(RATE_HZ * DURATION_S)):
-        try:
-            uav.set_external_pose(measure(), position_std_dev_m=0.005)
-        except ual.InvalidArgumentError as error:  # not valid, or old: the next one may be better
-            print(error)
-        if number % RATE_HZ == 0:
-            sample = uav.telemetry()
-            print(sample.state.name, sample.state_reason, sample.pose and sample.pose.position)
-        time.sleep(1.0 / RATE_HZ)
+def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    with ual.Uav() as uav:
+        for number in range(round(RATE_HZ * DURATION_S)):
+            try:
+                uav.set_external_pose(measure(), position_std_dev_m=0.005)
+            except ual.InvalidArgumentError as error:  # not valid, or old: the next one may be better
+                print(error)
+            if number % RATE_HZ == 0:
+                sample = uav.telemetry()
+                print(sample.state.name, sample.state_reason, sample.pose and sample.pose.position)
+            time.sleep(1.0 / RATE_HZ)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,10 +1,13 @@
-"""A first flight in one process, without a daemon: `python examples/first_flight.py`."""
+"""Flies a simulated UAV in one process, without a daemon: `python examples/first_flight.py`."""
+
+import argparse
 
 from ual import Pose
 from ual_daemon import UAL
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
     # "light" is a simulation, here five times as fast as real time; "mavlink" flies PX4 and ArduPilot.
     with UAL(backend="light", ns="uav_1", backend_settings={"speed_factor": 5.0}) as uav:
         uav.arm()  # a real UAV is armed by its safety pilot

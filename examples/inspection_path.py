@@ -2,6 +2,7 @@
 another.
 """
 
+import argparse
 import math
 
 import ual
@@ -39,6 +40,7 @@ def inspect(uav: Uav) -> None:
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
     with ual.Uav() as uav:
         if uav.state() is not ual.State.FLYING_AUTO:
             uav.take_off(2.0)

@@ -3,6 +3,7 @@
 ``python examples/land_on_marker.py``; it needs OpenCV (``pip install opencv-python-headless``).
 """
 
+import argparse
 import math
 from typing import Any
 
@@ -51,6 +52,7 @@ def land_on_marker(uav: ual.interface.Uav) -> None:
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
     with UAL("light", backend_settings=SETTINGS) as uav:
         uav.arm()
         uav.take_off(HEIGHTS_M[0])

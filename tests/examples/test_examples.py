@@ -105,3 +105,34 @@ def test_land_on_marker() -> None:
     landed = re.fullmatch(r"landed (\S+) m from the marker", line)
     assert landed is not None
     assert float(landed[1]) < 0.2
+
+
+PROGRAMS = sorted(each.stem for each in EXAMPLES.glob("*.py") if '__name__ == "__main__"' in each.read_text("utf-8"))
+
+
+def test_every_example_is_a_program_or_a_part_of_one() -> None:
+    assert {each.stem for each in EXAMPLES.glob("*.py")} - set(PROGRAMS) == {"together", "tracks"}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_program_answers_help_and_says_what_it_moves_without_a_uav(name: str, runtime_dir: Path) -> None:
+    """There is no daemon here: one that connects fails."""
+    if name == "land_on_marker":
+        pytest.importorskip("cv2")
+    module = ("-m", f"examples.{name}")
+    done = subprocess.run(
+        [sys.executable, *module, "--help"],
+        cwd=EXAMPLES.parent,
+        env={**os.environ, discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir), "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        timeout=100.0,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("usage: ")
+    assert name == "external_poses" or MOVES.search(done.stdout)
+
+
+MOVES = re.compile(
+    r"\b(fl(y|ies)|lands?|delivers?|circles?|surveys?|perches|change places|film|inspects?)\b", re.IGNORECASE
+)
