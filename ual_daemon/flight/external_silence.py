@@ -27,6 +27,8 @@ class ExternalSilence:
         self._doubted = (-math.inf, "")
         self._is_cause = False
         """Whether the position was lost soon after the last one: where it was later, they are not the cause."""
+        self.is_heard = False
+        """Whether any has come."""
         self.is_doubtful = False
         """Whether they have been doubted at all: no call for each sample of others."""
 
@@ -34,7 +36,7 @@ class ExternalSilence:
         """Notes that a pose was given to the autopilot."""
         if self._last_s is None or now_s - self._last_s > NOTICED_S:
             self._since_s = now_s
-        self._last_s, self._is_cause = now_s, False
+        self._last_s, self._is_cause, self.is_heard = now_s, False, True
 
     def is_good(self, now_s: float) -> None:
         """Notes that the autopilot has a good position."""

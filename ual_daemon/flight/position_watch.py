@@ -89,16 +89,19 @@ class PositionWatch:
         else:
             estimator = snapshot.motion.estimator
             is_good = estimator is not None and estimator.value.is_good
-            is_measured = self._external.is_source(now_s)
-            if self._outside.is_lost(now_s, is_there=is_measured, is_good=is_good):
-                outside = f"{self._external.why_ended(now_s)}, and {DRIFTS}"
-            if gps is None or is_measured or snapshot.condition.aids:
+            external, is_measured = self._external, False
+            if external.is_heard:  # no call for each update of others
+                is_measured = external.is_source(now_s)
+                if self._outside.is_lost(now_s, is_there=is_measured, is_good=is_good):
+                    outside = f"{external.why_ended(now_s)}, and {DRIFTS}"
+            if is_measured or snapshot.condition.aids:
                 self._satellites.stand_by()
-            elif self._satellites.is_lost(now_s, is_there=has_fix, is_good=is_good):
+            elif gps is not None and self._satellites.is_lost(now_s, is_there=has_fix, is_good=is_good):
                 self._fix = self._fix if has_fix else gps.fix.name
                 no_fix = f"no satellite fix ({self._fix}), and {DRIFTS}"
         self.waits = no_fix or ("" if has_fix else outside)
-        self._tell("; ".join(filter(None, (no_fix, outside))), (bool(no_fix), bool(outside)))
+        if no_fix or outside or self.trouble:
+            self._tell("; ".join(filter(None, (no_fix, outside))), (no_fix != "", outside != ""))
 
     def doubts(self, now_s: float) -> str:
         """Returns what is wrong with the position, and with the poses that come from outside; empty if nothing is."""

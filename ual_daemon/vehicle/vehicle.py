@@ -289,12 +289,12 @@ class Vehicle(ReportedVehicle):
     @override
     def _sample(self, snapshot: Snapshot, found: Estimate, *, is_late: bool = False) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
-        flight, troubles = self._flight, list[str]()
-        if trouble := flight.trouble:
-            troubles.append(trouble)
+        flight = self._flight
+        trouble = flight.trouble
+        troubles = (trouble,) if trouble else ()
         if flight.position.trouble or flight.external_silence.is_doubtful:
             position = flight.position.doubts(snapshot.time_s)
-            troubles += [f"position: {position}"] * bool(position)
+            troubles = (*troubles, f"position: {position}") if position else troubles
         return make_telemetry(
             snapshot,
             found,
