@@ -21,6 +21,7 @@ from ual.errors import InvalidArgumentError, NotSupportedError, ResourceExhauste
 from ual.logs import Log, LogChunk
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_tools.logs import doubt_of_last
 from ual_tools.main import cli
 
 CONTENT = random.Random(7).randbytes(300_000)
@@ -107,6 +108,25 @@ def test_a_log_that_is_never_described_does_not_hide_the_others(
         assert file.read_bytes() == CONTENT[:400]
         refused = run(daemon, "logs", "fetch", "--last", "-o", tmp_path / "last.bin")
         assert (refused.exit_code, "which is the newest" in refused.output) == (1, True)
+
+
+NOT_SAID = "the autopilot does not say when its logs were written: 2 is taken for the newest"
+
+
+@pytest.mark.parametrize(
+    ("logs", "doubt"),
+    [
+        ([Log("1", 9, 10.0), Log("2", 9, 20.0)], ""),
+        ([Log("1", 9)], ""),
+        (
+            [Log("1", 9), Log("2", 9)],
+            "the autopilot does not say when its logs were written: 2 is taken for the newest",
+        ),
+        ([Log("1", 9), Log("2", 9, 20.0)], "2 is the newest that has a time; when these were written is not known: 1"),
+    ],
+)
+def test_the_last_log_is_doubted_where_times_are_missing(logs: list[Log], doubt: str) -> None:
+    assert doubt_of_last(logs[-1], logs) == doubt
 
 
 def run(daemon: DaemonProcess, *words: str | Path) -> Result:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,7 +89,9 @@ def fetch_log(session: Session, log_id: str | None, last: bool, file: Path | Non
     if (log_id is None) is not last:
         raise click.UsageError("say which log: its ID or --last")
     with session.connect() as uav:
-        log = _chosen(uav, log_id)
+        log, doubt = _chosen(uav, log_id)
+        if doubt:
+            session.tell(doubt)
         target = Path(file_name(log, uav.ns)) if file is None else file
         with _shown(log) as show:
             sha256 = _patiently(uav, log, target, show, patience_s)
@@ -97,7 +99,8 @@ def fetch_log(session: Session, log_id: str | None, last: bool, file: Path | Non
     session.emit_written(values, f"{target}: {log.size_bytes} bytes, SHA-256 {sha256}")
 
 
-def _chosen(uav: Uav, log_id: str | None) -> Log:
+def _chosen(uav: Uav, log_id: str | None) -> tuple[Log, str]:
+    """Returns a log, and why it may not be the newest one; empty where it is, or was named."""
     found = uav.logs.get_all()
     if not found:
         raise InvalidArgumentError("the autopilot has no logs", {"field": "log_id"})
@@ -112,7 +115,17 @@ def _chosen(uav: Uav, log_id: str | None) -> Log:
         raise InvalidArgumentError(
             f"the autopilot has no log {log_id}; `ual logs list` shows them", {"field": "log_id"}
         )
-    return log
+    return log, doubt_of_last(log, found) if log_id is None else ""
+
+
+def doubt_of_last(log: Log, found: Sequence[Log]) -> str:
+    """Returns why a log that was taken for the newest of those that were found may not be it; empty where it is."""
+    untimed = [each.id for each in found if each.time_s is None and each is not log]
+    if len(found) == 1 or (log.time_s is not None and not untimed):
+        return ""
+    if log.time_s is None:
+        return f"the autopilot does not say when its logs were written: {log.id} is taken for the newest"
+    return f"{log.id} is the newest that has a time; when these were written is not known: {', '.join(untimed)}"
 
 
 def _patiently(uav: Uav, log: Log, file: Path, show: Callable[[int, int], None], patience_s: float) -> str:

@@ -151,6 +151,16 @@ def test_mappings_are_where_a_desktop_keeps_configurations(monkeypatch: pytest.M
     assert mapping_directory() == Path("/elsewhere/ual/joysticks")
 
 
+def test_without_a_home_directory_there_are_no_mappings_and_none_can_be_saved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A container may run with any user id."""
+    for name in ("HOME", "XDG_CONFIG_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
+    Joysticks()
+    with pytest.raises(MappingError, match="set HOME or XDG_CONFIG_HOME"):
+        mapping_directory()
+
+
 def test_the_variables_of_the_program_stay_as_they_are(tmp_path: Path) -> None:
     before = dict(os.environ)
     with Joysticks(tmp_path):

@@ -74,15 +74,20 @@ def read_item(port: int, data: bytes) -> tuple[str, Variable] | None:
 
 
 class TocCache:
-    """Tables on disk, by their checksum: a second connection does not read them again."""
+    """Tables on disk, by their checksum: a second connection does not read them again.
+
+    A user without a home directory, as in a container with any user id, has none unless a directory is named.
+    """
 
     def __init__(self, directory: str | None = None) -> None:
         self._directory = Path(directory) if directory else _default_directory()
 
     def load(self, port: int, info: TocInfo) -> Toc | None:
         """Returns a table; None if it is not there or cannot be read."""
+        if self._directory is None:
+            return None
         try:
-            rows = json.loads(self._path(port, info).read_text())
+            rows = json.loads(_path(self._directory, port, info).read_text())
             toc = {str(name): Variable(int(row[0]), str(row[1]), bool(row[2])) for name, row in rows.items()}
         except (OSError, ValueError, TypeError, LookupError, AttributeError):
             return None
@@ -90,7 +95,9 @@ class TocCache:
 
     def save(self, port: int, info: TocInfo, toc: Toc) -> None:
         """Saves a table, as far as that is possible."""
-        path = self._path(port, info)
+        if self._directory is None:
+            return
+        path = _path(self._directory, port, info)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             part = path.with_suffix(f".{os.getpid()}")
@@ -99,8 +106,9 @@ class TocCache:
         except OSError as error:
             logs.event(_log, logging.WARNING, "toc_not_saved", path=path, why=str(error))
 
-    def _path(self, port: int, info: TocInfo) -> Path:
-        return self._directory / f"{KINDS[port]}-{info.checksum:08x}-{info.size}.json"
+
+def _path(directory: Path, port: int, info: TocInfo) -> Path:
+    return directory / f"{KINDS[port]}-{info.checksum:08x}-{info.size}.json"
 
 
 def missing(toc: Toc, names: Iterator[str]) -> list[str]:
@@ -113,6 +121,9 @@ def _is_sound(port: int, variable: Variable) -> bool:
     return variable.format in formats.values() and 0 <= variable.ident < 0xFFFF
 
 
-def _default_directory() -> Path:
+def _default_directory() -> Path | None:
     given = os.environ.get("CACHE_DIRECTORY") or os.environ.get("XDG_CACHE_HOME")  # the former is systemd's
-    return (Path(given) if given else Path.home() / ".cache") / "ual" / "crazyflie"
+    try:
+        return (Path(given) if given else Path.home() / ".cache") / "ual" / "crazyflie"
+    except RuntimeError:  # no HOME, and no such user
+        return None

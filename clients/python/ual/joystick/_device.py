@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from typing_extensions import override
 
 from ual.joystick._errors import JoystickDisconnectedError, JoystickError
-from ual.joystick._mapping import mapping_directory, read_mappings
+from ual.joystick._mapping import own_mappings, read_mappings
 from ual.joystick._sdl import Sdl
 from ual.joystick._state import Axis, Button, GamepadState, RawState
 
@@ -52,7 +52,7 @@ class Joysticks:
     """
 
     def __init__(self, directory: Path | None = None) -> None:
-        self._sdl = Sdl(read_mappings(mapping_directory() if directory is None else directory))
+        self._sdl = Sdl(own_mappings() if directory is None else read_mappings(directory))
 
     def list(self) -> tuple[Device, ...]:
         """Returns the joysticks that are connected."""

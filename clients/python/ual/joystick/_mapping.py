@@ -58,8 +58,25 @@ class Mapping:
 
 
 def mapping_directory() -> Path:
-    """Returns where the user's mappings are: ``~/.config/ual/joysticks``, or below ``XDG_CONFIG_HOME``."""
-    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "ual" / "joysticks"
+    """Returns where the user's mappings are: ``~/.config/ual/joysticks``, or below ``XDG_CONFIG_HOME``.
+
+    Raises:
+        MappingError: The user has no home directory, as in a container with any user id.
+
+    """
+    try:
+        return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "ual" / "joysticks"
+    except RuntimeError:
+        raise MappingError("there is no home directory: set HOME or XDG_CONFIG_HOME") from None
+
+
+def own_mappings() -> list[str]:
+    """Returns the lines of the user's mappings; none where the user has no home directory."""
+    try:
+        directory = mapping_directory()
+    except MappingError:
+        return []
+    return read_mappings(directory)
 
 
 def read_mappings(directory: Path) -> list[str]:

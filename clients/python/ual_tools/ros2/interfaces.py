@@ -31,8 +31,16 @@ _SHOWN_LINES = 15
 
 
 def cache() -> Path:
-    """Returns the directory of the user's cache in which interfaces are built."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ual" / "ros2"
+    """Returns the directory of the user's cache in which interfaces are built.
+
+    Raises:
+        NotSupportedError: The user has no home directory.
+
+    """
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ual" / "ros2"
+    except RuntimeError:
+        raise NotSupportedError("there is no home directory to build in: set HOME or XDG_CACHE_HOME") from None
 
 
 def needed() -> dict[str, Path]:

@@ -49,6 +49,8 @@ def read_key(path: str) -> bytes:
             content = file.read(_LARGEST_FILE + 1)
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}", KEY) from None
+    except RuntimeError:
+        raise ConfigError(f"cannot read {path}: there is no home directory: set HOME", KEY) from None
     form, _, rest = content.partition(b":")
     _require_exact(form, path)
     if form == b"raw":

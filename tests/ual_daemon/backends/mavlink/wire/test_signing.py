@@ -235,3 +235,10 @@ def test_that_a_key_may_be_missing_is_told_where_no_request_is_answered() -> Non
     assert refused.endswith("; it signs its messages and may not listen to ours: set mavlink.signing_key_file")
     harness.receive(heartbeat())  # not signed
     assert "signs" not in harness.snapshot().link.refused
+
+
+def test_a_key_in_a_home_directory_that_is_not_there_is_refused_by_its_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
+    with pytest.raises(ConfigError, match="cannot read ~/key: there is no home directory: set HOME"):
+        read_key("~/key")
