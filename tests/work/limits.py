@@ -40,7 +40,7 @@ SETPOINTS = {
 """`UAL.set_velocity` 0.8 m above the ground, beside a corner or between holes of a fence, with each backend."""
 
 SAMPLES = {
-    "light": 418,
+    "light": 422,
     "mavlink-px4": 1022,
     "mavlink-ardupilot": 854,
     "mavros": 1198,
