@@ -23,6 +23,8 @@ from ual.types import AltitudeReference
 _LIMIT_S = 20.0
 _PERIOD_S = 0.04
 _PAUSE_S = 1.5
+_AGAIN_S = 0.6
+"""A start that comes later may be of another station's mission."""
 _FENCE_M = 60.0
 
 
@@ -99,7 +101,7 @@ def _mission(uav: ual.Uav, values: Sequence[float], accepted: _Count) -> None:
     task = uav.task(uav.mission.start().id)
     accepted.value = 1
     with contextlib.suppress(UalTimeoutError):
-        task.wait(timeout_s=after_s)
+        task.wait(timeout_s=min(after_s, _AGAIN_S) if action == AGAIN else after_s)
     with contextlib.suppress(UalError):
         if action == PAUSE:
             uav.mission.pause()
