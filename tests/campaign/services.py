@@ -17,6 +17,7 @@ PASSED_M = 3.0
 """How near a waypoint is passed: both autopilots' radius of 2 m, and what UAL may overshoot."""
 _CLIMBED_M = 1.0
 _LANDED_S = 2.0
+_STARVED_S = 0.5
 _NAMES = ("station", "mission")
 _HIDING = ("loss", "delay", "corruption", "silence", "freeze", "kill_daemon", "reboot")
 _PREFIXES = ("PreArm: ", "Arm: ")
@@ -34,6 +35,7 @@ def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
         heard_s = [each.time_s for each in record.missions if each.time_s > order.time_s - TOLD_S]
         due_s = max(order.time_s, min(heard_s, default=-math.inf)) + TOLD_S
         due_s += due_s - known_since_s(record, due_s, 0.0)
+        due_s += _STARVED_S * is_befallen(record, ("busy",), order.time_s, due_s)  # its client is, too
         for call in record.called:
             if call.name != "mission" or not call.began_s + TOLD_S < order.time_s < call.ended_s:
                 continue
