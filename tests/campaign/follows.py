@@ -30,7 +30,7 @@ BESIDE_M, BESIDE_S = 3.0, 3.0
 """A vehicle that is so far beside what was asked, and goes farther, or comes no nearer for so long, does not follow."""
 FALL_M_S = 4.5
 """Faster than any descent of a campaign: both autopilots descend with 2 m/s at most unless they are asked."""
-_FALLS_S, _FARTHER_S, _FARTHER_M = 0.2, 0.5, 0.15
+_FALLS_S, _FARTHER_S, _FARTHER_M = 0.1, 0.5, 0.15
 _LEADING_S = 0.5
 """A fast reference may be so much farther ahead."""
 _NEARER_M = 0.5
