@@ -14,8 +14,9 @@ from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Px4
 from tests.simulators.px4 import LOITER, MISSION, OFFBOARD, POSCTL, TAKEOFF
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, px4_of
-from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import box, stand_armed, start
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, box, landing, stand_armed, start
 from ual.errors import LeaseHeldError, WrongStateError
+from ual.missions import TakeOff
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Cause
@@ -41,10 +42,11 @@ def px4() -> Iterator[Flight]:
     flight.uav.close()
 
 
-def land_a_mission(flight: Flight) -> None:
+def land_a_mission(flight: Flight, *, is_long: bool = False) -> None:
     """Flies a mission that ends by its landing, after which the autopilot stays in the mode of missions."""
     stand_armed(flight)
-    assert flight.uav.task(start(flight, box(flight))).wait(LIMIT_S).error is None
+    short = [TakeOff(3.0), at(flight, 3, 0, 3.0), landing(flight, 3, 0)]
+    assert flight.uav.task(start(flight, box(flight) if is_long else short)).wait(LIMIT_S).error is None
     flight.wait_for_state(State.LANDED_DISARMED)
     name = "AUTO.MISSION" if isinstance(flight.autopilot, Px4) else "AUTO"
     flight.wait_for(lambda: flight.uav.telemetry().flight_mode == name, "the mode of missions")
@@ -153,7 +155,7 @@ def test_what_anothers_arming_starts_is_told_as_theirs_and_left_alone(flight: Fl
 
 def armed_into_a_flight(px4: Flight) -> None:
     """UAL arms in the moment in which another station selects the mission, which UAL cannot see yet."""
-    land_a_mission(px4)
+    land_a_mission(px4, is_long=True)
     autopilot = px4_of(px4)
     assert autopilot.request_mode(LOITER)
     px4.wait_for(lambda: px4.uav.telemetry().flight_mode == "AUTO.LOITER", "the mode")
@@ -171,7 +173,7 @@ def armed_into_a_flight(px4: Flight) -> None:
 
 def selected_after_our_arming(px4: Flight) -> None:
     """Another station selects the mission for the UAV that UAL has armed, and that stands."""
-    land_a_mission(px4)
+    land_a_mission(px4, is_long=True)
     px4.uav.arm()
     px4.let_pass(0.5)
     assert px4_of(px4).request_mode(MISSION)

@@ -126,7 +126,7 @@ class Flight:
 
 
 class UsualRates(Flight):
-    """One whose backend asks for as much as it does by default: for tests of rates."""
+    """One whose backend asks for as much as it does by default: for tests of rates, and of how soon it notices."""
 
     pose_rate_hz = 50.0
 

@@ -14,7 +14,7 @@ import pytest
 
 from tests.simulators import ArduPilot, Autopilot, BadLink, MemoryPort, Px4
 from tests.simulators.physics import Vector
-from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import UsualRates
 from tests.waiting import LIMIT_S
 from ual.errors import FrameLostError, GeofenceError, TaskAbortedError, WrongStateError
 from ual.geometry import IDENTITY, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, wrap_angle
@@ -27,7 +27,7 @@ EAST_20: Vector = (0.0, 20.0, 0.0)
 RESET_RAD = math.radians(30.0)
 
 
-class Placed(Flight):
+class Placed(UsualRates):
     """A simulated autopilot that stands on the ground somewhere in its local frame."""
 
     def __init__(
