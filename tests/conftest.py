@@ -91,16 +91,26 @@ def _open_files() -> set[str]:
     return found
 
 
+def _closing() -> Iterator[None]:
+    before = _open_files()
+    yield
+    if _open_files() - before:
+        gc.collect()
+
+
 @pytest.fixture(autouse=True)
 def closed_at_the_end() -> Iterator[None]:
     """Finds what a test leaves open, at its end. Python tells of it when it is collected: else during another test.
 
     Ends after all other fixtures of the test. What fixtures of a wider scope hold open is not garbage.
     """
-    before = _open_files()
-    yield
-    if _open_files() - before:
-        gc.collect()
+    yield from _closing()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def closed_with_the_module() -> Iterator[None]:
+    """Finds what the fixtures of a module leave open, too, at the end of its last test."""
+    yield from _closing()
 
 
 @pytest.fixture(scope="session", autouse=True)
