@@ -479,6 +479,27 @@ def starting(world: World) -> AutopilotMission:
     return AutopilotMission(task, backend, world.offer, KEPT, 1, hold, ends, world.flight.authority.begin)
 
 
+def test_a_pilot_who_goes_back_to_the_mode_in_which_it_began_on_the_ground_is_named() -> None:
+    """A real PX4: the task ended 5 s later, as the autopilot "accepted to fly the mission, but has not"."""
+    world = World(LandedState.ON_GROUND)
+    assert world.mission.task is not None
+    world.flight.drop_task(world.mission.task.id, "abort", "")
+    world.autopilot.mode = "POSCTL"
+    world.run(0.2)
+    world.offer.fly = Future  # type: ignore[method-assign]  # it does not answer yet
+    task, ends = world.autopilot.task(TaskKind.MISSION), lambda _: pytest.fail("it has not ended")
+    backend = cast("Backend", world.wire)
+    mission = AutopilotMission(task, backend, world.offer, KEPT, 1, None, ends, world.flight.authority.begin)
+    world.flight.begin(mission, Order())
+    world.run(0.2)
+    world.autopilot.mode = world.offer.mode
+    world.run(0.2)
+    world.autopilot.mode, world.autopilot.held_by = "POSCTL", Cause.SAFETY_PILOT
+    world.run(0.2)
+    with pytest.raises(TaskAbortedError, match="the safety pilot took over"):
+        mission.future.result(0)
+
+
 def test_the_hold_of_a_pause_that_shows_after_the_next_start_is_not_told_as_others(world: World) -> None:
     """Three programs commanded on a real ArduCopter: "others have just chosen mode BRAKE over the mission"."""
 

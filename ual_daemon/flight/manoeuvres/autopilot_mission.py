@@ -416,7 +416,9 @@ class AutopilotMission(Manoeuvre):
             self._phase, self._reference, self._before = _Phase.FLYING, None, None
             self._update_words()
             return Step()
-        if _mode(snapshot) != self._offer.mode and (step := self._unless_ours(snapshot)) is not None:
+        if _mode(snapshot) == self._offer.mode and self._before is None:
+            self._began_in = self._offer.mode  # who goes back to the mode before takes it
+        elif _mode(snapshot) != self._offer.mode and (step := self._unless_ours(snapshot)) is not None:
             return step
         failure = self.command.failure(snapshot)
         return self._referring(snapshot) if failure is None else failed(with_advice(failure, self._stays()))
