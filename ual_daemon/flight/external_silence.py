@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-NOTICED_S = 0.4
+NOTICED_S = 0.3
 """Sources send 20 poses a second, or more."""
 _STREAM_S = 1.0
 """Poses that come for so long are a source on which the UAV may fly."""
