@@ -71,3 +71,39 @@ def test_motors_that_work_again_in_the_air_hold_there_and_recover_allows_new_mot
     flying.end(flying.vehicle.commands.recover_from_manual().begin())
     assert "fell" not in flying.vehicle.telemetry().state_reason
     flying.end(flying.prepare.go_to_waypoint(at(1.0, 0.0, 6.0)).begin().future)
+
+
+@pytest.mark.parametrize("wind_m_s", [0.0, 6.0])
+def test_sharp_flights_and_wind_are_no_trouble(wind_m_s: float) -> None:
+    with stepped() as uav:
+        following = uav.vehicle.commands._flight.following
+        uav.fly(40.0)
+        uav.sim.set_wind(Vector3(wind_m_s, -wind_m_s, 0.0))
+        setpoints = uav.vehicle.commands.setpoints
+        most = Vector3(20.0, 20.0, 20.0)  # more than the limits: they hold
+        for direction in (
+            Vector3(0.0, 0.0, -1.0),
+            Vector3(1.0, 0.0, -1.0),
+            Vector3(-1.0, 1.0, 0.0),
+            Vector3(0.0, 0.0, 1.0),
+        ):
+            velocity = Vector3(most.x * direction.x, most.y * direction.y, most.z * direction.z)
+            for _ in range(15):
+                setpoints.set_velocity(TwistStamped(Twist(velocity), ""))
+                uav.run(0.1)
+            setpoints.set_velocity(TwistStamped(Twist(), ""))
+            uav.run(0.3)
+            assert following.why == ""
+        for goal in (at(40.0, 0.0, 30.0), at(-40.0, 10.0, 8.0), at(0.0, 0.0, 50.0), at(0.0, 0.0, 4.0)):
+            uav.prepare.go_to_waypoint(goal).begin()  # changed on its way
+            uav.run(3.0)
+            assert following.why == ""
+        setpoints.set_pose(at(30.0, 0.0, 20.0))
+        uav.run(2.0)
+        setpoints.set_pose(at(-30.0, 0.0, 3.0))
+        uav.run(8.0)
+        assert following.why == ""
+        uav.sim.set_wind(Vector3())
+        uav.end(uav.prepare.land().begin().future)
+        assert following.why == ""
+        assert following.count == 0
