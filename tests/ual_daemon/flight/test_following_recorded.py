@@ -5,6 +5,8 @@ They hold take-offs, go-tos, RTL, landings, a lost GPS, a reboot, fence and batt
 
 from __future__ import annotations
 
+import math
+import random
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import cast
@@ -36,12 +38,14 @@ def in_bursts(frames: Frames) -> Frames:
 
 
 def with_gaps(frames: Frames) -> Frames:
-    """Every third part of a second is lost."""
-    return [(time_s, frame) for time_s, frame in frames if int(time_s * 3.0) % 3]
+    """A third of all time is lost, in a rhythm that is not that of the heartbeats: else none of them would come."""
+    return [(time_s, frame) for time_s, frame in frames if int(time_s * math.pi) % 3]
 
 
 def with_losses(frames: Frames) -> Frames:
-    return [each for number, each in enumerate(frames) if number % 7 in (0, 3)]
+    """Half of all is lost, by chance: in a rhythm one kind of message would never come."""
+    chance = random.Random(47)
+    return [each for each in frames if chance.random() < 0.5]
 
 
 WAYS: list[Callable[[Frames], Frames]] = [as_it_came, in_bursts, with_gaps, with_losses]
