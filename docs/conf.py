@@ -56,6 +56,7 @@ nitpick_ignore_regex = [
     ("py:class", r"(.*\.)?[A-Z](_co)?"),  # type variables
     ("py:class", r"-?[0-9.]+"),  # limits in `Annotated`
     ("py:class", r"Path"),  # of a msgspec structure, whose types are text
+    ("py:class", r"ual\.shared\..*"),  # bases of public classes, of which no page tells
 ]
 
 html_theme = "furo"
