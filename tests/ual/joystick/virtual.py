@@ -68,4 +68,8 @@ def virtual_devices() -> Iterator[Callable[..., VirtualDevice]]:
     try:
         yield VirtualDevice
     finally:
+        # One that stayed would be the first that the next test finds, if somebody still has this part of SDL.
+        for index in reversed(range(sdl.SDL_NumJoysticks())):
+            if sdl.SDL_JoystickIsVirtual(index):
+                sdl.SDL_JoystickDetachVirtual(index)
         sdl.SDL_QuitSubSystem(_SUBSYSTEMS)

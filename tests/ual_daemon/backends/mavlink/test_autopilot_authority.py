@@ -13,6 +13,7 @@ from tests.simulators.autopilot import Sticks
 from tests.simulators.faults import GOOD
 from tests.simulators.px4 import ALTCTL
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, SILENT, Flight, px4_of
+from tests.waiting import until
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
@@ -69,7 +70,8 @@ def test_a_daemon_that_starts_and_ends_in_a_ground_stations_flight_does_not_touc
     flight.kill()
     flight.start()
     flight.autopilot.setpoint_senders.clear()
-    flight.wait_for_state(State.FLYING_AUTO)
+    # PX4 flies on for a second without targets: the station does not stop while the daemon gets to know the UAV.
+    until(lambda: flight.uav.state() is State.FLYING_AUTO, between=lambda: station.stream(0.0, 0.0, down, 0.05))
     station.stream(15.0, 0.0, down, 8.0)
     assert ours(flight) == 0
     assert abs(flight.autopilot.position[0] - 15.0) < 1.0
@@ -77,10 +79,10 @@ def test_a_daemon_that_starts_and_ends_in_a_ground_stations_flight_does_not_touc
     assert "UAL has not been commanded in this flight since it was started, and sends nothing" in reason
     assert "another program sends setpoints" in reason
     assert flight.commands_since(flight.started_s) == set()
-    until = flight.now_s
+    left_s = flight.now_s
     flight.uav.close()  # ends the clock, too
     assert ours(flight) == 0
-    assert flight.commands_since(until) == set()
+    assert flight.commands_since(left_s) == set()
 
 
 def test_the_first_command_takes_the_flight(flight: Flight) -> None:
