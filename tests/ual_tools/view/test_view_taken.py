@@ -58,14 +58,15 @@ def test_it_is_asked_once_a_second_and_a_picture_comes_once_where_it_is_wanted()
     assert taken.newest.image is not None
 
 
-@pytest.mark.parametrize(("error", "count"), [(DaemonUnreachableError("lost"), 2), (UalTimeoutError("late"), 1)])
-def test_a_picture_is_asked_for_again_only_where_the_daemon_was_not_reached(error: UalError, count: int) -> None:
+@pytest.mark.parametrize(
+    ("error", "count"), [(DaemonUnreachableError("lost"), 9), (UalTimeoutError("late"), 3), (LinkLostError("gone"), 1)]
+)
+def test_a_picture_is_asked_for_again_where_it_may_come_later(error: UalError, count: int) -> None:
     taken, cameras = Taken(), Cameras()
     cameras.taken = [Photo(0, 0.0)]
     cameras.image_error = error
-    look(taken, cameras, 10.0, wants_image=True)
-    cameras.image_error = None
-    look(taken, cameras, 11.0, wants_image=True)
+    for second in range(9):
+        look(taken, cameras, 10.0 + second, wants_image=True)
     assert cameras.asked.count("image 0") == count
 
 

@@ -7,13 +7,14 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, Image, Photo
-from ual.errors import DaemonUnreachableError, NotSupportedError, UalError
+from ual.errors import DaemonUnreachableError, NotSupportedError, UalError, UalTimeoutError
 from ual.interface import Cameras
 from ual.shared.new_photos import NewPhotos
 
 MOST_PLACES = 300
 """Of one UAV: older ones are not drawn any more."""
 _LOOK_S = 1.0
+_MOST_LATE = 3
 
 
 class Newest(NamedTuple):
@@ -36,14 +37,16 @@ class Taken:
         self._new: defaultdict[int, NewPhotos] = defaultdict(NewPhotos)
         self._asked_for: tuple[int, Photo] | None = None
         """The camera and the picture whose bytes were asked for last."""
+        self._late_count = 0
+        """How often its bytes did not come in time."""
         self._due_s = 0.0
         self._has_cameras = True
 
     def look(self, cameras: Cameras, now_s: float, *, wants_image: bool) -> None:
         """Asks what was taken, and gets the last picture if it is wanted.
 
-        What is not answered is asked again. The bytes of a picture are so only where the daemon was not reached: a
-        camera that has not given them once may not have them.
+        What is not answered is asked again. The bytes of a picture are so where the daemon was not reached, and twice
+        where they did not come in time: a camera that has refused them may not have them.
         """
         if not self._has_cameras or now_s < self._due_s:
             return
@@ -64,6 +67,7 @@ class Taken:
         for photo in self._new[info.number].of(camera):
             self._kept.append(photo)
             self.newest = Newest(info.number, photo, info.intrinsics, None)
+            self._late_count = 0
             self.photos = tuple(self._kept)
         newest = self.newest
         if newest is None or newest.number != info.number or newest[:2] == self._asked_for:
@@ -75,4 +79,10 @@ class Taken:
             except DaemonUnreachableError:
                 self._asked_for = None
                 raise
+            except UalTimeoutError:  # a busy computer, or a bad link
+                self._late_count += 1
+                if self._late_count < _MOST_LATE:
+                    self._asked_for = None
+                raise
+            self._late_count = 0
             self.newest = newest._replace(image=image, lens=image.intrinsics or newest.lens)
