@@ -46,7 +46,7 @@ class Taken:
         """Asks what was taken, and gets the last picture if it is wanted.
 
         What is not answered is asked again. The bytes of a picture are so where the daemon was not reached, and twice
-        where they did not come in time: a camera that has refused them may not have them.
+        where they did not come in time. A camera that has refused them may not have them.
         """
         if not self._has_cameras or now_s < self._due_s:
             return
