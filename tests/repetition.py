@@ -57,8 +57,7 @@ _OF_ANOTHER_VEHICLE = {
     "arms_and_disarms",
     "flies_a_velocity_and_stops_without",
 }
-"""What another vehicle of a backend flies, beside what is its own and its pilot's: setpoints and commands of each kind.
-"""
+"""Checks that another vehicle of a backend flies beside its own and its pilot's: each kind of setpoint and command."""
 
 # --- Faults -----------------------------------------------------------------------------------------------------------
 

@@ -36,14 +36,14 @@ _LEADING_S = 0.5
 _NEARER_M = 0.5
 _OFF_M_S, _OFF_SHARE = 2.0, 0.3
 _PAUSE_S = 0.3
-"""What lasts may be interrupted for so long."""
+"""The longest interruption of a trouble that lasts."""
 LOW_M, _HIGH_M = 0.3, 1.0
 """A vehicle that is lower lies, one that is higher has lifted off."""
 _LIES_S, _STILL_M_S = 1.0, 0.3
 _ARMED_S = 8.0
-"""So long after an order the arming may come."""
+"""The longest time from an order to its arming."""
 _BLINDING = ("ekf", "gps_jam", "gps_jump", "compass", "barometer", "accelerometer", "origin")
-"""What makes the autopilot's own estimate wrong: where it takes itself to be then says nothing."""
+"""Faults that make the autopilot's own estimate wrong: where it takes itself to be then says nothing."""
 _MOVING = frozenset({"take_off", "rtl", "go_to", "go_to_geo", "go_above_home", "path", "velocity", "pose", "mission"})
 _LIFTING = (_MOVING | ENTERS) - {"land", "arm"}
 _STRANGERS = ("pilot", "station", "second_sender", "rc_loss", "battery")

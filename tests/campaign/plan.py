@@ -32,7 +32,7 @@ _MOTIONS = (
     "mission",
 )
 PLAIN, PAUSE, JUMP, ABORT, AGAIN = range(5)
-"""What is asked of a mission on its way: nothing, a pause, a jump to its last item, an abort, its start once more."""
+"""Requests to a mission on its way: nothing, a pause, a jump to its last item, an abort, its start once more."""
 _SERVICES = ("parameters", "fence", "logs", "camera")
 _KINDS = {
     "loss": 4,

@@ -104,7 +104,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Order:
-    """What the safety pilot or a ground station has done: ``arm``, ``upload``, ``clear``, ..."""
+    """An act of the safety pilot or a ground station: ``arm``, ``upload``, ``clear``, ..."""
 
     time_s: float
     what: str
@@ -156,7 +156,7 @@ class Record:
     healths: list[Text] = field(default_factory=list)
     """The failing checks that a subscriber was told, and the failsafe, when they changed."""
     missions: list[Value] = field(default_factory=list)
-    """What the autopilot told of its mission as it reached the daemon: its checksum, or its number of items."""
+    """The autopilot's words of its mission as they reached the daemon: its checksum, or its number of items."""
     orders: list[Order] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
     """The faults that did not come about, and why."""

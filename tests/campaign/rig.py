@@ -60,7 +60,7 @@ _ASTRAY_M = 3.0
 _UP_M = 2.8
 _DOWN_M = 0.3
 _FALLEN_S = 3.0
-"""After so long what was disarmed in the air lies on the ground, and is told."""
+"""The time in which a UAV that was disarmed in the air falls, lies still, and is told."""
 _FORCE = 21196.0
 _KEPT_COUNT = 5
 _SURE_M, _SURE_S = 1.0, 20.0

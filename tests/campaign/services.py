@@ -12,7 +12,7 @@ from tests.campaign.places import distance_m
 from tests.campaign.record import Called, Record
 
 CHANGES = ("upload", "clear")
-"""What another station does to the mission."""
+"""Acts of another station on the mission."""
 PASSED_M = 3.0
 """How near a waypoint is passed: both autopilots' radius of 2 m, and what UAL may overshoot."""
 _CLIMBED_M = 1.0
@@ -49,7 +49,7 @@ def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
 
 
 def no_part_of_a_mission_flies(case: Case) -> Iterator[Breach]:
-    """What was cut off amid its upload is not started before an upload has ended well."""
+    """A mission that was cut off amid its upload is not started before an upload has ended well."""
     record = case.record
     items_s = [sent.time_s for sent in record.sent if sent.what.startswith("mission_item")]
     uploads = [call for call in record.called if call.name == "upload"]

@@ -1,4 +1,4 @@
-"""What the campaign's mutants change is there: a defect that changes nothing would be found by nobody."""
+"""The places that the campaign's mutants change are there: a defect that changes nothing would be found by nobody."""
 
 from __future__ import annotations
 

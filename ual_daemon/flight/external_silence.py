@@ -38,7 +38,7 @@ class ExternalSilence:
             self._since_s = now_s
         self._last_s, self._is_cause, self.is_heard = now_s, False, True
 
-    def is_good(self, now_s: float) -> None:
+    def note_good(self, now_s: float) -> None:
         """Notes that the autopilot has a good position."""
         if self._last_s is not None and now_s - self._last_s > _RELIED_ON_S:
             self._last_s = None

@@ -1,4 +1,4 @@
-"""What can neither be copied nor pickled."""
+"""A base of classes that can neither be copied nor pickled."""
 
 from __future__ import annotations
 

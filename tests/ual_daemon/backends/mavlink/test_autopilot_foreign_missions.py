@@ -9,7 +9,7 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
-from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, landing, place_m, start
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, keeping, landing, place_m, start
 from ual.errors import TaskAbortedError
 from ual.missions import Item
 from ual.types import State
@@ -19,12 +19,7 @@ REPLACED = "has another mission now, which UAL has not started: another station 
 
 @pytest.fixture(params=["px4", "ardupilot"])
 def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Flight]:
-    class Kept(Flight):
-        home_file = tmp_path / "uav_1.home"
-
-    flight = Kept(str(request.param))
-    yield flight
-    flight.uav.close()
+    yield from keeping(str(request.param), tmp_path)
 
 
 def bring(flight: Flight, count: int, changed: tuple[int, ...] = ()) -> float:

@@ -14,7 +14,7 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
-from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, keeping
 from tests.waiting import until
 from ual.errors import UalError
 from ual.types import State, Telemetry
@@ -30,12 +30,7 @@ _OTHERS = {cause.value for cause in Cause}
 
 @pytest.fixture(params=["px4", "ardupilot"])
 def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Flight]:
-    class Kept(Flight):
-        home_file = tmp_path / "uav_1.home"
-
-    flight = Kept(str(request.param))
-    yield flight
-    flight.uav.close()
+    yield from keeping(str(request.param), tmp_path)
 
 
 def command_by_turns(flight: Flight, seed: int) -> None:

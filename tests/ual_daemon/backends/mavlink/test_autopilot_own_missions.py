@@ -35,14 +35,20 @@ FAR_M = 300.0
 LOSSY = Faults(loss=0.2, duplication=0.05, jitter_s=0.05)
 
 
-@pytest.fixture(params=["px4", "ardupilot"])
-def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Flight]:
-    class Kept(Flight):
-        home_file = tmp_path / "uav_1.home"
+def keeping(kind: str, directory: Path) -> Iterator[Flight]:
+    """A flight whose daemons keep home, and so missions, in a directory; closed when it goes on."""
 
-    flight = Kept(str(request.param))
+    class Kept(Flight):
+        home_file = directory / "uav_1.home"
+
+    flight = Kept(kind)
     yield flight
     flight.uav.close()
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Flight]:
+    yield from keeping(str(request.param), tmp_path)
 
 
 def at(flight: Flight, north_m: float, east_m: float, altitude_m: float = 6.0, **more: Any) -> Waypoint:
