@@ -13,8 +13,10 @@ import signal
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import asdict
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -23,7 +25,7 @@ from tests.campaign.flight import fly
 from tests.campaign.judge import judge
 from tests.campaign.mutants import MUTANTS
 from tests.campaign.places import Origin
-from tests.campaign.plan import Plan, plan
+from tests.campaign.plan import Plan, has, plan
 from tests.campaign.processes import ROOT, NotFlownError
 from tests.campaign.record import Record
 from tests.campaign.rig import Options, Rig
@@ -32,6 +34,8 @@ from tests.campaign.tally import tally
 from tests.sitl.simulators import ARDUPILOT, PX4
 
 _FLOWN_M = 0.5
+_MOST_FLIGHTS = 100_000
+"""Of one seed."""
 _SIMULATORS = {"px4": PX4, "ardupilot": ARDUPILOT}
 _LINKS = {
     "px4": ("udpin://127.0.0.1:14540", "udp://127.0.0.1:18570", "udpin://127.0.0.1:14030"),
@@ -156,11 +160,12 @@ def _line(breach: Breach) -> str:
     return f"{breach.rule} at {breach.time_s:.2f}: {breach.text}"
 
 
-def _seeds(arguments: argparse.Namespace) -> list[int]:
+def _seeds(arguments: argparse.Namespace) -> Iterable[int]:
     if arguments.only_seed is not None:
         return list(arguments.only_seed)
-    count = 100_000 if arguments.minutes is not None else arguments.flights
-    return [arguments.seed * 100_000 + number for number in range(count)]
+    count = _MOST_FLIGHTS if arguments.minutes is not None else arguments.flights
+    seeds = range(arguments.seed * _MOST_FLIGHTS, (arguments.seed + 1) * _MOST_FLIGHTS)
+    return islice((seed for seed in seeds if has(plan(seed), arguments.having)), count)
 
 
 def _options(arguments: argparse.Namespace) -> Options:
@@ -192,6 +197,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--flights", type=int, default=100)
     parser.add_argument("--judge", nargs="+", type=Path, metavar="RECORD", help="judges records of flights again")
     parser.add_argument("--only-seed", type=int, nargs="+", help="flies these flights, by the seeds in their lines")
+    parser.add_argument(
+        "--having",
+        nargs="+",
+        default=(),
+        metavar="WORD",
+        help="flies only plans with these steps and faults (pilot, go_to)",
+    )
     parser.add_argument("--minutes", type=float, help="flies for so long, however many flights that is")
     parser.add_argument(
         "--no-faults", action="store_true", help="no faults; judges the daemon's memory, threads, descriptors"

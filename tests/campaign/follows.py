@@ -142,7 +142,7 @@ def _besides(case: Case) -> Iterator[Stray]:
     for sent in case.record.sent:
         if sent.what != "setpoint":
             continue
-        if sent.way is None or not _is_judged(case, sent, _BLINDING):
+        if sent.way is None or not _is_judged(case, sent, _BLINDING) or _is_held(case, sent):
             nearest_m = math.inf
             continue
         off_m = math.hypot(*sent.way)
@@ -160,6 +160,14 @@ def _besides(case: Case) -> Iterator[Stray]:
             farther.append(sent.time_s)
     yield from _lasting(farther, _FARTHER_S, "it goes away from what was asked")
     yield from _lasting(far, BESIDE_S, f"it is more than {BESIDE_M:.0f} m beside what was asked")
+
+
+def _is_held(case: Case, sent: Sent) -> bool:
+    """Whether it is to take off and has not lifted off: the rule `way` says how long its task may take to tell."""
+    is_taking_off = any(
+        call.name == "take_off" and call.began_s <= sent.time_s <= until_s(call) for call in case.record.called
+    )
+    return is_taking_off and height_m(case, sent.time_s) < LOW_M
 
 
 def _offs(case: Case) -> Iterator[Stray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Collection
 from dataclasses import dataclass
 
 OURS, FOREIGN = "ours", "foreign"
@@ -141,6 +142,11 @@ def plan(seed: int, *, has_faults: bool = True) -> Plan:
     count = 0 if dice.random() < _NO_FAULT else dice.choice((1, 1, 2))
     faults = tuple(_fault(dice, steps) for _ in range(count))
     return Plan(seed, mission, armed_by, tuple(steps), faults if has_faults else ())
+
+
+def has(flight: Plan, words: Collection[str]) -> bool:
+    """Returns whether a flight has each of these steps and faults, by their names."""
+    return {each.name for each in flight.steps} | {each.kind for each in flight.faults} >= set(words)
 
 
 def _motions(dice: random.Random) -> tuple[Step, ...]:

@@ -21,6 +21,13 @@ _STARVED_S = 0.5
 _NAMES = ("station", "mission")
 _HIDING = ("loss", "delay", "corruption", "silence", "freeze", "kill_daemon", "reboot")
 _PREFIXES = ("PreArm: ", "Arm: ")
+_OVER = {
+    "Glitch cleared": "GPS Glitch",
+    "EKF Failsafe Cleared": "EKF Failsafe",
+    "Dead Reckoning stopped": "Dead Reckoning",
+    "Vibration compensation OFF": "Vibration compensation ON",
+}
+"""Texts that are as severe as those that said that it began, and only say that it is over; and how those begin."""
 
 
 def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
@@ -64,12 +71,20 @@ def no_part_of_a_mission_flies(case: Case) -> Iterator[Breach]:
 
 
 def what_is_severe_is_told(case: Case) -> Iterator[Breach]:
-    """A text of the autopilot of severity 0 to 2 is in the health, or in the reason of the state, within a second."""
+    """A text of the autopilot of severity 0 to 2 is in the health, or in the reason of the state, within a second.
+
+    One that says that something is over takes that out of the health within a second.
+    """
     record = case.record
     for text in record.texts:
         due_s = text.time_s + TOLD_S
         since_s = known_since_s(record, due_s, TOLD_S)
         if since_s < text.time_s or _is_unheard(record, due_s):
+            continue
+        if text.text in _OVER:
+            last = newest(record.healths, due_s, due_s)
+            if last and _OVER[text.text] in last[-1].text and not _comes_again(record, _OVER[text.text], text.time_s):
+                yield Breach("texts", due_s, f"{text.text!r} has come, and {_OVER[text.text]!r} is still told")
             continue
         words = text.text
         for prefix in _PREFIXES:
@@ -78,6 +93,10 @@ def what_is_severe_is_told(case: Case) -> Iterator[Breach]:
         told += [said.reason for said in record.said if text.time_s <= said.time_s <= due_s]
         if not any(words in each for each in told):
             yield Breach("texts", due_s, f"{text.text!r} is not told")
+
+
+def _comes_again(record: Record, words: str, since_s: float) -> bool:
+    return any(each.time_s > since_s and each.text.startswith(words) for each in record.texts)
 
 
 def _is_unheard(record: Record, time_s: float) -> bool:

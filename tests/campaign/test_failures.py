@@ -11,7 +11,7 @@ import pytest
 
 from tests.campaign.judge import ON_GROUND
 from tests.campaign.modes import ARDUPILOT
-from tests.campaign.plan import plan
+from tests.campaign.plan import has, plan
 from tests.campaign.record import Called, Life, Located, Order, Place, Record, Said, Sent, Text, Told, Trouble, Value
 from tests.campaign.test_judge import TAKEN_S, clean, place, rules, times
 from tests.campaign.test_world import BEGUN_S, eastwards, flight
@@ -113,6 +113,15 @@ def test_a_vehicle_that_is_beside_what_was_asked_is_told(
     assert rules(record) - {"goal"} == found
     said(record, BEGUN_S, until_s + 2.0, "another sender, or the UAV does not follow: it is 4 m beside what is asked")
     assert rules(record) - {"goal"} == set()
+
+
+def test_a_take_off_that_is_held_on_the_ground_is_judged_by_its_way() -> None:
+    """Its reference climbs on: after 3 s it is 3 m above. The task has 8 s to say that it makes no way."""
+    record = beside(4.0, 0.0, BEGUN_S + 6.0)
+    record.called[-1] = Called("take_off", BEGUN_S, BEGUN_S + 9.0, "TIMEOUT", "no way", height_m=3.0)
+    assert rules(record) == {"follows"}
+    record.truth = [Located(each.time_s, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)) for each in record.truth]
+    assert rules(record) == set()
 
 
 def test_where_the_line_or_the_estimate_is_disturbed_nobody_knows_where_it_is() -> None:
@@ -229,6 +238,15 @@ def test_a_severe_text_is_told_within_a_second() -> None:
         assert rules(record) == found
 
 
+def test_a_text_that_something_is_over_takes_it_out_of_the_health() -> None:
+    record = clean()
+    record.texts += [Text(11.0, "GPS Glitch or Compass error"), Text(13.0, "Glitch cleared")]
+    record.healths += [Text(11.1, "autopilot: GPS Glitch or Compass error"), Text(13.5, "")]
+    assert rules(record) == set()
+    record.healths[-1] = Text(14.5, "")
+    assert rules(record) == {"texts"}
+
+
 def test_a_text_that_comes_while_the_daemon_is_gone_is_not_missed() -> None:
     record = clean()
     record.texts.append(Text(11.0, "GPS Glitch"))
@@ -302,3 +320,10 @@ def test_the_plans_of_a_campaign_have_every_failure_and_service() -> None:
     for each in plans:
         names = [step.name for step in each.steps]
         assert all(names[fault.step] == "upload" for fault in each.faults if fault.kind == "cut")
+
+
+def test_flights_can_be_chosen_by_what_they_have() -> None:
+    chosen = [flight for flight in map(plan, range(400)) if has(flight, ("pilot", "go_to"))]
+    assert 0 < len(chosen) < 100
+    assert all("pilot" in {fault.kind for fault in flight.faults} for flight in chosen)
+    assert has(plan(1), ())
