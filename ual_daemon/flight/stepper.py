@@ -137,7 +137,7 @@ class Stepper:
             return None  # paused by another thread during the step
         if manoeuvre.is_awaited:
             by = "" if step.error is None else step.error.metadata.get("by", "")
-            self._rules.authority.end(snapshot, is_taken=step.is_taken, by=by)
+            self._rules.authority.end(snapshot, is_taken=step.is_taken, is_left=step.is_autopilot_to_hold, by=by)
         return Ending(_with_other_sender(step.error, snapshot))
 
     def _hand_over(self, manoeuvre: Manoeuvre, to: Handover, snapshot: Snapshot) -> None:

@@ -12,6 +12,7 @@ _log = logging.getLogger(__name__)
 
 LONGEST_GAP_S = 10.0
 """After a longer silence the flight may be another one. Within less no UAV lands, is armed again, and takes off."""
+_LEFT = "UAL has had the autopilot hold by itself"
 _IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """A tuple: each update looks, and the hash of an enumeration's member is a call."""
 
@@ -34,7 +35,7 @@ class Authority:
         self.given_up = ""
         """Why UAL has given the flight up by itself, human-readable; empty if it has not."""
         self.taken = ""
-        """Who took the UAV from UAL in this flight, human-readable; empty if nobody has."""
+        """Who took the UAV from UAL in this flight, or that UAL left it, human-readable; empty if neither."""
         self._has_flown = False
         """Whether UAL was commanded in this flight."""
         self._heard_s: float | None = None
@@ -49,12 +50,16 @@ class Authority:
         self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
         self._has_flown, self.taken = True, ""
 
-    def end(self, snapshot: Snapshot, *, is_taken: bool, by: str = "") -> None:
+    def end(self, snapshot: Snapshot, *, is_taken: bool, is_left: bool = False, by: str = "") -> None:
         """Notes that a manoeuvre of UAL has ended, and whether others took the UAV in it. `by` is who, if it is known.
+
+        `is_left`: UAL leaves it to the autopilot, which is to hold by itself.
 
         They may have selected a mode in which the state is FLYING_AUTO all the time (GUIDED in a landing of UAL).
         """
         self.is_ours = not is_taken
+        if is_left:
+            self.taken = _LEFT
         if is_taken:
             self._note_taken(snapshot)
         if is_taken and by == Cause.GROUND_STATION.value and snapshot.control.held_by is None:

@@ -155,7 +155,9 @@ def test_a_climb_beyond_what_was_asked_is_stopped_and_held(flight: Flight) -> No
     assert caught.value.metadata["by"] == "height"
     flight.wait_for_state(State.FLYING_MANUAL)
     flight.let_pass(3.0)
-    assert flight.uav.telemetry().flight_mode == ("AUTO.LOITER" if isinstance(autopilot, Px4) else "BRAKE")
+    telemetry = flight.uav.telemetry()
+    assert telemetry.flight_mode == ("AUTO.LOITER" if isinstance(autopilot, Px4) else "BRAKE")
+    assert telemetry.state_reason.endswith("; UAL has had the autopilot hold by itself")  # and not "others took it"
     if isinstance(autopilot, ArduPilot):
         assert highest_m(flight) < 1.2 * HEIGHT_M + 1.0 + 1.0
     flight.uav.recover_from_manual()
