@@ -49,7 +49,7 @@ TASKS = frozenset({"take_off", "land", "rtl", "go_to", "go_to_geo", "go_above_ho
 _GOING_ON = ("CLIENT_KILLED", "TIMEOUT")
 """So ended, a task goes on: its client has only stopped waiting for it."""
 _STARVING = ("freeze", "busy")
-DISTURBING = ("loss", "delay", "corruption", "silence", "freeze", "busy", "reboot", "kill_daemon")
+DISTURBING = ("loss", "delay", "corruption", "silence", "cut", "freeze", "busy", "reboot", "kill_daemon")
 DISTURBED_S = 6.0
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import ual
 from tests.campaign.ears import Ears
-from tests.campaign.evidence import estimate_error_m
+from tests.campaign.evidence import REFUSED, estimate_error_m
 from tests.campaign.modes import BY_AUTOPILOT
 from tests.campaign.places import Origin
 from tests.campaign.plan import ABORT, AREA_M, FENCE_HEIGHT_M, FENCE_SIDE_M, JUMP
@@ -65,6 +65,9 @@ _FORCE = 21196.0
 _KEPT_COUNT = 5
 _SURE_M, _SURE_S = 1.0, 20.0
 """A failed sensor leaves the estimate wrong for a while."""
+_CLIENT_KILLED = "CLIENT_KILLED"
+_BROKEN_OFF = frozenset({"LINK_LOST", "UNAVAILABLE"})
+"""So may a call end that had begun."""
 _NO_RESET = 42651
 """MAV_CMD_BATTERY_RESET."""
 
@@ -165,19 +168,21 @@ class Rig:
         """Has the client do a step; a client that was killed is followed by another at the next step."""
         if self._client is None:
             self._client = ClientProcess(self.daemon.address)
-        sent = values
+        sent, places = values, self._places
         if name in _ON_EARTH:
             assert goal is not None
             latitude_deg, longitude_deg, altitude_m = self.options.origin.geo(goal)
             sent = (latitude_deg, longitude_deg, altitude_m if name == "go_to_geo" else goal[2])
         if name == "upload":
-            sent = self._mission(values)
+            places, sent = self._mission(values)
         if name == "mission":
             sent = (*values, float(len(self._places)))
         answer = self._client.run(name, sent)
+        if name == "upload":
+            self._note_upload(answer.get("outcome", _CLIENT_KILLED), places)
         if "ended_s" not in answer:
             self._end_client()
-            answer = {**answer, "ended_s": time.monotonic(), "outcome": "CLIENT_KILLED", "by": "", "text": ""}
+            answer = {**answer, "ended_s": time.monotonic(), "outcome": _CLIENT_KILLED, "by": "", "text": ""}
         call = Called(
             name,
             answer["began_s"],
@@ -196,11 +201,16 @@ class Rig:
         self.record.called.append(call)
         return call
 
-    def _mission(self, values: tuple[float, ...]) -> tuple[float, ...]:
-        """Keeps the places of a mission, and returns them as latitude, longitude and height above home."""
-        self._places = [(values[each], values[each + 1], values[each + 2]) for each in range(0, len(values), 3)]
-        geo = [(*self.options.origin.geo(place)[:2], place[2]) for place in self._places]
-        return tuple(value for each in geo for value in each)
+    def _mission(self, values: tuple[float, ...]) -> tuple[list[Place], tuple[float, ...]]:
+        """Returns the places of a mission, and the same as latitude, longitude and height above home."""
+        places = [(values[each], values[each + 1], values[each + 2]) for each in range(0, len(values), 3)]
+        geo = [(*self.options.origin.geo(place)[:2], place[2]) for place in places]
+        return places, tuple(value for each in geo for value in each)
+
+    def _note_upload(self, outcome: str, places: list[Place]) -> None:
+        """What is refused leaves the mission before; of one that broke off nobody knows which is there."""
+        if outcome not in REFUSED - _BROKEN_OFF:
+            self._places = [] if outcome else places
 
     def _goals(self, action: int, time_s: float) -> tuple[Place, ...]:
         """Where the mission leads that was begun then: its heights count from the autopilot's home."""

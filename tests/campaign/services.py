@@ -19,7 +19,7 @@ _CLIMBED_M = 1.0
 _LANDED_S = 2.0
 _STARVED_S = 0.5
 _NAMES = ("station", "mission")
-_HIDING = ("loss", "delay", "corruption", "silence", "freeze", "kill_daemon", "reboot")
+_HIDING = ("loss", "delay", "corruption", "silence", "cut", "freeze", "kill_daemon", "reboot")
 _PREFIXES = ("PreArm: ", "Arm: ")
 _OVER = {
     "Glitch cleared": "GPS Glitch",

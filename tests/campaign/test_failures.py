@@ -166,6 +166,20 @@ def test_what_lifts_off_again_after_a_fall_is_found() -> None:
     assert "nothing flies" not in rules(record)
 
 
+def test_an_autopilots_own_landing_that_bounces_is_lifted_by_nobody() -> None:
+    """Its motors were weak and work again: PX4's landing makes up for that by 1.4 m, and the daemon sends nothing."""
+    record = falling(clean())
+    said(record, DEAD_S + 1.0, 33.0, TOLD)
+    record.told = [dataclasses.replace(each, mode=9) if each.time_s > 10.9 else each for each in record.told]
+    record.sent = [each for each in record.sent if each.time_s < 11.0]
+    record.truth = [
+        dataclasses.replace(each, place=(2.0, 0.0, 1.4)) if 16.0 < each.time_s < 18.0 else each for each in record.truth
+    ]
+    assert "nothing flies" not in rules(record)
+    record.sent.append(Sent(15.5, "setpoint"))
+    assert "nothing flies" in rules(record)
+
+
 def test_a_take_off_that_has_ended_lifts_nothing() -> None:
     """It was held on the ground, its task ended, and then it is free."""
     record = clean()

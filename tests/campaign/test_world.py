@@ -266,6 +266,13 @@ def test_a_cause_that_cannot_be_is_found(cause: str) -> None:
     assert rules(told(clean(), 17.0, f"in the air, mode LOITER does not take our references: {cause}")) == {"words"}
 
 
+@pytest.mark.parametrize("fault", ["silence", "cut"])
+def test_a_line_that_falls_silent_amid_an_upload_may_end_the_setpoints_as_any_other_may(fault: str) -> None:
+    record = clean()
+    record.troubles.append(Trouble(fault, TAKEN_S - 1.2, TAKEN_S - 0.1))
+    assert rules(told(record, 17.0, "mode LOITER does not take our references: setpoint failsafe")) == set()
+
+
 def test_a_fence_is_not_named_where_a_ground_station_has_it_land() -> None:
     record = clean()
     record.told = [

@@ -14,12 +14,12 @@ _CAUSES = {
     "battery failsafe": ("battery",),
     "rc failsafe": ("rc_loss", "busy"),  # the transmitter's thread is starved, too
     "fence": ("fence", "wide_fence"),
-    "setpoint failsafe": ("freeze", "kill_daemon", "silence", "loss", "delay", "corruption", "busy"),
+    "setpoint failsafe": ("freeze", "kill_daemon", "silence", "cut", "loss", "delay", "corruption", "busy"),
 }
 """The names of causes, and the faults of which one must have begun before."""
 _NAMES = (*_CAUSES, "safety pilot", "ground station", "position failsafe", "failsafe")
 _FAILSAFES = ("battery", "rc_loss", "fence", "wide_fence", "ekf")
-_HIDING = ("loss", "delay", "corruption", "silence", "busy", "kill_daemon", "reboot")
+_HIDING = ("loss", "delay", "corruption", "silence", "cut", "busy", "kill_daemon", "reboot")
 _SHOWN_S = 1.0
 _AFTER_S = 6.0
 _BEGUN_S = 0.5
