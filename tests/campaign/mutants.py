@@ -20,7 +20,7 @@ VARIABLE = "CAMPAIGN_MUTANT"
 _REPEATS_S = 0.05
 _REARMS_S = 0.5
 _EARLY_SHARE = 0.3
-_CROOKED_RAD = math.radians(12.0)
+_CROOKED_RAD = math.radians(25.0)
 _MAVLINK = "ual_daemon.backends.mavlink:MavlinkBackend"
 _NOT_COMMANDED = "; UAL has not been commanded in this flight since it was started, and sends nothing"
 
@@ -104,23 +104,31 @@ def _trespasser() -> None:
 
 
 def _hasty() -> None:
-    """Keeps to the limits that it has heard of first."""
-    first: list[object] = []
+    """Keeps to the highest limits of speed that it has heard of."""
+    highest: list[Any] = []
 
-    def make(get: Callable[..., object]) -> object:
-        def stale(limits: Any) -> object:
-            found = get(limits)
-            if not first and limits._backend.info().autopilot_version:
-                first.append(found)
-            return first[0] if first else found
+    def make(info: Callable[..., Any]) -> object:
+        def stale(backend: object) -> object:
+            found = info(backend)
+            highest[:] = [max((*highest, found), key=lambda each: each.limits.horizontal_speed_m_s)]
+            held = highest[0]
+            return dataclasses.replace(found, limits=held.limits, cruise_speed_m_s=held.cruise_speed_m_s)
 
         return stale
 
-    _changed("ual_daemon.tracker.limits:CurrentLimits", "get", make)
+    _changed(_MAVLINK, "info", make)
+
+
+def _patient() -> None:
+    """Waits for ever for a motion, a climb or a descent that makes no way."""
+    progress = "ual_daemon.flight.manoeuvres.progress_watch"
+    _always(f"{progress}:Headway", "stuck_s", 0.0)()
+    _always(f"{progress}:ProgressWatch", "observe", None)()
+    _changed("ual_daemon.flight.manoeuvres.take_off", "STUCK_S", lambda _: math.inf)
 
 
 def _crooked() -> None:
-    """Flies velocities that lead 12 degrees to the left."""
+    """Flies velocities that lead 25 degrees to the left. UAL pulls them to their line: less hardly shows."""
     turn = Quaternion.from_yaw(_CROOKED_RAD)
 
     def make(send: Callable[..., None]) -> object:
@@ -171,13 +179,13 @@ MUTANTS: dict[str, Callable[[], None]] = {
     "unfenced": _unfenced,
     "trespasser": _trespasser,
     "hasty": _hasty,
-    "patient": _always("ual_daemon.flight.manoeuvres.progress_watch:Headway", "stuck_s", 0.0),
+    "patient": _patient,
     "crooked": _crooked,
     "forgetful": _always("ual_daemon.flight.explanation:Explanation", "_not_commanded", _NOT_COMMANDED),
     "rearms": _rearms,
     "gullible": _gullible,
     "careless": _careless,
-    "deaf": _always("ual_daemon.backends.firmwares.health_report:HealthReport", "on_text", None),
+    "deaf": _always("ual_daemon.backends.engine.severe_texts:SevereTexts", "on_text", None),
     "unwatched": _always("ual_daemon.flight.policy.following:Following", "observe", value=False),
 }
 """By the name: what makes the daemon so."""
