@@ -11,6 +11,8 @@ from tests.campaign.record import Place, Record
 from tests.campaign.rig import Rig, take_mode
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
+_ARMED_S = 15.0
+"""A daemon that is killed and started may have to tell it first."""
 _CALM_S = 12.0
 _ATTEMPTS = 3
 _DOWN_S = 45.0
@@ -53,7 +55,7 @@ def _pilot_arms(rig: Rig) -> None:
     rig.note("arm")
     try:
         rig.pilot.arm()
-        rig.wait_for(lambda: rig.state() == "LANDED_ARMED" or not rig.pilot.is_armed, "LANDED_ARMED", 5.0)
+        rig.wait_for(lambda: rig.state() == "LANDED_ARMED" or not rig.pilot.is_armed, "LANDED_ARMED", _ARMED_S)
     except Exception as error:
         raise AssertionError(f"the pilot could not arm: {error}") from error
 
