@@ -66,9 +66,13 @@ def _blind() -> None:
     _changed("ual_daemon.flight.state", "_in_manual", lambda _: lambda mode, _held_by: state._in_auto(mode, ""))
 
 
-def _misled() -> None:
-    """Names the fence whoever has taken it."""
-    _always("ual_daemon.backends.firmwares.cause_watch:CauseWatch", "held_by", Cause.FENCE)()
+def _holder(cause: Cause) -> Callable[[], None]:
+    """Whoever has taken it, that is whom it names."""
+
+    def make(held_by: Callable[..., Cause | None]) -> object:
+        return lambda *args, **values: None if held_by(*args, **values) is None else cause
+
+    return lambda: _changed("ual_daemon.backends.firmwares.cause_watch:CauseWatch", "held_by", make)
 
 
 def _early() -> None:
@@ -173,7 +177,8 @@ def _careless() -> None:
 MUTANTS: dict[str, Callable[[], None]] = {
     "stubborn": _stubborn,
     "blind": _blind,
-    "misled": _misled,
+    "misled": _holder(Cause.FENCE),
+    "undecided": _holder(Cause.OPEN),
     "early": _early,
     "half_way": _half_way,
     "unfenced": _unfenced,
