@@ -61,6 +61,7 @@ _UP_M = 2.8
 _DOWN_M = 0.3
 _FALLEN_S = 3.0
 """The time in which a UAV that was disarmed in the air falls, lies still, and is told."""
+_LIES_S = 5.0
 _FORCE = 21196.0
 _KEPT_COUNT = 5
 _SURE_M, _SURE_S = 1.0, 20.0
@@ -305,6 +306,8 @@ class Rig:
         except AssertionError as error:
             raise NotFlownError(str(error)) from None
         self.wait_for(lambda: self.state() == "LANDED_DISARMED", "LANDED_DISARMED", _DOWN_S)
+        with contextlib.suppress(NotFlownError):  # it is told to have fallen until it has lain still for a second
+            self.wait_for(lambda: "once it lies" not in self.reason(), "that it lies still", _LIES_S)
         self.wait_for(lambda: self.truth.place is not None, "the truth", _DOWN_S)
         with contextlib.suppress(NotFlownError):  # the judge allows for an estimate that stays wrong
             self.wait_for(lambda: estimate_error_m(self.record, time.monotonic()) < _SURE_M, "the estimate", _SURE_S)

@@ -17,6 +17,11 @@ _IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDI
 """A tuple: each update looks, and the hash of an enumeration's member is a call."""
 
 
+def _took(by: Cause) -> str:
+    whose = "autopilot's " if by.is_failsafe else ""
+    return f"the {whose}{by.value} took it"
+
+
 class Authority:
     """Who holds the present flight, from the first command to the disarming.
 
@@ -61,7 +66,7 @@ class Authority:
         if is_left:
             self.taken = _LEFT
         if is_taken:
-            self._note_taken(snapshot)
+            self._note_taken(snapshot, "others took it")
         if is_taken and by == Cause.GROUND_STATION.value and snapshot.control.held_by is None:
             self.taken = f"the {by} has brought another mission"  # in the mode to which UAL led
 
@@ -96,17 +101,19 @@ class Authority:
             self.is_ours = self.is_ours and is_sending
         elif state in (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING):
             self.is_ours, self.is_ground_theirs = False, True
-            self._note_taken(snapshot)
+            self._note_taken(snapshot, "it is not known who flies it")  # what UAL has begun may go on
         elif state is State.FLYING_AUTO:
             self.is_ground_theirs = not self.is_ours
 
-    def _note_taken(self, snapshot: Snapshot) -> None:
-        """Notes who holds a UAV that UAL has flown in this flight; the first who took it, until that is known."""
+    def _note_taken(self, snapshot: Snapshot, unknown: str) -> None:
+        """Notes who holds a UAV that UAL has flown in this flight; the first who took it, until that is known.
+
+        `unknown` says it where the autopilot does not tell.
+        """
         by, mode = snapshot.control.held_by, snapshot.control.mode
         if not self._has_flown or mode is None or by is Cause.OPEN or (by is None and self.taken):
             return
-        who = "others" if by is None else f"the autopilot's {by.value}" if by.is_failsafe else f"the {by.value}"
-        self.taken = f"{who} took it (mode {mode.value.text})"
+        self.taken = f"{unknown if by is None else _took(by)} (mode {mode.value.text})"
 
     def _follow_silence(self, snapshot: Snapshot) -> None:
         """Gives the flight up after a long silence."""

@@ -224,6 +224,28 @@ def test_a_climb_that_the_pilot_ended_while_nobody_heard_leaves_the_ground_to_th
         flight.uav.take_off(HEIGHT_M)
 
 
+def test_a_climb_of_ual_that_goes_on_after_a_silence_was_taken_by_nobody() -> None:
+    """ArduCopter's own take-off went on without UAL, and "others took it" was told at its end."""
+    flight = Flight("ardupilot")
+    try:
+        flight.wait_for_state(State.LANDED_DISARMED)
+        assert flight.autopilot.pilot_arm()
+        flight.wait_for_state(State.LANDED_ARMED)
+        flight.uav.take_off(8.0, blocking=False)
+        flight.wait_for(lambda: -flight.autopilot.position[2] > 1.0, "climbing")
+        flight.link.down = flight.link.up = SILENT
+        flight.let_pass(1.5)
+        flight.link.down = flight.link.up = GOOD
+        flight.wait_for_state(State.FLYING_AUTO)
+        reason = flight.uav.telemetry().state_reason
+        assert reason.endswith(
+            "it is not known who flies it (mode GUIDED): UAL sends nothing until it is commanded anew"
+        )
+        flight.uav.go_to_waypoint(flight.goal(2.0, 0.0))
+    finally:
+        flight.uav.close()
+
+
 def test_after_a_long_silence_the_flight_may_be_anothers_and_nothing_is_sent(
     flight: Flight, caplog: pytest.LogCaptureFixture
 ) -> None:
