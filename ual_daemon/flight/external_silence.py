@@ -8,10 +8,9 @@ NOTICED_S = 0.3
 """Sources send 20 poses a second, or more."""
 _STREAM_S = 1.0
 """Poses that come for so long are a source on which the UAV may fly."""
-_FORGOTTEN_S = 10.0
-"""Poses that were no such source explain nothing any more after so long."""
 _RELIED_ON_S = 20.0
-"""An estimate that is good for so long without poses from outside does not rest on them."""
+"""A position that is lost later than this after the last pose did not rest on them: no autopilot goes on for so long.
+"""
 _DOUBTED_S = 0.5
 
 
@@ -25,8 +24,8 @@ class ExternalSilence:
         self._dropped = (-math.inf, "")
         """When the newest pose was dropped or refused, and why."""
         self._doubted = (-math.inf, "")
-        self._is_cause = False
-        """Whether the position was lost soon after the last one: where it was later, they are not the cause."""
+        self._good_s = -math.inf
+        """When the autopilot had a good position last."""
         self.is_heard = False
         """Whether any has come."""
         self.is_doubtful = False
@@ -36,12 +35,11 @@ class ExternalSilence:
         """Notes that a pose was given to the autopilot."""
         if self._last_s is None or now_s - self._last_s > NOTICED_S:
             self._since_s = now_s
-        self._last_s, self._is_cause, self.is_heard = now_s, False, True
+        self._last_s, self.is_heard = now_s, True
 
     def note_good(self, now_s: float) -> None:
         """Notes that the autopilot has a good position."""
-        if self._last_s is not None and now_s - self._last_s > _RELIED_ON_S:
-            self._last_s = None
+        self._good_s = now_s
 
     def dropped(self, now_s: float, why: str) -> None:
         """Notes that a pose came, but was dropped or refused."""
@@ -64,12 +62,8 @@ class ExternalSilence:
 
     def is_source(self, now_s: float) -> bool:
         """Returns whether they come, and have come for long enough to fly on them."""
-        return self.passed_s(now_s) <= NOTICED_S and self._is_stream
-
-    @property
-    def _is_stream(self) -> bool:
         last_s = self._last_s
-        return last_s is not None and last_s - self._since_s >= _STREAM_S
+        return last_s is not None and now_s - last_s <= NOTICED_S and last_s - self._since_s >= _STREAM_S
 
     def why_ended(self, now_s: float) -> str:
         """Returns how a source has ended, human-readable."""
@@ -78,12 +72,14 @@ class ExternalSilence:
         return f"the poses from outside are dropped: {why}" if is_dropped else "no poses come from outside any more"
 
     def text(self, now_s: float) -> str:
-        """Returns what the reason of UNINITIALIZED adds; empty while poses come, and where they are not the cause."""
+        """Returns what the reason of UNINITIALIZED adds; empty while poses come, and where they are not the cause.
+
+        They explain it for a while, and then as long as it lasts where the position was lost meanwhile.
+        """
         passed_s, (dropped_s, why) = self.passed_s(now_s), self._dropped
         if passed_s <= NOTICED_S:
             return ""
         if now_s - dropped_s <= NOTICED_S:
             return f"; the poses from outside are dropped: {why}"
-        self._is_cause = passed_s <= _RELIED_ON_S or (self._is_cause and passed_s < math.inf)
-        is_forgotten = passed_s > _FORGOTTEN_S and not self._is_stream
-        return f"; no poses from outside for {passed_s:.1f} s" if self._is_cause and not is_forgotten else ""
+        was_lost_soon = 0.0 <= self._good_s - (now_s - passed_s) <= _RELIED_ON_S
+        return f"; no poses from outside for {passed_s:.1f} s" if passed_s <= _RELIED_ON_S or was_lost_soon else ""
