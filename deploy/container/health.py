@@ -11,8 +11,10 @@ import _socket  # what `socket` wraps: to load that takes as long as Python itse
 import fcntl
 import os
 import sys
+import time
 
 LIMIT_S = 3.0
+"""Of an answer as a whole, however its bytes come."""
 LONGEST_FRAME = 1 << 14
 """Bytes, as RFC 9113 (4.2) has it where nothing else was agreed."""
 LONGEST_FILE = 4096
@@ -54,15 +56,19 @@ REQUEST = (
 )
 
 
-def received(connection: _socket.socket, count: int) -> bytes:
-    """Returns so many bytes.
+def received(connection: _socket.socket, count: int, end_s: float) -> bytes:
+    """Returns so many bytes, which come until `end_s` by `time.monotonic`.
 
     Raises:
-        OSError: The connection has ended, or nothing came in time.
+        OSError: The connection has ended, or they did not come in time.
 
     """
     parts = bytearray()
     while len(parts) < count:
+        left_s = end_s - time.monotonic()
+        if left_s <= 0.0:
+            raise TimeoutError("timed out")
+        connection.settimeout(left_s)
         part = connection.recv(count - len(parts))
         if not part:
             raise ConnectionError("it ended the connection")
@@ -102,16 +108,17 @@ def status(address: str) -> str:
         OSError: It does not answer.
 
     """
+    end_s = time.monotonic() + LIMIT_S
     connection = connected(address)
     try:
         connection.sendall(REQUEST)
         answer = bytearray()
         while True:
-            head = received(connection, 9)
+            head = received(connection, 9, end_s)
             length, kind, flags = int.from_bytes(head[:3], "big"), head[3], head[4]
             if length > LONGEST_FRAME:
                 raise ConnectionError("it does not speak HTTP/2: TLS? Give it a `--listen unix:PATH` more")
-            payload = received(connection, length)
+            payload = received(connection, length, end_s)
             if kind == SETTINGS and not flags & ACKNOWLEDGED:
                 connection.sendall(frame(SETTINGS, ACKNOWLEDGED, 0, b""))
             elif kind == PING and not flags & ACKNOWLEDGED:

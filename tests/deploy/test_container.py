@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import re
@@ -10,7 +11,9 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +129,24 @@ def test_what_speaks_something_else_is_not_healthy(runtime_dir: Path) -> None:
             said = health(daemon_environment(runtime_dir))
             answered.result()
     assert said == (1, f"{address}: it does not speak HTTP/2: TLS? Give it a `--listen unix:PATH` more\n")
+
+
+def test_an_answer_has_a_limit_however_often_the_daemon_says_something(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(CONTAINER)
+    probe = importlib.import_module("health")
+    monkeypatch.setattr(probe, "LIMIT_S", 0.3)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def say_nothing_new() -> None:
+            with server.accept()[0] as connection, suppress(ConnectionError):
+                while True:
+                    connection.sendall(probe.frame(probe.PING, probe.ACKNOWLEDGED, 0, bytes(8)))
+                    time.sleep(0.02)
+
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(say_nothing_new)
+            with pytest.raises(TimeoutError):
+                probe.status(f"127.0.0.1:{server.getsockname()[1]}")
 
 
 def test_it_loads_little_as_it_runs_beside_a_flight() -> None:

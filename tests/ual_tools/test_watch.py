@@ -11,6 +11,7 @@ from rich.console import Console
 
 from tests.conftest import StartDaemon
 from tests.waiting import until
+from ual.discovery import Registration
 from ual.errors import DaemonUnreachableError
 from ual.geometry import Pose, Quaternion, Transform, Twist, Vector3
 from ual.types import Battery, Health, State, TaskInfo, TaskKind, TaskStatus, Telemetry
@@ -203,6 +204,22 @@ def test_without_a_terminal_there_are_no_keys(monkeypatch: pytest.MonkeyPatch) -
 
 
 # --- UAVs that come and go --------------------------------------------------------------------------------------------
+
+
+def test_daemons_that_are_known_stay_where_they_cannot_be_looked_for() -> None:
+    said: list[str] = []
+    answers: list[list[Registration] | OSError] = [OSError(24, "Too many open files")] * 2
+
+    def choose() -> list[Registration]:
+        answer = answers.pop()
+        if isinstance(answer, OSError):
+            raise answer
+        return answer
+
+    roster = Roster(Session(), Board([], 5.0), 5.0, said.append, choose)
+    roster.look()
+    roster.look()
+    assert said == ["ual: daemons that begin or end are not seen now: Too many open files"]
 
 
 def test_daemons_appear_and_vanish(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,7 +40,7 @@ def kept_up_to_date(roster: Roster) -> Iterator[None]:
 
     def scan() -> None:
         while not is_closing.wait(_SCAN_S):
-            guard.contain(roster.update)
+            guard.contain(roster.look)
 
     scanner = threading.Thread(target=scan, daemon=True)
     scanner.start()
@@ -81,6 +81,7 @@ class Roster:
         self._choose = choose or partial(chosen_daemons, session)
         self._attend = attend or _wait
         self._threads: dict[Registration, tuple[threading.Thread, threading.Event]] = {}
+        self._is_blind = False
 
     def update(self) -> None:
         """Begins a subscription to each daemon that has appeared, and ends those of daemons that have ended."""
@@ -97,6 +98,17 @@ class Roster:
                 thread = threading.Thread(target=self._subscribe, args=(daemon, is_ended), daemon=True)
                 self._threads[daemon] = (thread, is_ended)
                 thread.start()
+
+    def look(self) -> None:
+        """Updates. Where the daemons cannot be looked for (no file descriptor is left), those that are known stay."""
+        try:
+            self.update()
+        except OSError as error:
+            if not self._is_blind:
+                self._say(f"ual: daemons that begin or end are not seen now: {error.strerror}")
+            self._is_blind = True
+        else:
+            self._is_blind = False
 
     def close(self) -> None:
         """Ends all subscriptions. A thread that still waits for an answer ends with the process."""

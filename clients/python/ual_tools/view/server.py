@@ -1,14 +1,16 @@
 """The page's server: viser's, behind our guard. The only module that knows how viser serves.
 
-viser passes neither TLS nor a check of requests to `websockets`. So while it starts, its call of `serve` gets both.
+viser passes neither TLS nor a check of requests to `websockets`, nor a socket. So while it starts, its call of `serve`
+gets them.
 """
 
 from __future__ import annotations
 
+import asyncio
 import http
 import io
+import logging
 import os
-import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import Any
@@ -17,15 +19,20 @@ import viser
 from typing_extensions import override
 from websockets.asyncio import server as websockets_server
 from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import InvalidHandshake
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 
 from ual.errors import InvalidArgumentError
 from ual_tools.view.access import Access
 from ual_tools.view.guard import HEADERS, Guard
+from ual_tools.view.listener import Listener
 from ual_tools.view.shell import with_shell
 
 _LARGEST_MESSAGE = 1 << 20
 """Of a browser. viser would take 50 MiB, for pictures that we do not ask for."""
+_HANDSHAKE_S = 10.0
+"""Of TLS; as long as `websockets` waits for a request. asyncio would wait for a minute."""
 _Answer = Callable[[ServerConnection, Request], "Response | None"]
 
 
@@ -39,40 +46,79 @@ class PageServer(viser.ViserServer):
 
 
 @contextmanager
-def serving(access: Access, title: str) -> Iterator[PageServer]:
-    """Serves the page of this title while the block runs.
+def serving(access: Access, title: str, say: Callable[[str], None]) -> Iterator[PageServer]:
+    """Serves the page of this title while the block runs. `say` takes why browsers cannot connect, human-readable.
 
     Raises:
         InvalidArgumentError: The address cannot be listened on.
 
     """
-    _require_free(access.host, access.port)
-    with _guarded(access, title):
+    sockets = _Sockets(_listener(access.host, access.port, say))
+    with _guarded(access, title, sockets):
         server = PageServer(access.host, access.port, verbose=False)
     try:
         yield server
     finally:
+        sockets.leave_the_silent()
         with _quiet():
             server.stop()
 
 
-def _require_free(host: str, port: int) -> None:
-    """Refuses an address that cannot be listened on: viser would try a thousand other ports, and then wait for ever."""
+def _listener(host: str, port: int, say: Callable[[str], None]) -> Listener:
+    """Returns the socket of an address. viser's own would try a thousand other ports, and then wait for ever."""
     try:
-        socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET).close()
+        return Listener(host, port, say)
     except OSError as error:
         number = error.errno or 0
         why = os.strerror(number) if number > 0 else error.strerror  # Python adds the address to its own words
         raise InvalidArgumentError(f"{host}:{port} cannot be listened on: {why}; give another --port") from None
 
 
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Whether an error of `websockets` is one of ours, and not of a browser that left before its request."""
+    error = record.exc_info[1] if record.exc_info else None
+    return not isinstance(error, (InvalidHandshake, OSError, EOFError))
+
+
+_log = logging.getLogger(__name__)
+_log.addFilter(_is_ours)
+
+
+class _Sockets:
+    """The socket that listens, and the connections of the page's server, once it has begun."""
+
+    def __init__(self, listener: Listener) -> None:
+        self.listener = listener
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._serving: Any = None
+
+    def begin(self, serving: Any) -> None:  # noqa: ANN401 (websockets' own)
+        """Takes what serves them, on its event loop."""
+        self._serving, self._loop = serving, asyncio.get_running_loop()
+        self._loop.set_exception_handler(self.listener.note)
+
+    def leave_the_silent(self) -> None:
+        """Ends connections without a request: the end would wait for them."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._leave)
+
+    def _leave(self) -> None:
+        for each in self._serving.server.handlers:
+            if each.state is State.CONNECTING:
+                each.transport.abort()
+
+
 @contextmanager
-def _guarded(access: Access, title: str) -> Iterator[None]:
+def _guarded(access: Access, title: str, sockets: _Sockets) -> Iterator[None]:
     real = websockets_server.serve
 
-    def serve(*args: Any, process_request: _Answer, **options: Any) -> Any:  # noqa: ANN401 (websockets' own)
-        options |= {"ssl": access.tls, "max_size": _LARGEST_MESSAGE}
-        return real(*args, process_request=_checked(access.guard, process_request, title), **options)
+    def serve(handler: Any, _host: str, _port: int, *, process_request: _Answer, **options: Any) -> Any:  # noqa: ANN401 (websockets' own)
+        options |= {"ssl": access.tls, "max_size": _LARGEST_MESSAGE, "sock": sockets.listener, "logger": _log}
+        if access.tls is not None:
+            options["ssl_handshake_timeout"] = _HANDSHAKE_S
+        made = real(handler, process_request=_checked(access.guard, process_request, title), **options)
+        sockets.begin(made)
+        return made
 
     names = vars(websockets_server)
     names["serve"] = serve

@@ -62,7 +62,7 @@ def show(session: Session, choice: Choice, where: Access, *, control: bool) -> N
     # What flies does so over gRPC, and so needs a connection to each.
     joined = None if control else session.joined
     running = fleet.running() if joined is None else fleet.running_on(joined.network())
-    with serving(where, title(control=control)) as server, running:
+    with serving(where, title(control=control), session.tell) as server, running:
         viewer = Viewer(server, fleet, journal, choice, control=control)
         url = where.url(server.get_port())
         session.emit({"url": url, "control": control}, f"{url}   {'can fly' if control else 'shows only'}; Ctrl-C ends")

@@ -3,16 +3,20 @@ from __future__ import annotations
 import logging
 import re
 import socket
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from urllib.error import HTTPError
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families as parsed_older
 
+from tests.descriptors import no_descriptors
 from tests.ual_daemon.program.metrics.scraped import parsed, scraped, text_of
-from ual_daemon.program.metrics import exporter
+from tests.waiting import LIMIT_S, until
+from ual_daemon.program.metrics import http_server
 from ual_daemon.program.metrics.catalogue import CATALOGUE, Sample
 from ual_daemon.program.metrics.exporter import FRESH_S, Collected, Exporter, families
 from ual_daemon.server.addresses import Address
@@ -44,6 +48,15 @@ def serve() -> Iterator[Callable[[Callable[[], Iterable[Sample]]], str]]:
 
 
 Serve = Callable[[Callable[[], Iterable[Sample]]], str]
+
+
+def place_of(address: str) -> tuple[str, int]:
+    host, _, port = address.partition(":")
+    return host, int(port)
+
+
+def connection_to(address: str) -> socket.socket:
+    return socket.create_connection(place_of(address), LIMIT_S)
 
 
 def test_it_speaks_openmetrics_and_the_older_text(serve: Serve) -> None:
@@ -116,12 +129,103 @@ def test_a_defect_is_logged_and_the_next_request_is_answered(serve: Serve, caplo
     assert scraped(address)("ual_up", ns="uav_1") == 1.0
 
 
-def test_who_connects_and_says_nothing_is_left_after_a_while(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exporter._Handler, "timeout", 0.1)
+def test_whoever_asks_is_served_at_once_beside_those_that_say_nothing(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(http_server, "REQUEST_S", 10.0 * LIMIT_S)
     address = serve(lambda: [UP])
-    host, _, port = address.partition(":")
-    with closing(socket.create_connection((host, int(port)))):
+    with ExitStack() as held:
+        for _ in range(3 * http_server.MOST_CONNECTIONS):
+            held.enter_context(connection_to(address)).sendall(b"GET /metrics HTTP/1.1\r\nX: ")
         assert scraped(address)("ual_up") == 1.0
+
+
+def test_a_request_has_a_limit_however_slowly_its_bytes_drip(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(http_server, "REQUEST_S", 0.2)
+    address = serve(lambda: [UP])
+    with connection_to(address) as dripping:
+        dripping.settimeout(0.02)
+
+        def is_left() -> bool:
+            try:
+                dripping.send(b"a")
+                return dripping.recv(1) == b""
+            except TimeoutError:
+                return False
+            except ConnectionError:
+                return True
+
+        until(is_left, "the end of the connection")
+
+
+@pytest.mark.parametrize("request_", [b"\r\n\r\n", b"hello\r\n\r\n", b"GET / RTSP/1.0\r\n\r\n", b"GET /\r\n\r\n"])
+def test_what_is_no_request_is_refused(serve: Serve, request_: bytes) -> None:
+    with connection_to(serve(lambda: [UP])) as asking:
+        asking.sendall(request_)
+        assert asking.recv(100).startswith(b"HTTP/1.1 400 ")
+
+
+def test_an_endless_request_is_left(serve: Serve) -> None:
+    with connection_to(serve(lambda: [UP])) as asking, suppress(ConnectionError):
+        asking.sendall(b"GET / HTTP/1.1\r\nX: " + b"a" * 100_000)
+        assert asking.recv(1) == b""
+
+
+def test_whoever_does_not_read_the_answer_delays_nobody(serve: Serve) -> None:
+    many = [UP._replace(labels={"ns": f"uav_{number}"}) for number in range(20_000)]
+    address = serve(lambda: many)
+    with connection_to(address) as asking:
+        asking.sendall(b"GET /metrics HTTP/1.1\r\n\r\n")
+        assert asking.recv(1) == b"H"
+        assert scraped(address)("ual_up", ns="uav_7") == 1.0
+
+
+def test_the_end_waits_for_no_client_and_for_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(http_server, "REQUEST_S", 10.0 * LIMIT_S)
+    monkeypatch.setattr(http_server, "_END_S", 10.0 * LIMIT_S)
+    is_asked, may_go_on = threading.Event(), threading.Event()
+
+    def gather() -> list[Sample]:
+        is_asked.set()
+        may_go_on.wait(LIMIT_S)
+        return [UP]
+
+    served = Exporter(Address("127.0.0.1", 0))
+    served.start(gather)
+    try:
+        with connection_to(str(served.address)), connection_to(str(served.address)) as asking:
+            asking.sendall(b"GET /metrics HTTP/1.1\r\n\r\n")
+            assert is_asked.wait(LIMIT_S)
+            served.close()
+            assert asking.recv(1) == b""
+    finally:
+        may_go_on.set()
+
+
+def test_without_file_descriptors_it_says_so_once_and_waits(
+    serve: Serve, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(http_server, "_PAUSE_S", 0.1)
+    address = serve(lambda: [UP])
+    (thread,) = (each for each in threading.enumerate() if each.name == "metrics")
+    with closing(socket.socket()) as asking, caplog.at_level(logging.INFO):
+        with no_descriptors():
+            asking.connect(place_of(address))
+            until(lambda: "connections_fail" in caplog.text, "the line")
+            before_s = used_s(thread)
+            time.sleep(0.5)
+            assert used_s(thread) - before_s < 0.03
+        until(lambda: "connections_recovered server=metrics" in caplog.text, "the connection")
+    assert scraped(address)("ual_up") == 1.0
+    assert re.findall("connections_fail .*", caplog.text) == [
+        'connections_fail server=metrics why="Too many open files" retry_s=0.1'
+    ]
+
+
+def used_s(thread: threading.Thread) -> float:
+    """The processor time of a thread."""
+    assert thread.ident is not None
+    return time.clock_gettime(time.pthread_getcpuclockid(thread.ident))
 
 
 def test_the_end_frees_the_port() -> None:
