@@ -29,7 +29,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist release run test test-all test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire bench bench-guard bench-fleet bench-tracker clean
+.PHONY: help install dev dist release run test test-all test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire interface bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -190,12 +190,15 @@ proto-check: $(DEV)  ## Fails when the committed stubs are not those of the cont
 clients: $(DEV)  ## The members of the Python clients that are one call each, from ual.interface and ual._calls
 	$(BIN)/python tools/clients.py
 
-proto-baseline: tools/node_modules wire  ## At a release: the contract, as it is now, is what must stay compatible
+proto-baseline: tools/node_modules wire interface  ## At a release: the contract, as it is now, is what must stay compatible
 	tools/node_modules/.bin/buf breaking --against proto/baseline.binpb
 	tools/node_modules/.bin/buf build --exclude-source-info --output proto/baseline.binpb
 
 wire: $(DEV)  ## Records bytes of what is new in the contract, in tests/data/wire
 	$(BIN)/python -m tests.wire
+
+interface: $(DEV)  ## Records the public names of Python that are new, in tests/data/interface.txt
+	$(BIN)/python -m tests.interface
 
 bench: $(DEV) $(VENV)/.bench  ## How fast and how small UAL is beside MAVSDK; BENCH=--quick for a short look
 	$(BIN)/python -m benchmarks $(BENCH)
