@@ -20,6 +20,7 @@ from ual_daemon.server.access.policy import Access
 from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.call_log import Observer, observed
 from ual_daemon.server.calls import CallFigures, Calls
+from ual_daemon.server.headroom import MOST_REQUEST_BYTES
 from ual_daemon.server.motion_gate import MotionGate
 from ual_daemon.server.planning import PlanFigures
 from ual_daemon.server.simulation_service import SimulatedTime, SimulationServicer
@@ -62,8 +63,7 @@ _OPTIONS: Sequence[tuple[str, int]] = (
     # A connection without a call ends after a while, and leaves its open file to others. Clients connect again when
     # they call.
     ("grpc.max_connection_idle_ms", 600_000),
-    # The longest path that makes sense has some ten thousand waypoints.
-    ("grpc.max_receive_message_length", 4 << 20),
+    ("grpc.max_receive_message_length", MOST_REQUEST_BYTES),
 )
 _GRACE_S = 1.0
 
