@@ -27,7 +27,7 @@ from ual_daemon.server.access.caller import OF_THIS_COMPUTER, Caller
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.access.policy import Access
 from ual_daemon.server.dispatch import SHUTTING_DOWN, Answer, Handler, Method, StatusError
-from ual_daemon.server.headroom import OF_THIS_PROCESS, Headroom
+from ual_daemon.server.headroom import FLIES_ON, OF_THIS_PROCESS, Headroom
 from ual_daemon.server.motion_gate import MotionGate
 from ual_daemon.server.standstill import BEAT_S, Standstill
 from ual_daemon.server.transport.base import Call
@@ -79,6 +79,7 @@ class Calls:
     ) -> None:
         self.headroom = headroom
         """Refuses what needs more memory than is left."""
+        headroom.servers.add(self)
         self.standstill = standstill or Standstill()
         """Refuses what may have waited unread, where it moves something."""
         self.motion_gate = motion_gate
@@ -248,7 +249,6 @@ class Calls:
     def await_request(self, answer: Answer) -> None:
         """Adds an answer whose request has to come yet. If there are too many, the oldest of them ends."""
         oldest = None
-        self.headroom.unread.add(answer)
         with self._lock:
             self._without_request[answer] = self._loop.time()
             if len(self._without_request) > MOST_WITHOUT_REQUEST:
@@ -264,7 +264,6 @@ class Calls:
     def has_request(self, answer: Answer) -> None:
         """Removes an answer whose request has come, or will not come any more."""
         self._without_request.pop(answer, None)
-        self.headroom.unread.discard(answer)
 
     def require_room(self, method: str, who: Caller) -> None:
         """Refuses a call of a method of which too many of the same caller are under way.
@@ -306,7 +305,8 @@ class Calls:
         if size > MOST_METADATA_BYTES:
             limit = f"metadata: {size} bytes, and at most {MOST_METADATA_BYTES} are accepted"
             raise ResourceExhaustedError(limit, {"limit": str(MOST_METADATA_BYTES)})
-        self.headroom.require_room(call.method)
+        if call.method not in FLIES_ON:
+            self.headroom.require_room(call.method)
 
     def _is_refused_at_shutdown(self, method: str) -> bool:
         return method.startswith(self._shutdown_refuses) and (

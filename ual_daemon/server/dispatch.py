@@ -29,7 +29,7 @@ from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
 from ual_daemon.server.door import require_times, ways_to_times
-from ual_daemon.server.headroom import Headroom
+from ual_daemon.server.headroom import SMALL_BYTES, Headroom
 from ual_daemon.server.motion_gate import FLIES, MotionGate
 from ual_daemon.server.standstill import MOVES, Standstill
 from ual_daemon.server.transport.base import Call
@@ -179,7 +179,8 @@ class Answer:
             self._standstill.require_running(self.method_name)
         if self._motion_gate is not None:
             self._motion_gate.require_open(self.method_name)
-        self._calls.headroom.require_room_to_work(self.method_name, len(message))
+        if len(message) > SMALL_BYTES:
+            self._calls.headroom.require_room_to_work(self.method_name, len(message))
         try:
             request = self._method.decode(message)
         except DecodeError as error:

@@ -10,9 +10,10 @@ import logging
 import math
 import threading
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from ual.errors import ResourceExhaustedError
 from ual_daemon import logs
@@ -58,6 +59,14 @@ _CGROUPS = Path("/sys/fs/cgroup")
 _log = logging.getLogger(__name__)
 
 
+class Reader(Protocol):
+    """What reads the requests for one UAV."""
+
+    @property
+    def without_request_count(self) -> int:
+        """How many requests may arrive at any moment."""
+
+
 class Headroom:
     """What the limits of this process leave free. Any thread may call.
 
@@ -68,8 +77,8 @@ class Headroom:
     def __init__(
         self, free_bytes: Callable[[], float] | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self.unread: set[object] = set()
-        """The calls of this process whose request may arrive at any moment."""
+        self.servers: weakref.WeakSet[Reader] = weakref.WeakSet()
+        """What reads requests in this process."""
         self._free_bytes = free_bytes or limits_of_this_process()
         self._clock = clock
         self._looked_s = -math.inf
@@ -78,33 +87,33 @@ class Headroom:
         self._lock = threading.Lock()
 
     def require_room(self, method: str) -> None:
-        """Requires room for a request that has not been read yet.
-
-        Raises:
-            ResourceExhaustedError: There is none, and the method is none of `FLIES_ON`.
-
-        """
-        if method not in FLIES_ON:
-            now_s = self._clock()
-            if now_s - self._looked_s >= _LOOK_S:
-                self._looked_s = now_s
-                self._seen_bytes = self._free_bytes()
-            self._require(method, self._seen_bytes, (len(self.unread) + 1) * MOST_REQUEST_BYTES)
-
-    def require_room_to_work(self, method: str, size_bytes: int) -> None:
-        """Requires room for what a request of this size needs once it is read.
+        """Requires room for a request that has not been read yet. Not for those of `FLIES_ON`.
 
         Raises:
             ResourceExhaustedError: There is none.
 
         """
-        if size_bytes <= SMALL_BYTES:
-            return
+        now_s = self._clock()
+        if now_s - self._looked_s >= _LOOK_S:
+            self._looked_s = now_s
+            self._seen_bytes = self._free_bytes()
+        self._require(method, self._seen_bytes, (self._unread_count() + 1) * MOST_REQUEST_BYTES)
+
+    def require_room_to_work(self, method: str, size_bytes: int) -> None:
+        """Requires room for what a request of this size, above `SMALL_BYTES`, needs once it is read.
+
+        Raises:
+            ResourceExhaustedError: There is none.
+
+        """
         needed_bytes, now_s = WORK_FACTOR * size_bytes, self._clock()
         with self._lock:  # two at once may not have the same room
             self._promises = [promise for promise in self._promises if now_s - promise[0] < _PROMISE_S]
             self._require(method, self._free_bytes() - sum(promised for _, promised in self._promises), needed_bytes)
             self._promises.append((now_s, needed_bytes))
+
+    def _unread_count(self) -> int:
+        return sum(server.without_request_count for server in self.servers)
 
     def _require(self, method: str, free_bytes: float, needed_bytes: int) -> None:
         if free_bytes - RESERVE_BYTES >= needed_bytes:

@@ -21,7 +21,6 @@ from ual_daemon.server.headroom import (
     FLIES_ON,
     MOST_REQUEST_BYTES,
     RESERVE_BYTES,
-    SMALL_BYTES,
     WORK_FACTOR,
     Headroom,
     limits_of_this_process,
@@ -37,6 +36,10 @@ class Clock:
         return self.now_s
 
 
+class Server:
+    without_request_count = 2
+
+
 def leaving(free_bytes: float) -> Headroom:
     return Headroom(lambda: free_bytes)
 
@@ -50,14 +53,10 @@ def test_a_request_is_read_only_while_one_of_the_greatest_size_leaves_the_reserv
 def test_what_others_may_send_meanwhile_is_not_free() -> None:
     headroom = leaving(RESERVE_BYTES + 2 * MOST_REQUEST_BYTES)
     headroom.require_room(READS)
-    headroom.unread.update(("a", "b"))
+    server = Server()
+    headroom.servers.add(server)
     with pytest.raises(ResourceExhaustedError):
         headroom.require_room(READS)
-
-
-@pytest.mark.parametrize("method", sorted(FLIES_ON))
-def test_what_flies_or_ends_a_flight_is_read_without_any_memory(method: str) -> None:
-    leaving(0.0).require_room(method)
 
 
 def test_what_flies_on_are_methods_of_the_contract() -> None:
@@ -70,7 +69,6 @@ def test_a_large_request_needs_room_for_its_values_and_its_plan() -> None:
     leaving(RESERVE_BYTES + WORK_FACTOR * size).require_room_to_work(PLANS, size)
     with pytest.raises(ResourceExhaustedError):
         leaving(RESERVE_BYTES + WORK_FACTOR * size - 1).require_room_to_work(PLANS, size)
-    leaving(0.0).require_room_to_work(PLANS, SMALL_BYTES)
 
 
 def test_two_large_requests_do_not_get_the_same_room() -> None:
