@@ -7,6 +7,7 @@ import time
 from tests.campaign.befall import Befalling
 from tests.campaign.evidence import SERVICES
 from tests.campaign.plan import FOREIGN, PLAIN, Plan, Step
+from tests.campaign.processes import NotFlownError
 from tests.campaign.record import Place, Record
 from tests.campaign.rig import Rig, take_mode
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -39,6 +40,8 @@ def fly(rig: Rig, plan: Plan) -> Record:
     rig.bring_down()
     if any(fault.kind in _LEAVING for fault in plan.faults):
         rig.set_parameters()
+    if rig.has_sunk():
+        raise NotFlownError("it has sunk into the simulator's ground")
     return record
 
 

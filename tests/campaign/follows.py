@@ -42,6 +42,9 @@ LOW_M, _HIGH_M = 0.3, 1.0
 _LIES_S, _STILL_M_S = 1.0, 0.3
 _ARMED_S = 8.0
 """The longest time from an order to its arming."""
+_BROKEN_OFF = ("DAEMON_UNREACHABLE", "LINK_LOST")
+_OWN_CLIMB_S = 8.0
+"""ArduCopter's own take-off goes on where its daemon is gone; so long after the call it has lifted off."""
 _BLINDING = ("ekf", "gps_jam", "gps_jump", "compass", "barometer", "accelerometer", "origin")
 """Faults that make the autopilot's own estimate wrong: where it takes itself to be then says nothing."""
 _MOVING = frozenset({"take_off", "rtl", "go_to", "go_to_geo", "go_above_home", "path", "velocity", "pose", "mission"})
@@ -265,6 +268,11 @@ def _bounces(case: Case, lay_s: float, time_s: float) -> bool:
 def _is_lifted_by_somebody(record: Record, lay_s: float, time_s: float) -> bool:
     """Whether a command goes on, or was done, since it lay for the last time, or something else flies it."""
     if is_befallen(record, _STRANGERS, lay_s - TOLD_S, time_s) or any(order.what == "fly" for order in record.orders):
+        return True
+    if any(
+        call.name == "take_off" and call.outcome in _BROKEN_OFF and 0.0 < time_s - call.began_s < _OWN_CLIMB_S
+        for call in record.called
+    ):
         return True
     asked = [call for call in record.called if call.name in _LIFTING and begins(call) and call.began_s <= time_s]
     return any(

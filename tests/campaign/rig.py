@@ -58,7 +58,7 @@ _BOOT_S = 150.0
 _DOWN_S = 60.0
 _ASTRAY_M = 3.0
 _UP_M = 2.8
-_DOWN_M = 0.3
+_DOWN_M, _SUNK_M = 0.3, 1.0
 _FALLEN_S = 3.0
 """The time in which a UAV that was disarmed in the air falls, lies still, and is told."""
 _LIES_S = 5.0
@@ -320,6 +320,11 @@ class Rig:
         """Whether it is where it stood when the flight began, by the truth."""
         truth = self.record.truth
         return bool(truth) and truth[-1].place[2] - truth[0].place[2] < _DOWN_M
+
+    def has_sunk(self) -> bool:
+        """Whether it was below the ground, which PX4's simulator does not always have."""
+        heights_m = [each.place[2] for each in self.record.truth]
+        return bool(heights_m) and heights_m[0] - min(heights_m) > _SUNK_M
 
     def is_astray(self) -> bool:
         """Whether it stands where a flight cannot begin: somebody else has flown it there."""

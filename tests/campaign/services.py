@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 from tests.campaign.bounds import newest
@@ -21,6 +22,7 @@ _STARVED_S = 0.5
 _NAMES = ("station", "mission")
 _HIDING = ("loss", "delay", "corruption", "silence", "cut", "freeze", "kill_daemon", "reboot")
 _PREFIXES = ("PreArm: ", "Arm: ")
+_FIGURE = re.compile(r"\d+")
 _OVER = {
     "Glitch cleared": "GPS Glitch",
     "EKF Failsafe Cleared": "EKF Failsafe",
@@ -86,13 +88,23 @@ def what_is_severe_is_told(case: Case) -> Iterator[Breach]:
             if last and _OVER[text.text] in last[-1].text and not _comes_again(record, _OVER[text.text], text.time_s):
                 yield Breach("texts", due_s, f"{text.text!r} has come, and {_OVER[text.text]!r} is still told")
             continue
-        words = text.text
-        for prefix in _PREFIXES:
-            words = words.removeprefix(prefix)
+        words = _check(text.text)
         told = [each.text for each in newest(record.healths, text.time_s, due_s)]
         told += [said.reason for said in record.said if text.time_s <= said.time_s <= due_s]
-        if not any(words in each for each in told):
+        if not any(words in (each if words == text.text else _without_figures(each)) for each in told):
             yield Breach("texts", due_s, f"{text.text!r} is not told")
+
+
+def _check(text: str) -> str:
+    """Returns what is to be told of a text: of a check before the arming, that it fails, whatever its figure is now."""
+    for prefix in _PREFIXES:
+        if text.startswith(prefix):
+            return _without_figures(text.removeprefix(prefix))
+    return text
+
+
+def _without_figures(text: str) -> str:
+    return _FIGURE.sub("", text)
 
 
 def _comes_again(record: Record, words: str, since_s: float) -> bool:

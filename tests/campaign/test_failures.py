@@ -188,6 +188,14 @@ def test_a_take_off_that_has_ended_lifts_nothing() -> None:
         assert rules(record) & {"nothing flies"} == found
 
 
+def test_a_take_off_that_an_autopilot_flies_by_itself_goes_on_without_its_daemon() -> None:
+    record = clean()
+    record.called[0] = dataclasses.replace(record.called[0], outcome="DAEMON_UNREACHABLE", ended_s=3.2)
+    assert "nothing flies" not in rules(record)
+    record.called[0] = dataclasses.replace(record.called[0], began_s=-6.0, ended_s=-5.8)
+    assert "nothing flies" in rules(record)
+
+
 # --- mission's owner, no part -----------------------------------------------------------------------------------------
 
 
@@ -258,6 +266,16 @@ def test_a_text_that_something_is_over_takes_it_out_of_the_health() -> None:
     record.healths += [Text(11.1, "autopilot: GPS Glitch or Compass error"), Text(13.5, "")]
     assert rules(record) == set()
     record.healths[-1] = Text(14.5, "")
+    assert rules(record) == {"texts"}
+
+
+def test_a_check_that_fails_is_told_whatever_its_figure_is_now() -> None:
+    record = clean()
+    record.texts.append(Text(11.0, "PreArm: Check mag field (xy diff:100>100)"))
+    record.healths.append(Text(11.2, "autopilot: Arm: Check mag field (xy diff:101>100)"))
+    assert rules(record) == set()
+    record.texts.append(Text(12.0, "EKF3 lane switch 1"))
+    record.healths.append(Text(12.2, "autopilot: EKF3 lane switch 0"))
     assert rules(record) == {"texts"}
 
 

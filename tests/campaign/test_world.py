@@ -183,6 +183,13 @@ def test_a_limit_is_known_anew_after_the_daemon_has_started() -> None:
     assert "limits" in rules(record)
 
 
+def test_a_speed_that_the_estimate_does_not_show_is_no_breach() -> None:
+    record = limited(eastwards({0.0: 1.9}), WPNAV_SPEED=100.0)
+    assert rules(record) == {"limits"}
+    record.estimate = eastwards({0.0: 1.5})
+    assert rules(record) == set()
+
+
 def test_the_cruise_of_px4_bounds_tasks_only() -> None:
     record = limited(eastwards({0.0: 5.0}), MPC_XY_CRUISE=1.0, MPC_XY_VEL_MAX=12.0)
     assert rules(record) == set()

@@ -243,10 +243,12 @@ class MavrosBackend(Backend):
 
     def _on_message(self, session: Session, topic: str, message: Message, now_s: float) -> None:
         """Takes a message of MAVROS for the session; one with a field that is missing is logged by the link."""
-        was_ours = session.takes_setpoints
+        was_ours, mode_name = session.takes_setpoints, session.telemetry.mode_name
         session.on_message(topic, message, now_s)
         if was_ours and not session.takes_setpoints and self._link is not None:
             self._link.withdraw(self._setpoint_topic)  # the safety pilot has taken over: one may wait in a full socket
+        if self._loop is not None and session.telemetry.mode_name != mode_name:
+            self._loop.publish(now_s)  # before the next message: a pilot may take over just then
         photo = session.telemetry.photo(message) if topic == topics.CAPTURED else None
         if photo is not None:
             self._cameras.trigger.on_report(*photo)

@@ -112,6 +112,7 @@ class ReceiveLoop:
         session = self._discovery.session
         if session is not self._session and session is not None:
             self._session = session
+            session.on_mode = self.loop.publish
             self.info = session.info()
             self._use_freshness(session)
         newest = None if session is None else session.telemetry.pose.sample

@@ -92,6 +92,10 @@ class Successor(NamedTuple):
     shape: Shape | None = None
 
 
+def _ignore(_: float) -> None:
+    """Nobody wants to know."""
+
+
 class Session:
     """The session with the autopilot `source`. `setpoints` are those that were sent to it."""
 
@@ -160,6 +164,9 @@ class Session:
             names_intended_mode=dialect.names_intended_mode,
             setpoints_lost_s=lambda: dialect.setpoints_lost_s(self.telemetry.parameters),
         )
+        self.on_mode: Callable[[float], None] = _ignore
+        """Called with each new mode, before the next message: a pilot may take over within a hundredth of a second."""
+        self._mode_name = ""
         self._health, self._severe_texts = HealthReport(), SevereTexts()
         self._sender_watch = SenderWatch(setpoints, stays_without_setpoints=dialect.stays_without_setpoints)
         self._next_own_heartbeat_s = -math.inf
@@ -484,10 +491,18 @@ class Session:
         self._heartbeats.on_heartbeat(now_s)
         self._causes.on_system_status(message.system_status, now_s)
         self._commands.on_state(now_s)
+        self._note_mode(now_s)
 
     def _on_current_mode(self, message: Message, now_s: float, _: float) -> None:
         self._causes.on_intention(message.custom_mode, message.intended_custom_mode, now_s)
         self._commands.on_state(now_s)
+        self._note_mode(now_s)
+
+    def _note_mode(self, now_s: float) -> None:
+        mode_name = self.telemetry.mode_name
+        if mode_name != self._mode_name:
+            self._mode_name = mode_name
+            self.on_mode(now_s)
 
     def _on_vtol_state(self, message: Message, now_s: float, _: float) -> None:
         self._shape.on_vtol_state(message.vtol_state, now_s)

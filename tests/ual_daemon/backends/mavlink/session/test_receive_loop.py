@@ -20,6 +20,7 @@ from ual_daemon.backends.values import Snapshot
 BATCH_S = 0.01
 """How long a batch takes, on a slow computer."""
 BATCHES_COUNT = 500
+_POSCTL, _OFFBOARD = 3 << 16, 6 << 16
 
 
 class Clock(MonotonicClock):
@@ -114,3 +115,47 @@ def test_what_is_known_is_as_old_as_what_was_received_and_not_as_its_snapshot() 
     flood.loop.thread.run()
     assert updates[0].updated_s == pytest.approx(received_s[0])
     assert updates[0].time_s > received_s[0] + 0.2
+
+
+class Script(EndlessLink):
+    """Some batches of messages, one after the other; then its end."""
+
+    is_stream = False
+    connections_count = 1
+    peer = ADDRESS
+
+    def __init__(self, clock: Clock, *batches: list[Message]) -> None:
+        super().__init__()
+        self.loop: ReceiveLoop
+        self._clock, self._batches, self._pack = clock, list(batches), packer()
+
+    @override
+    def answer_to(self, address: Address | None) -> None:
+        pass
+
+    @override
+    def receive(self, now_s: float) -> list[Chunk]:
+        self._clock.time_s += BATCH_S
+        if not self._batches:
+            self.loop.close()
+            return []
+        return [(data, ADDRESS) for data in map(self._pack, self._batches.pop(0))]
+
+
+def test_a_mode_that_lasts_for_a_moment_is_seen_by_an_update() -> None:
+    """A pilot took over 0.01 s after OFFBOARD: no update saw that mode, and the take-off went on in the pilot's."""
+    clock = Clock()
+    begun = [heartbeat(_POSCTL, armed=True), attitude(), position(0.0)]
+    link = Script(clock, begun, [heartbeat(_OFFBOARD, armed=True), heartbeat(_POSCTL, armed=True)])
+    connection = Connection(link, "test")
+    discovery = Discovery(MavlinkSettings(), connection, "test", SetpointMonitor())
+    modes: list[str] = []
+
+    def on_update(snapshot: Snapshot) -> None:
+        mode = snapshot.control.mode
+        if mode is not None and mode.value.name != (modes or [""])[-1]:
+            modes.append(mode.value.name)
+
+    link.loop = ReceiveLoop(connection, discovery, clock, lambda _: None, on_update)
+    link.loop.thread.run()
+    assert modes == ["POSCTL", "OFFBOARD", "POSCTL"]
