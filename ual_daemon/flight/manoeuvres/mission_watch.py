@@ -11,7 +11,7 @@ from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, 
 
 AGAIN_S = 1.0
 """The time from a read that failed to the next one."""
-SETTLE_S = 0.3
+SETTLE_S = 0.15
 """The time from a change to its read: amid an upload ArduPilot refuses it, and it is asked for again a second later.
 PX4 tells another checksum once the upload has ended, and up to a second late: then it is read at once."""
 _PAUSE_FACTOR = 9.0
