@@ -155,7 +155,6 @@ _UNREAD = frozenset(
         mavlink.MAVLINK_MSG_ID_VFR_HUD,
         mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
         mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
-        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
     }
 )
 """What comes often and the daemon does not read: half of all that a PX4 sends."""
@@ -264,7 +263,7 @@ class Px4(Autopilot):
         self.failsafe: Mode | None = None
         self._failsafe_kind = ""
         self._mode_s = boot_s
-        self._setpoint = Target()
+        self._setpoint = self._flown = Target()
         self.setpoint_s = -math.inf
         self._lands_by_failsafe = False
         self._is_landed = True
@@ -539,7 +538,7 @@ class Px4(Autopilot):
             if body.is_on_ground:  # which it notices once its motors work
                 self._touched_s = self.now_s
             return
-        target = self._target()
+        target = self._flown = self._target()
         if body.is_on_ground:
             self._stand(target)
         else:
@@ -709,13 +708,30 @@ class Px4(Autopilot):
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._current_mode,
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self._mission_current,
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self._odometry,
-            mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: filler(85),
+            mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._position_target,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda: None,  # accepted; without a transmitter none comes
             # reports the position of the pilot, from GPS
             mavlink.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM: lambda: remote_id() if self.is_gps_good else None,
             COMPONENT_METADATA_ID: self._component_metadata,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: lambda: mavlink.MAVLink_system_time_message(0, self.time_ms),
         }
+
+    def _position_target(self) -> Message:
+        """Returns the target that its position controller flies to; on the ground it has none."""
+        target = Target() if self._is_landed else self._flown
+        velocity = (math.nan,) * 3 if self._is_landed else target.velocity
+        position = tuple(math.nan if each is None else each for each in target.position)
+        mask = sum(1 << bit for bit, each in enumerate((*position, *velocity)) if math.isnan(each))
+        return mavlink.MAVLink_position_target_local_ned_message(
+            self.time_ms,
+            mavlink.MAV_FRAME_LOCAL_NED,
+            mask,
+            *position,
+            *velocity,
+            *target.acceleration,
+            math.nan if target.yaw_rad is None else target.yaw_rad,
+            target.yaw_rate_rad_s,
+        )
 
     def _component_metadata(self) -> Message:
         files, crc = parameter_files.described()

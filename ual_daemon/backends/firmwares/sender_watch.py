@@ -8,16 +8,18 @@ from typing import NamedTuple
 
 from ual.geometry import Vector3
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.values import Control, LandedState, Mode, Sample
+from ual_daemon.backends.values import Control, LandedState, Mode, PositionSetpoint, Sample, Setpoint
 
 QUIET_S = 4.0
 """When we have sent nothing for this long, no target of the autopilot is ours any more. ArduPilot ends the last one by
 itself after GUID_TIMEOUT (3 s), and PX4 leaves OFFBOARD without setpoints (COM_OF_LOSS_T, 1 s)."""
 MOVED_M, MOVED_M_S = 0.5, 0.3
 """A target that changes by more than this was sent by somebody. It shows the last one exactly, without noise."""
-STRANGE_M = 3.0
-"""A target this far from all that we have sent lately is another program's. It is far more than the autopilot moves a
-target that comes with a velocity until the next one comes."""
+STRANGE_M, STRANGE_M_S = 1.0, 0.5
+"""A target this far from all that we have sent lately is another program's: each autopilot shows the last one exactly.
+"""
+AHEAD_S = 3.0
+"""ArduPilot moves a position on with its velocity until the next one comes, for so long at most (GUID_TIMEOUT)."""
 STRANGE_COUNT, STRANGE_S = 2, 3.0
 """So many strange targets within so many seconds, while we send, show another program."""
 SILENT_S = 2.0
@@ -44,12 +46,15 @@ class SenderWatch:
         """When it was heard again after a silence."""
         self._target: _Target | None = None
         self._strange_s: deque[float] = deque(maxlen=STRANGE_COUNT)
+        self._doubted_s = math.inf
+        """When the last of enough strange targets came, while the mode in which it was flown is not known yet."""
         self._found = ""
         self._found_s = -math.inf
 
     def on_target(self, position: Vector3, velocity: Vector3, now_s: float, *, has_position: bool) -> None:
         """Takes the target that the autopilot flies to, in the local frame; what it does not have may be NaN."""
-        new = _Target(now_s, _finite(position), _finite(velocity), has_position)
+        has_velocity = all(map(math.isfinite, (velocity.x, velocity.y, velocity.z)))
+        new = _Target(now_s, _finite(position), _finite(velocity), has_position, has_velocity)
         old, self._target = self._target, new
         self._note_heard(now_s)
         if old is None or now_s < self._flies_since_s or now_s - self._back_s <= QUIET_S:
@@ -64,11 +69,16 @@ class SenderWatch:
 
     def _judge_beside_ours(self, target: _Target) -> None:
         now_s = target.time_s
-        if self._sent.duration_s(now_s) <= SENDING_S or not target.has_position or not self._is_strange(target):
+        if self._sent.duration_s(now_s) <= SENDING_S or not self._is_strange(target):
             return
         self._strange_s.append(now_s)
         if len(self._strange_s) == STRANGE_COUNT and now_s - self._strange_s[0] <= STRANGE_S:
-            self._find("the autopilot's target is at times one that UAL has not sent", now_s)
+            self._doubted_s = min(self._doubted_s, now_s)
+
+    @property
+    def wants_mode(self) -> bool:
+        """Whether the mode is to be heard anew: a target that is none of ours may be a pilot's, who has taken over."""
+        return self._doubted_s < math.inf
 
     def another(
         self,
@@ -81,8 +91,12 @@ class SenderWatch:
         if mode is not None:
             self._note_heard(mode.time_s)
         if not _is_flown_by_setpoints(armed, mode, landed):
-            self._flies_since_s, self._found = math.inf, ""
+            self._flies_since_s, self._doubted_s, self._found = math.inf, math.inf, ""
+            self._strange_s.clear()
             return ""
+        if mode is not None and mode.time_s > self._doubted_s:  # it is still in the mode of our setpoints
+            self._find("the autopilot's target is at times one that UAL has not sent", mode.time_s)
+            self._doubted_s = math.inf
         self._flies_since_s = min(self._flies_since_s, now_s)
         ours_s = max(self._flies_since_s, self._back_s, self._sent.last_s)
         is_quiet = now_s - ours_s > QUIET_S
@@ -102,9 +116,15 @@ class SenderWatch:
         self._found, self._found_s = _SILENT.format(what), now_s
 
     def _is_strange(self, target: _Target) -> bool:
-        """Whether a target is far from all positions that we have sent lately. Velocities of ours leave it open."""
-        lately = [place for time_s, place in list(self._sent.recent) if target.time_s - time_s <= STRANGE_S]
-        return all(place is not None and (target.position - place).norm() > STRANGE_M for place in lately)
+        """Whether a target is none of those that we have sent lately. Most are the newest one."""
+        if not (target.has_position or target.has_velocity):
+            return False
+        for time_s, sent in reversed(list(self._sent.recent)):
+            if target.time_s - time_s > STRANGE_S:
+                break
+            if sent is None or _explains(sent, target):
+                return False
+        return True
 
 
 class _Target(NamedTuple):
@@ -114,6 +134,7 @@ class _Target(NamedTuple):
     position: Vector3
     velocity: Vector3
     has_position: bool
+    has_velocity: bool
 
     def has_jumped_from(self, old: _Target) -> bool:
         """Whether both are positions, and the velocity does not explain the way between them."""
@@ -124,6 +145,19 @@ class _Target(NamedTuple):
         """Whether it is another target."""
         is_elsewhere = (self.position - old.position).norm() > MOVED_M
         return is_elsewhere or (self.velocity - old.velocity).norm() > MOVED_M_S
+
+
+def _explains(sent: Setpoint, target: _Target) -> bool:
+    """Whether a target is that of a setpoint: a position as it was sent, or on its way, or a velocity."""
+    if not isinstance(sent, PositionSetpoint):
+        return not target.has_position and (target.velocity - sent.velocity).norm() <= STRANGE_M_S
+    if not target.has_position:
+        return False
+    off, velocity = target.position - sent.position, sent.velocity
+    speed_m_s = velocity.norm()
+    if speed_m_s > 0.0:
+        off = off - velocity * max(0.0, min(AHEAD_S, off.dot(velocity) / (speed_m_s * speed_m_s)))
+    return off.norm() <= STRANGE_M
 
 
 def _finite(vector: Vector3) -> Vector3:

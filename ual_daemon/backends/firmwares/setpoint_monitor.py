@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from ual.geometry import Vector3
+from ual_daemon.backends.values import Setpoint
 
 GAP_S = 0.5
 """A longer pause between two setpoints is a gap."""
@@ -17,17 +17,17 @@ class SetpointMonitor:
 
     def __init__(self) -> None:
         self._first_and_last_s = (-math.inf, -math.inf)  # replaced as a whole, so that it is read as a whole
-        self.recent: deque[tuple[float, Vector3 | None]] = deque(maxlen=_RECENT_COUNT)
-        """When the last ones were sent, and their positions; None for a velocity."""
+        self.recent: deque[tuple[float, Setpoint | None]] = deque(maxlen=_RECENT_COUNT)
+        """When the last ones were sent, and what they were; None where that is not known."""
 
     @property
     def last_s(self) -> float:
         """When the last one was sent."""
         return self._first_and_last_s[1]
 
-    def on_sent(self, now_s: float, position: Vector3 | None = None) -> None:
-        """Takes note of a setpoint that has left."""
-        self.recent.append((now_s, position))
+    def on_sent(self, now_s: float, setpoint: Setpoint | None = None) -> None:
+        """Takes note of a setpoint that has left, as the autopilot gets it."""
+        self.recent.append((now_s, setpoint))
         first_s, last_s = self._first_and_last_s
         self._first_and_last_s = (now_s if now_s - last_s > GAP_S else first_s, now_s)
 

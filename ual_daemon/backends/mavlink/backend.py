@@ -159,9 +159,9 @@ class MavlinkBackend(Backend):
         discovery, session = self._discovery, self._session_in_reach(now_s)
         if discovery is None or session is None or session.telemetry.conflict:
             return
-        message = session.setpoint_encoder.encode(setpoint, now_s)
+        setpoint, message = session.setpoint_encoder.encode(setpoint, now_s)
         if discovery.sender.send(message, is_perishable=True):
-            self._setpoints.on_sent(now_s, getattr(setpoint, "position", None))
+            self._setpoints.on_sent(now_s, setpoint)
 
     @override
     def arm(self) -> Future[None]:

@@ -11,7 +11,7 @@ from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.packet_tap import ENCODING, peer_address
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.values import Freshness, Packet, Sample, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Freshness, Packet, PositionSetpoint, Sample, Snapshot, VehicleInfo
 
 __all__ = ["ENCODING", "NoLink", "Playback"]
 
@@ -90,7 +90,7 @@ class Playback:
 
     def on_setpoint(self, time_s: float, position: Vector3 | None) -> None:
         """Takes note of a setpoint that was sent; None: a velocity."""
-        self._setpoints.on_sent(time_s, position)
+        self._setpoints.on_sent(time_s, None if position is None else PositionSetpoint(position, 0.0))
 
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns the newest data."""

@@ -171,8 +171,9 @@ class MavrosBackend(Backend):
         link, session = self._link, self._session_in_reach(now_s)
         if link is None or session is None:
             return
-        link.publish(self._setpoint_topic, session.message_of(setpoint, now_s))
-        self._sent.on_sent(now_s, getattr(setpoint, "position", None))
+        setpoint, message = session.encode(setpoint, now_s)
+        link.publish(self._setpoint_topic, message)
+        self._sent.on_sent(now_s, setpoint)
 
     @override
     def arm(self) -> Future[None]:

@@ -163,7 +163,7 @@ class Session:
             self._on_text(str(message["text"]), int(number(message["severity"])), now_s)
         elif topic == topics.STATUS_EVENT:
             self._on_event(message, now_s)
-        elif topic == topics.TARGET and self.autopilot.stays_without_setpoints:
+        elif topic == topics.TARGET:
             position, velocity, mask = target(message)
             self._senders.on_target(position, velocity, now_s, has_position=not mask & IGNORES_POSITION)
 
@@ -171,14 +171,14 @@ class Session:
         self.telemetry.readings.discard_state()
         self.forget_gripper()
 
-    def message_of(self, setpoint: Setpoint, now_s: float) -> Message:
-        """Returns the message of a setpoint, with what was learned of the vehicle. From any thread."""
+    def encode(self, setpoint: Setpoint, now_s: float) -> tuple[Setpoint, Message]:
+        """Returns the setpoint with what was learned of the vehicle, and its message. From any thread."""
         autopilot = self.autopilot
         if self._feed_forward is not None:
             setpoint = self._feed_forward.apply(setpoint, now_s)
         if isinstance(setpoint, PositionSetpoint):
             setpoint = autopilot.position_setpoint(setpoint, self.telemetry.parameters)
-        return messages.position_target(setpoint, with_acceleration=autopilot.takes_acceleration)
+        return setpoint, messages.position_target(setpoint, with_acceleration=autopilot.takes_acceleration)
 
     def restart(self, now_s: float) -> None:
         """Discards what may have changed in a time in which nothing came, and asks for everything anew."""

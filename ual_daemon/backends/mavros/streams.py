@@ -58,7 +58,7 @@ def streams_of(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
         Stream(topics.GLOBAL, _GLOBAL_POSITION_INT, 5.0),
         Stream(topics.FIX, _GPS_RAW_INT, 2.0),
         Stream(topics.VFR_HUD, _VFR_HUD, 2.0),
-        *((Stream(topics.TARGET, _TARGET, 10.0),) if autopilot.stays_without_setpoints else ()),
+        Stream(topics.TARGET, _TARGET, 10.0),
         Stream(topics.RC_IN, _RC_CHANNELS, 5.0),
         Stream(topics.BATTERY, _BATTERY_STATUS, 1.0),
         *(() if autopilot.takes_feed_forward else _UNCOUNTED),

@@ -55,6 +55,8 @@ _TURNED_M = 0.5
 _OFF_M_S, _OFF_SHARE, _OFF_S = 2.0, 0.3, 2.5
 """A velocity that stays off by more, and does not come nearer, for so long is not followed."""
 _NEARER_M_S = 0.3
+NAMED_M, NAMED_M_S, _NAMED_S = 1.0, 1.0, 0.3
+"""The same where the autopilot shows another sender's targets: two signs agree then."""
 _STILL_M_S, _STILL_S = 0.4, 1.0
 """So slow for so long it stands still."""
 DISARMED_S = 3.0
@@ -385,13 +387,15 @@ class Following:
         back, velocity = asked.position - snapshot.motion.pose.value.position, snapshot.motion.velocity.value.linear
         off_m, speed_m_s = back.norm(), velocity.norm()
         is_away = speed_m_s > _MOVES_M_S and velocity.dot(back) < _TOWARDS * speed_m_s * off_m
-        free_m = ASTRAY_M + _ASTRAY_SHARE_S * asked.velocity.norm()
+        is_named = bool(snapshot.control.other_sender)
+        free_m = (NAMED_M if is_named else ASTRAY_M) + _ASTRAY_SHARE_S * asked.velocity.norm()
         if isinstance(reference, Hold):  # it may be far: how near it has come counts
             free_m += self._nearest_m(snapshot, reference, off_m)
         else:
             self._hold = None
         self._astray_s = min(self._astray_s, self._seen_s) if is_away and off_m > free_m else math.inf
-        return (Trouble.ASTRAY, off_m) if self._seen_s - self._astray_s >= _ASTRAY_S else None
+        lasts_s = _NAMED_S if is_named else _ASTRAY_S
+        return (Trouble.ASTRAY, off_m) if self._seen_s - self._astray_s >= lasts_s else None
 
     def _nearest_m(self, snapshot: Snapshot, hold: Hold, off_m: float) -> float:
         """Returns how near it has come to a pose, and at first the way that it needs to turn round."""
@@ -412,11 +416,12 @@ class Following:
         asked = reference.velocity(snapshot)
         off_m_s = (snapshot.motion.velocity.value.linear - asked).norm()
         since_s, began_m_s = self._off
-        if off_m_s <= _OFF_M_S + _OFF_SHARE * asked.norm():
+        is_named = bool(snapshot.control.other_sender)
+        if off_m_s <= (NAMED_M_S if is_named else _OFF_M_S) + _OFF_SHARE * asked.norm():
             self._off = (-math.inf, math.inf)
         elif since_s == -math.inf or off_m_s < began_m_s - _NEARER_M_S or off_m_s > began_m_s + FALL_M_S:
             self._off = (self._seen_s, off_m_s)
-        elif self._seen_s - since_s >= _OFF_S:
+        elif self._seen_s - since_s >= (_NAMED_S if is_named else _OFF_S):
             return Trouble.ASTRAY, off_m_s
         return None
 

@@ -151,7 +151,7 @@ def test_it_can_be_switched_off(learns: bool) -> None:
     harness = Harness(MavlinkSettings(learns_feed_forward=learns))
     harness.receive(heartbeat())
     for i, acceleration in enumerate((STILL, Vector3(1.0))):
-        sent = harness.session.setpoint_encoder.encode(PositionSetpoint(STILL, 0.0, STILL, acceleration), 0.02 * i)
+        _, sent = harness.session.setpoint_encoder.encode(PositionSetpoint(STILL, 0.0, STILL, acceleration), 0.02 * i)
     assert (sent.afy == pytest.approx(1.0)) is not learns  # x here is east, y there
 
 

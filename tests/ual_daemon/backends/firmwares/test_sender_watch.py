@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
 from ual.geometry import Vector3
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.firmwares.sender_watch import QUIET_S, SenderWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.values import LandedState, Sample
+from ual_daemon.backends.values import LandedState, PositionSetpoint, Sample, Setpoint, VelocitySetpoint
 
 OFFBOARD = 6 << 16
-GUIDED = 4
+GUIDED, LOITER = 4, 5
 
 
 def another(now_s: float, said_s: float) -> str:
@@ -46,7 +48,7 @@ def flown_again(goes_on_s: float, target_m: float) -> str:
     for tick in range(round((17.0 + goes_on_s) * 10)):
         now_s = tick / 10
         if now_s < 6.0 or now_s >= 18.0:
-            sent.on_sent(now_s, Vector3(min(6.0, now_s), 0.0, 3.0))
+            sent.on_sent(now_s, PositionSetpoint(Vector3(min(6.0, now_s), 0.0, 3.0), 0.0))
         is_heard = now_s < 5.0 or now_s >= 17.0
         if is_heard:
             heard_s = now_s
@@ -75,3 +77,79 @@ def test_a_mode_that_a_link_tells_late_is_nobody_elses_either() -> None:
             sent.on_sent(now_s)
         landed = Sample(LandedState.IN_AIR, heard_s)
         assert watch.another(now_s, Sample(True, heard_s), Sample(mode, heard_s), landed) == ""
+
+
+NORTH, EAST = Vector3(0.0, 2.0, 0.0), Vector3(2.0, 0.0, 0.0)
+HERE, BESIDE = Vector3(0.0, 0.0, 5.0), Vector3(2.0, 0.0, 5.0)
+
+
+class Streamed:
+    """An autopilot in GUIDED that gets a setpoint of ours each 20 ms, and tells a target each 30 ms."""
+
+    def __init__(self) -> None:
+        self.sent = SetpointMonitor()
+        self.watch = SenderWatch(self.sent, stays_without_setpoints=True)
+        self.now_s, self.mode_s, self.found = 0.0, 0.0, ""
+
+    def fly(self, duration_s: float, ours: Setpoint | None, target: Setpoint, *, is_mode_told: bool = True) -> str:
+        """`ours` is sent, unless it is None, while the autopilot tells `target`. Returns what shows another sender."""
+        for _ in range(round(duration_s / 0.01)):
+            self.now_s += 0.01
+            tick = round(self.now_s / 0.01)
+            if ours is not None and tick % 2 == 0:
+                self.sent.on_sent(self.now_s, ours)
+            if tick % 3 == 0:
+                has_position = isinstance(target, PositionSetpoint)
+                position = target.position if isinstance(target, PositionSetpoint) else Vector3(math.nan)
+                self.watch.on_target(position, target.velocity, self.now_s, has_position=has_position)
+            if is_mode_told and tick % 10 == 0:
+                self.mode_s = self.now_s
+            self.found = self.another(GUIDED)
+        return self.found
+
+    def another(self, mode: int) -> str:
+        armed, landed = Sample(True, self.now_s), Sample(LandedState.IN_AIR, self.now_s)
+        return self.watch.another(self.now_s, armed, Sample(ArduCopter().mode(mode), self.mode_s), landed)
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs"),
+    [
+        (VelocitySetpoint(NORTH), VelocitySetpoint(EAST)),
+        (VelocitySetpoint(NORTH), VelocitySetpoint(Vector3())),
+        (VelocitySetpoint(NORTH), PositionSetpoint(HERE, 0.0)),
+        (PositionSetpoint(HERE, 0.0), VelocitySetpoint(EAST)),
+        (PositionSetpoint(HERE, 0.0), PositionSetpoint(BESIDE, 0.0)),
+    ],
+)
+def test_a_target_that_is_none_of_ours_is_anothers(ours: Setpoint, theirs: Setpoint) -> None:
+    flown = Streamed()
+    assert flown.fly(5.0, ours, ours) == ""
+    assert flown.fly(0.2, ours, theirs).startswith("another program sends setpoints")
+    assert flown.fly(QUIET_S + 0.5, ours, ours) == ""
+
+
+def test_a_target_of_a_pilot_who_took_over_unheard_is_no_senders() -> None:
+    flown = Streamed()
+    flown.fly(5.0, VelocitySetpoint(NORTH), VelocitySetpoint(NORTH))
+    assert not flown.watch.wants_mode
+    assert flown.fly(0.5, VelocitySetpoint(NORTH), PositionSetpoint(BESIDE, 0.0), is_mode_told=False) == ""
+    assert flown.watch.wants_mode
+    flown.mode_s = flown.now_s
+    assert flown.another(LOITER) == ""
+    assert not flown.watch.wants_mode
+
+
+def test_a_target_of_ours_that_the_autopilot_moves_on_while_the_link_takes_none_is_ours() -> None:
+    flown, goes = Streamed(), PositionSetpoint(HERE, 0.0, EAST * 2.5)
+    flown.fly(5.0, goes, goes)
+    for tick in range(20):  # ours go on, but do not arrive
+        went = EAST * 2.5 * (0.1 * tick)
+        braking = PositionSetpoint(HERE + EAST * min(0.5, 0.1 * tick), 0.0)
+        assert flown.fly(0.1, braking, PositionSetpoint(HERE + went, 0.0, EAST * 2.5)) == ""
+
+
+def test_a_target_without_position_and_velocity_is_nobodys() -> None:
+    flown, nothing = Streamed(), VelocitySetpoint(Vector3(math.nan, math.nan, math.nan))
+    flown.fly(5.0, PositionSetpoint(HERE, 0.0), PositionSetpoint(HERE, 0.0))
+    assert flown.fly(1.0, PositionSetpoint(HERE, 0.0), nothing) == ""

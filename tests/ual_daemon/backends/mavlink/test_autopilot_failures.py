@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -12,6 +14,7 @@ from tests.ual_daemon.backends.mavlink.test_autopilot_arming import selected_aft
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, landing, start
 from ual.errors import TaskAbortedError, WrongStateError
+from ual.geometry import Twist, Vector3
 from ual.interface import Task
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -63,7 +66,15 @@ def begin(flight: Flight, what: str) -> Task | None:
         task = uav.land(blocking=False)
         flight.wait_for(lambda: uav.velocity().twist.linear.z < -0.3, "its descent")
         return task
+    if what == "velocity":
+        uav.vehicle.subscribe(lambda _: stream(flight))
+        flight.wait_for(lambda: uav.velocity().twist.linear.norm() > 1.0, "its speed")
     return None
+
+
+def stream(flight: Flight) -> None:
+    with suppress(WrongStateError):  # refused once it does not follow
+        flight.uav.set_velocity(Twist(Vector3(1.5, 0.0, 0.0)))
 
 
 @pytest.mark.parametrize("how", FALLS)
@@ -173,20 +184,34 @@ OTHER = mavlink.MAVLink_set_position_target_local_ned_message(
 )
 
 
-def another_sends_too(flight: Flight) -> None:
-    """Another program sends a velocity right after each setpoint of ours."""
-    handlers = flight.autopilot._handlers
+def another_sends_too(flight: Flight, each: int = 1) -> None:
+    """Another program sends a velocity right after each setpoint of ours, or after one in `each`."""
+    handlers, count = flight.autopilot._handlers, itertools.count()
     ours = handlers[mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED]
 
     def both(message: Message, sender: Sender) -> None:
         ours(message, sender)
         OTHER.target_system = flight.autopilot.system_id
-        ours(OTHER, sender)
+        if next(count) % each == 0:
+            ours(OTHER, sender)
 
     handlers[mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED] = both
 
 
-@pytest.mark.parametrize("what", ["hold", "go_to"])
+@pytest.mark.parametrize("each", [1, 3])
+@pytest.mark.parametrize("what", ["hold", "go_to", "velocity"])
+def test_another_sender_is_named_within_a_second_by_the_target_that_the_autopilot_tells(
+    flight: Flight, what: str, each: int
+) -> None:
+    climb(flight)
+    begin(flight, what)
+    begun_s = flight.now_s
+    another_sends_too(flight, each)
+    told_s = flight.first_s(lambda telemetry: "another program sends" in telemetry.state_reason, begun_s)
+    assert told_s - begun_s < 1.0
+
+
+@pytest.mark.parametrize("what", ["hold", "go_to", "velocity"])
 def test_another_sender_of_setpoints_is_told_within_a_second_of_the_way_that_it_drags(
     flight: Flight, what: str
 ) -> None:
@@ -195,7 +220,7 @@ def test_another_sender_of_setpoints_is_told_within_a_second_of_the_way_that_it_
     begun_s = flight.now_s
     another_sends_too(flight)
     told_s = flight.first_s(lambda telemetry: "another sender" in telemetry.state_reason, begun_s)
-    assert told_s - begun_s < (3.5 if what == "hold" else 4.5)
+    assert told_s - begun_s < 2.0
     if task is not None:
         with pytest.raises(TaskAbortedError, match="another sender"):
             task.wait(LIMIT_S)

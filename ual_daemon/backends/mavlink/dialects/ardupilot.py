@@ -23,6 +23,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
     set_message_interval,
     set_mode,
     slow_streams,
+    target_stream,
 )
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.external_pose import encode_vision_position_estimate
@@ -68,7 +69,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
             *pose_streams(pose_rate_hz),
             *slow_streams(),
             set_message_interval(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 2.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
+            target_stream(),
             set_message_interval(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0),
         ]
 

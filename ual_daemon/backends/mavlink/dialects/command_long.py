@@ -96,6 +96,13 @@ def pose_streams(rate_hz: float) -> list[LongCommand]:
     ]
 
 
+def target_stream() -> LongCommand:
+    """Requests the target that is flown. A setpoint of another program lasts 10 ms of 50, until the next one of ours:
+    at 30 Hz two of them are seen within a second in 99 of 100 cases.
+    """
+    return set_message_interval(mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 30.0)
+
+
 def slow_streams() -> list[LongCommand]:
     """Requests streams of what changes slowly, from an autopilot that does not send it without a request."""
     return [

@@ -15,12 +15,13 @@ _GROUPS = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: mavlink.MAV_DATA_STREAM_POSITION,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: mavlink.MAV_DATA_STREAM_EXTENDED_STATUS,
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: mavlink.MAV_DATA_STREAM_EXTENDED_STATUS,
-    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: mavlink.MAV_DATA_STREAM_EXTENDED_STATUS,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: mavlink.MAV_DATA_STREAM_RC_CHANNELS,
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: mavlink.MAV_DATA_STREAM_EXTRA3,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: mavlink.MAV_DATA_STREAM_EXTRA3,
 }
-"""The group of each message that is used, in ArduPilot."""
+"""The group of each message that is used, in ArduPilot. The target comes with SYS_STATUS: its own rate is too much for
+that group.
+"""
 
 
 def group_rates_hz(streams: Iterable[LongCommand]) -> dict[int, int]:

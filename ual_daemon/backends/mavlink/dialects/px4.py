@@ -21,6 +21,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
     pose_streams,
     set_message_interval,
     set_mode,
+    target_stream,
 )
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.external_pose import encode_odometry
@@ -46,7 +47,10 @@ class Px4(px4.Px4, Dialect):
     gimbal_references = Px4Gimbal.references
     # Sent on each change and else twice a second, whatever rate was requested (20 Hz); without a request every 2 s.
     sparse_messages = frozenset({mavlink.MAVLINK_MSG_ID_CURRENT_MODE})
-    optional_messages = frozenset({mavlink.MAVLINK_MSG_ID_RC_CHANNELS})  # without a transmitter there are none
+    # Without a transmitter there are no channels, and in a pilot's STABILIZED no target.
+    optional_messages = frozenset(
+        {mavlink.MAVLINK_MSG_ID_RC_CHANNELS, mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED}
+    )
     wanted_messages = (
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
@@ -68,6 +72,7 @@ class Px4(px4.Px4, Dialect):
             set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 20.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 10.0),
             *pose_streams(pose_rate_hz),
+            target_stream(),
             set_message_interval(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0),
         ]
 

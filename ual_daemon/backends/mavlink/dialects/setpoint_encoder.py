@@ -26,8 +26,8 @@ class SetpointEncoder:
         self._parameters = parameters
         self._feed_forward = feed_forward
 
-    def encode(self, setpoint: Setpoint, now_s: float) -> Message:
-        """Returns the message of a setpoint.
+    def encode(self, setpoint: Setpoint, now_s: float) -> tuple[Setpoint, Message]:
+        """Returns the setpoint with what was learned of the vehicle, and its message.
 
         Raises:
             NotSupportedError: UAL does not fly this autopilot.
@@ -36,4 +36,4 @@ class SetpointEncoder:
         time_ms = int(now_s * 1000.0) & 0xFFFFFFFF
         if self._feed_forward is not None:
             setpoint = self._feed_forward.apply(setpoint, now_s)
-        return self._dialect.encode_setpoint(setpoint, self._target, time_ms, self._parameters)
+        return setpoint, self._dialect.encode_setpoint(setpoint, self._target, time_ms, self._parameters)

@@ -189,11 +189,7 @@ class Session:
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self._on_parameter,
-            **(
-                {mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target}
-                if dialect.stays_without_setpoints
-                else {}
-            ),
+            mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target,
         }
         """What follows from a message, after `telemetry` has taken its values."""
         self._own_decoded_ids = frozenset(self.telemetry.decoded_ids | self._handlers.keys())
@@ -518,6 +514,8 @@ class Session:
             now_s,
             has_position=not message.type_mask & IGNORES_POSITION,
         )
+        if self._sender_watch.wants_mode:
+            self._heartbeats.want()
 
     def _on_text(self, message: Message, now_s: float, _: float) -> None:
         text = self.telemetry.status_text
