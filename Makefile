@@ -13,21 +13,6 @@ CLIENT := clients/python
 TOOLS := clients/python/ual_tools
 DISTRIBUTIONS := pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml ual_daemon/_version.py \
 	$(CLIENT)/ual/__init__.py $(TOOLS)/__init__.py
-STUBS := clients/python/ual/v1
-PROTOS := proto/ual/v1/ual.proto \
-	proto/ual/v1/simulation.proto \
-	proto/ual/v1/network.proto \
-	proto/ual/v1/parameters.proto \
-	proto/ual/v1/camera.proto \
-	proto/ual/v1/gimbal.proto \
-	proto/ual/v1/fence.proto \
-	proto/ual/v1/gripper.proto \
-	proto/ual/v1/logs.proto \
-	proto/ual/v1/corrections.proto \
-	proto/ual/v1/mission.proto
-GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plugin=$(BIN)/protoc-gen-mypy \
-	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
-	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
 .PHONY: help install dev dist release run test test-all test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire interface bench bench-guard bench-fleet bench-tracker clean
 
@@ -178,14 +163,11 @@ format: $(DEV)  ## The code in its style
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-proto: $(DEV)  ## The stubs of the contract, from proto/ into clients/python/ual/v1
-	$(call GENERATED_STUBS_OF,clients/python)
+proto: $(DEV)  ## What follows from the contract: stubs, the facts of its methods, tables of the manuals
+	$(BIN)/python -m tools.contract
 
-proto-check: $(DEV)  ## Fails when the committed stubs are not those of the contract
-	rm -rf build/proto && mkdir -p build/proto
-	$(call GENERATED_STUBS_OF,build/proto)
-	diff -r --exclude=__pycache__ --exclude=__init__.py --exclude='*.proto' build/proto/ual/v1 $(STUBS) \
-		|| { echo 'the stubs are out of date: make proto'; exit 1; }
+proto-check: $(DEV)  ## Fails when something of that is out of date
+	$(BIN)/python -m tools.contract --check
 
 clients: $(DEV)  ## The members of the Python clients that are one call each, from ual.interface and ual._calls
 	$(BIN)/python tools/clients.py

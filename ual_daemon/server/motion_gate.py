@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from ual.contract.method import Moves
+from ual.contract.methods import METHODS
 from ual.errors import WrongStateError
-from ual_daemon.server.standstill import MOVES
 from ual_daemon.vehicle.refusal_log import RefusalLog
 
-_NO_FLIGHT = frozenset({"/ual.v1.UalService/SetHome"})
-FLIES: Final = frozenset(
-    method for method in MOVES if not method.startswith("/ual.v1.GripperService/") and method not in _NO_FLIGHT
-)
+FLIES: Final = frozenset(each.path for each in METHODS.values() if each.moves is Moves.FLIGHT)
 """The methods that start or continue a flight. What ends one (Land, Abort, Pause, Disarm) or gives it up is none."""
 
 

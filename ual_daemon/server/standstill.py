@@ -11,6 +11,8 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+from ual.contract.method import Moves
+from ual.contract.methods import METHODS
 from ual.errors import UalTimeoutError
 from ual_daemon import logs
 from ual_daemon.backends.clock import steady_s
@@ -28,27 +30,7 @@ MOST_QUEUED_S = 5.0
 """Messages of a standstill may be read as long after it as it lasted, as TCP doubles the time until it sends again.
 What moves is refused for so long, and no longer than this."""
 
-_MOVING = (
-    "Arm",
-    "TakeOff",
-    "GoToWaypoint",
-    "GoToWaypointGeo",
-    "FollowPath",
-    "ReturnToLaunch",
-    "SetPose",
-    "SetVelocity",
-    "StreamSetpoints",
-    "RecoverFromManual",
-    "SetHome",
-    "Resume",
-)
-MOVES: Final = frozenset(
-    (
-        *(f"/ual.v1.UalService/{name}" for name in _MOVING),
-        *(f"/ual.v1.MissionService/{name}" for name in ("StartMission", "ResumeMission", "JumpToItem")),
-        *(f"/ual.v1.GripperService/{name}" for name in ("Grip", "Release", "OrderWinch", "SetServo", "SetRelay")),
-    )
-)
+MOVES: Final = frozenset(each.path for each in METHODS.values() if each.moves is not Moves.NOTHING)
 """The methods whose old requests are refused. What ends a motion (Land, Abort, Pause) is obeyed however late it is."""
 
 

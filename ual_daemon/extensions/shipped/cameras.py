@@ -24,6 +24,7 @@ from ual.cameras import (
     Photo,
     VideoStream,
 )
+from ual.contract.methods import METHODS
 from ual.errors import InvalidArgumentError, NotSupportedError
 from ual.geometry import PoseStamped
 from ual_daemon import validation
@@ -41,7 +42,7 @@ from ual_daemon.flight.refusals import only_watching
 
 T = TypeVar("T")
 
-ORDER_S = 18.0
+ORDER_S = METHODS["TakePhoto"].limit_s
 """How long a camera may take. A backend ends by itself before."""
 LONGEST_INTERVAL_S = 3600.0
 LONGEST_DISTANCE_M = 10_000.0

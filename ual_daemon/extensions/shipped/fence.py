@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from typing_extensions import override
 
 from ual import interface
+from ual.contract.methods import METHODS
 from ual.errors import GeofenceError, RejectedByAutopilotError, UalError, WrongStateError
 from ual.fences.values import FencePlan, FenceZone, KeptFence, RallyPoint, crossing, leaves_out
 from ual.parameters.values import Parameter
@@ -29,7 +30,7 @@ from ual_daemon.extensions.shipped.vehicle import (
 )
 from ual_daemon.vehicle.upload_journal import FENCE, RALLY, Upload
 
-LIMIT_S = 900.0
+LIMIT_S = METHODS["UploadFence"].limit_s
 """How long a call may take over a bad link. A backend ends by itself before."""
 MOST_CORNERS = 255
 """As ArduPilot has it (MissionItemProtocol_Fence)."""

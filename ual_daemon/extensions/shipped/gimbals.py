@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing_extensions import override
 
 from ual import interface
+from ual.contract.methods import METHODS
 from ual.errors import InvalidArgumentError, LinkLostError, NotSupportedError, WrongStateError
 from ual.geometry import PointStamped, Vector3, stamped_point, wrap_angle
 from ual.gimbals import (
@@ -32,7 +33,7 @@ from ual_daemon.extensions.shipped.vehicle import GimbalVehicle, offered, wait
 from ual_daemon.flight.refusals import only_watching
 from ual_daemon.vehicle.gimbals import Followed
 
-ORDER_S = 18.0
+ORDER_S = METHODS["PointGimbal"].limit_s
 """How long a gimbal may take. A backend ends by itself before."""
 LARGEST_ANGLE_RAD = 3.1415926535897932
 LARGEST_YAW_RAD = 2.0 * LARGEST_ANGLE_RAD

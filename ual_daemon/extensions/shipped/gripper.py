@@ -14,6 +14,7 @@ from typing_extensions import override
 
 from ual import gripper as values
 from ual import interface
+from ual.contract.methods import METHODS
 from ual.errors import UalError
 from ual.gripper import GripperState, WinchAction, WinchStatus
 from ual_daemon import validation
@@ -27,7 +28,7 @@ from ual_daemon.vehicle.equipment import Device, Equipment
 S = TypeVar("S")
 T = TypeVar("T")
 
-ORDER_S = 18.0
+ORDER_S = METHODS["Grip"].limit_s
 """How long an order or a question may take. A backend ends by itself before."""
 _LENGTH_ONLY = "only LENGTH has a length"
 _UNKNOWN = GripperState.UNKNOWN

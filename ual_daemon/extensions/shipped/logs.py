@@ -11,6 +11,7 @@ from concurrent.futures import Future
 from typing_extensions import override
 
 from ual import interface
+from ual.contract.methods import METHODS
 from ual.errors import RejectedByAutopilotError, ResourceExhaustedError
 from ual.logs.values import Log, LogChunk
 from ual_daemon import logs, validation
@@ -19,9 +20,9 @@ from ual_daemon.extensions.shipped.vehicle import ServedVehicle, offered, wait
 
 CHUNK = 32_768
 """So much is read at a time: over a slow radio in flight that takes half a minute."""
-LIST_S = 60.0
+LIST_S = METHODS["ListLogs"].limit_s
 """How long the list may take, and ..."""
-READ_S = 180.0
+READ_S = METHODS["DownloadLog"].limit_s
 """... a piece. A backend ends by itself before, unless others wait, too."""
 LONGEST_ID = 200
 

@@ -13,6 +13,7 @@ from typing import SupportsInt
 from typing_extensions import override
 
 from ual import interface
+from ual.contract.methods import METHODS
 from ual.errors import FrameLostError, UalError, WrongStateError
 from ual.missions import checks
 from ual.missions.items import Item
@@ -25,10 +26,10 @@ from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, offered, req
 from ual_daemon.flight.flight import Order
 from ual_daemon.vehicle.upload_journal import MISSION
 
-TRANSFER_S = 1250.0
+TRANSFER_S = METHODS["UploadMission"].limit_s
 """How long a transfer may take, with those that others have asked for before. A backend ends by itself before."""
-START_S = 650.0
-JUMP_S = 12.0
+START_S = METHODS["StartMission"].limit_s
+JUMP_S = METHODS["JumpToItem"].limit_s
 LOOK_S = 0.2
 """How often a watched mission is looked at. Autopilots tell it once or twice a second."""
 _UPLOAD, _CLEAR, _START = "upload_mission", "clear_mission", "start_mission"

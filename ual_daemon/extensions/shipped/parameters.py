@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing_extensions import override
 
 from ual import interface
+from ual.contract.methods import METHODS
 from ual.errors import UalError
 from ual.parameters.values import Description, Parameter, range_text, real32
 from ual_daemon import logs, validation
@@ -24,9 +25,9 @@ from ual_daemon.extensions.shipped.vehicle import (
     wait,
 )
 
-ONE_S = 25.0
+ONE_S = METHODS["SetParameter"].limit_s
 """How long one parameter may take, with those that others have asked for before. A backend ends by itself before."""
-ALL_S = 620.0
+ALL_S = METHODS["ListParameters"].limit_s
 _NAME = re.compile(r"[!-~]{1,64}")
 _SET = "set a parameter"
 

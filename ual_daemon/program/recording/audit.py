@@ -14,6 +14,7 @@ from typing_extensions import override
 
 from ual.access import audit
 from ual.access.roles import Role
+from ual.contract.methods import METHODS
 from ual.shared.guard import WorkGuard
 from ual_daemon.program.recording.audit_file import time_text
 from ual_daemon.program.recording.audit_writer import AuditWriter
@@ -24,7 +25,7 @@ from ual_daemon.server.call_log import CallRecord, Observer
 if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle
 
-_NOT_CHANGING = frozenset({"/ual.v1.UalService/KeepLease"})
+_IS_AUDITED = {each.path: each.is_audited for each in METHODS.values()}
 
 
 class _Waiting(NamedTuple):
@@ -36,8 +37,8 @@ class _Waiting(NamedTuple):
 
 
 def changes(method: str) -> bool:
-    """Whether a method changes something: whatever needs more than an observer, but keeping a lease."""
-    return needed_role(method) > Role.OBSERVER and method not in _NOT_CHANGING
+    """Whether a method changes something: of what is not ours, whatever needs more than an observer."""
+    return _IS_AUDITED.get(method, needed_role(method) > Role.OBSERVER)
 
 
 class Audit(AuditWriter):

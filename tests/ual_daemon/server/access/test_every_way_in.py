@@ -41,18 +41,24 @@ REQUESTS = {"/ual.v1.SimulationService/SetSpeedFactor": simulation_pb2.SetSpeedF
 REFUSED = (grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED, grpc.StatusCode.UNAVAILABLE)
 
 
+ROW = re.compile(r"^\| (`\w+Service`|`Health`.*?) \|(.*?)\|(.*?)\|(.*?)\|.*\|$", re.MULTILINE)
+
+
 def said_roles() -> dict[str, Role]:
-    """The role of each method, by the table of the page: `Service/Method`, or `Service` for all of its others."""
-    rows = re.findall(
-        r"^\| (observer|pilot|commander) \|[^|]*\| ([^|]*) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE
-    )
-    return {name: Role[role.upper()] for role, names in rows for name in re.findall(r"`([\w/]+)`", names)}
+    """The role of each method, by the table of the page: `Service/Method`, or `Service` where all need the same."""
+    found: dict[str, Role] = {}
+    for services, *cells in ROW.findall(PAGE.read_text(encoding="utf-8")):
+        for role, cell in zip((Role.OBSERVER, Role.PILOT, Role.COMMANDER), cells, strict=True):
+            for service in re.findall(r"`(\w+)`", services):
+                found |= dict.fromkeys((f"{service}/{name}" for name in re.findall(r"`(\w+)`", cell)), role)
+                found |= {service: role} if cell.strip() == "all" else {}
+    return found
 
 
 def said(method: str) -> Role:
     service, _, name = method.rpartition(".")[2].partition("/")
     table = said_roles()
-    return table.get(f"{service}/{name}") or table[service if service != "UalService" else name]
+    return table[f"{service}/{name}" if f"{service}/{name}" in table else service]
 
 
 def status(channel: grpc.Channel, method: str, metadata: tuple[tuple[str, str], ...]) -> tuple[grpc.StatusCode, str]:

@@ -1,0 +1,17 @@
+"""The style of generated Python, which is that of the repository."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from tools.contract.compiled import ROOT
+
+
+def formatted(source: str) -> str:
+    """Returns a module of the clients in its style, with its imports sorted."""
+    for command in (["check", "--quiet", "--fix", "--select", "I"], ["format", "--quiet"]):
+        where = str(ROOT / "clients" / "python" / "ual" / "_derived.py")
+        ruff = [sys.executable, "-m", "ruff", *command, "--stdin-filename", where, "-"]
+        source = subprocess.run(ruff, input=source, capture_output=True, text=True, check=True, cwd=ROOT).stdout  # noqa: S603 (our own command)
+    return source
