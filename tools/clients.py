@@ -27,7 +27,8 @@ from ual import (
     _mission_calls,
     _parameter_calls,
 )
-from ual._calls import MEMBERS, Kind
+from ual._calls import MEMBERS
+from ual.contract.method import Kind
 from ual.shared import views
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -15,6 +15,7 @@ import ual
 import ual.interface
 from ual import _calls, _client, _derived_parts
 from ual.aio import _derived_parts as aio_parts
+from ual.contract.method import Kind
 
 ROOT = Path(__file__).parents[2]
 BY_HAND = {
@@ -66,10 +67,10 @@ def test_the_committed_members_are_those_of_the_calls() -> None:
 def test_a_member_of_the_interface_is_one_call_or_written_by_hand() -> None:
     """So that a member that is new in the interface is not forgotten in `ual._calls`."""
     abstract = {name for name in names_of(ual.interface.Uav) if name in ual.interface.Uav.__abstractmethods__}
-    one_call = {name for name, kind in _calls.MEMBERS.items() if kind is not _calls.Kind.SIMULATION}
+    one_call = {name for name, kind in _calls.MEMBERS.items() if kind is not Kind.SIMULATION}
     assert abstract == one_call | BY_HAND
     assert not one_call & BY_HAND
-    of_simulation = {name for name, kind in _calls.MEMBERS.items() if kind is _calls.Kind.SIMULATION}
+    of_simulation = {name for name, kind in _calls.MEMBERS.items() if kind is Kind.SIMULATION}
     assert names_of(ual.interface.Simulation) == of_simulation
 
 
@@ -88,14 +89,14 @@ def test_both_clients_have_the_members_of_each_service_beside_flying(owner: str)
 
 
 def test_a_call_that_the_interface_lacks_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(_calls.MEMBERS, "sing", _calls.Kind.COMMAND)
+    monkeypatch.setitem(_calls.MEMBERS, "sing", Kind.COMMAND)
     with pytest.raises(SystemExit, match=r"ual\.interface has no sing, which ual\._calls declares"):
         clients.sources()
 
 
 @pytest.mark.parametrize("name", sorted(_calls.MEMBERS))
 def test_both_clients_have_the_signature_of_the_interface(name: str) -> None:
-    is_simulation = _calls.MEMBERS[name] is _calls.Kind.SIMULATION
+    is_simulation = _calls.MEMBERS[name] is Kind.SIMULATION
     interface: Any = ual.interface.Simulation if is_simulation else ual.interface.Uav
     client: Any = _client.Simulation if is_simulation else ual.Uav
     aio: Any = ual.aio.Simulation if is_simulation else ual.aio.Uav

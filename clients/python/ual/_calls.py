@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
 from google.protobuf.message import Message
 
 from ual._wrong_type import require, require_parts, wrong_part
+from ual.contract.method import QUICK_S, Kind
+from ual.contract.methods import METHODS
 from ual.errors import ClientUnusableError, InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
 from ual.geometry import (
     Pose,
@@ -62,27 +64,15 @@ T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-class Kind(Enum):
-    """How a client's member makes its call. Of a team, it says who gets it where one UAV cannot be reached."""
-
-    QUESTION = "all that can be reached are asked"
-    CHANGE = "none gets it"
-    COMMAND = "none gets it; sent after the setpoints that were given before it"
-    STOP = "all that can be reached get it, since it ends or holds a flight; sent as a command"
-    SETPOINT = "all that can be reached get it; sent in the stream of setpoints"
-    EXTERNAL_POSE = "not of a team; sent in the stream of poses from outside"
-    SIMULATION = "not of a team; belongs to `Uav.simulation`"
-
-
 MEMBERS: dict[str, Kind] = {}
 """The members of a UAV that are one call each. ``tools/clients.py`` writes both clients and both teams from them."""
 
 
-def member(kind: Kind) -> Callable[[F], F]:
+def member(method: str) -> Callable[[F], F]:
     """Declares that the call of this name is a member of the clients, with the signature that `ual.interface` has."""
 
     def declared(call: F) -> F:
-        MEMBERS[call.__name__] = kind
+        MEMBERS[call.__name__] = METHODS[method].kind
         return call
 
     return declared
@@ -104,14 +94,11 @@ class Service(Enum):
 
 
 _UNTRACED: AbstractContextManager[Metadata] = nullcontext(())
-# An answer that needs no manoeuvre comes within milliseconds; a daemon that takes this long is stuck.
-QUICK_S = 10.0
 # How long a call waits for a daemon that was there before: longer than gRPC's pause between two tries to connect.
 RECONNECT_S = 1.0
 
 # No answer came: so whether it reached the UAV is not known.
 _GOES_ON = "if it reached the UAV it goes on: ask for the state"
-_IS_CANCELLED = "if it reached the UAV it is cancelled and the UAV holds its position: ask for the state"
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +156,12 @@ def closed() -> UalError:
     return ClientUnusableError("this client is closed")
 
 
+def of(method: str, request: Message, read: Callable[[Any], T], is_stream: bool = False) -> Call[T]:
+    """The call of a method, with the time limit that the contract says."""
+    facts = METHODS[method]
+    return Call(Service(facts.service), method, request, read, facts.caller_limit_s, facts.at_timeout, is_stream)
+
+
 def _nothing(_: Message) -> None:
     return None
 
@@ -189,20 +182,20 @@ def built(make: Callable[[], Message], field: str, value: object = None) -> Mess
     return request
 
 
-@member(Kind.QUESTION)
+@member("GetInfo")
 def info() -> Call[Info]:
-    return Call(Service.UAL, "GetInfo", pb.GetInfoRequest(), convert.info_from_proto)
+    return of("GetInfo", pb.GetInfoRequest(), convert.info_from_proto)
 
 
-@member(Kind.QUESTION)
+@member("GetTelemetry")
 def telemetry() -> Call[Telemetry]:
     def read(response: pb.GetTelemetryResponse) -> Telemetry:
         return convert.telemetry_from_proto(response.telemetry)
 
-    return Call(Service.UAL, "GetTelemetry", pb.GetTelemetryRequest(), read)
+    return of("GetTelemetry", pb.GetTelemetryRequest(), read)
 
 
-@member(Kind.QUESTION)
+@member("GetTransform")
 def transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
     def read(response: pb.GetTransformResponse) -> Transform:
         return convert.transform_from_proto(response.transform)
@@ -212,81 +205,81 @@ def transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
     request = built(
         lambda: pb.GetTransformRequest(target_frame_id=target_frame_id, source_frame_id=source_frame_id), "frame_id"
     )
-    return Call(Service.UAL, "GetTransform", request, read)
+    return of("GetTransform", request, read)
 
 
-@member(Kind.QUESTION)
+@member("ListFrames")
 def frames() -> Call[list[Frame]]:
     def read(response: pb.ListFramesResponse) -> list[Frame]:
         return [convert.frame_from_proto(each) for each in response.frames]
 
-    return Call(Service.UAL, "ListFrames", pb.ListFramesRequest(), read)
+    return of("ListFrames", pb.ListFramesRequest(), read)
 
 
-@member(Kind.QUESTION)
+@member("GetGeofence")
 def geofence() -> Call[Geofence]:
     def read(response: pb.GetGeofenceResponse) -> Geofence:
         return convert.geofence_from_proto(response.geofence)
 
-    return Call(Service.UAL, "GetGeofence", pb.GetGeofenceRequest(), read)
+    return of("GetGeofence", pb.GetGeofenceRequest(), read)
 
 
-@member(Kind.QUESTION)
+@member("GetRoute")
 def route() -> Call[Route | None]:
     def read(response: pb.GetRouteResponse) -> Route | None:
         return convert.route_from_proto(response.route) if response.HasField("route") else None
 
-    return Call(Service.UAL, "GetRoute", pb.GetRouteRequest(), read)
+    return of("GetRoute", pb.GetRouteRequest(), read)
 
 
-@member(Kind.CHANGE)
+@member("AddFrame")
 def add_frame(transform: Transform) -> Call[None]:
     checked_transform(transform)
     request = built(lambda: pb.AddFrameRequest(transform=convert.transform_to_proto(transform)), "transform", transform)
-    return Call(Service.UAL, "AddFrame", request, _nothing)
+    return of("AddFrame", request, _nothing)
 
 
-@member(Kind.CHANGE)
+@member("RemoveFrame")
 def remove_frame(frame_id: str) -> Call[None]:
     require(frame_id, str, "frame_id")
     request = built(lambda: pb.RemoveFrameRequest(frame_id=frame_id), "frame_id")
-    return Call(Service.UAL, "RemoveFrame", request, _nothing)
+    return of("RemoveFrame", request, _nothing)
 
 
-@member(Kind.COMMAND)
+@member("Arm")
 def arm() -> Call[None]:
-    return Call(Service.UAL, "Arm", pb.ArmRequest(), _nothing, None)
+    return of("Arm", pb.ArmRequest(), _nothing)
 
 
-@member(Kind.COMMAND)
+@member("Disarm")
 def disarm() -> Call[None]:
-    return Call(Service.UAL, "Disarm", pb.DisarmRequest(), _nothing, None)
+    return of("Disarm", pb.DisarmRequest(), _nothing)
 
 
-@member(Kind.COMMAND)
+@member("RecoverFromManual")
 def recover_from_manual(force: bool = False) -> Call[None]:
     request = pb.RecoverFromManualRequest(force=flag(force, "force"))
-    return Call(Service.UAL, "RecoverFromManual", request, _nothing, None)
+    return of("RecoverFromManual", request, _nothing)
 
 
-@member(Kind.COMMAND)
+@member("SetHome")
 def set_home(set_z: bool) -> Call[None]:
-    return Call(Service.UAL, "SetHome", pb.SetHomeRequest(set_z=flag(set_z, "set_z")), _nothing)
+    return of("SetHome", pb.SetHomeRequest(set_z=flag(set_z, "set_z")), _nothing)
 
 
-@member(Kind.STOP)
+@member("Abort")
 def abort(freeze: bool = False, task_id: str = "") -> Call[None]:
-    return Call(Service.UAL, "Abort", pb.AbortRequest(freeze=flag(freeze, "freeze"), task_id=task_id), _nothing)
+    return of("Abort", pb.AbortRequest(freeze=flag(freeze, "freeze"), task_id=task_id), _nothing)
 
 
-@member(Kind.STOP)
+@member("Pause")
 def pause(task_id: str = "") -> Call[None]:
-    return Call(Service.UAL, "Pause", pb.PauseRequest(task_id=task_id), _nothing)
+    return of("Pause", pb.PauseRequest(task_id=task_id), _nothing)
 
 
-@member(Kind.COMMAND)
+@member("Resume")
 def resume(task_id: str = "") -> Call[None]:
-    return Call(Service.UAL, "Resume", pb.ResumeRequest(task_id=task_id), _nothing)
+    return of("Resume", pb.ResumeRequest(task_id=task_id), _nothing)
 
 
 def acquire_lease(holder: str, take: bool) -> Call[str]:
@@ -296,49 +289,49 @@ def acquire_lease(holder: str, take: bool) -> Call[str]:
         return response.lease_id
 
     request = built(lambda: pb.AcquireLeaseRequest(holder=holder, take=is_taken), "holder", holder)
-    return Call(Service.UAL, "AcquireLease", request, read)
+    return of("AcquireLease", request, read)
 
 
 def keep_lease(lease_id: str) -> Call[None]:
-    return Call(Service.UAL, "KeepLease", pb.KeepLeaseRequest(lease_id=lease_id), _nothing)
+    return of("KeepLease", pb.KeepLeaseRequest(lease_id=lease_id), _nothing)
 
 
 def release_lease(lease_id: str) -> Call[None]:
-    return Call(Service.UAL, "ReleaseLease", pb.ReleaseLeaseRequest(lease_id=lease_id), _nothing)
+    return of("ReleaseLease", pb.ReleaseLeaseRequest(lease_id=lease_id), _nothing)
 
 
-@member(Kind.QUESTION)
+@member("GetLease")
 def lease_info() -> Call[LeaseInfo | None]:
-    return Call(Service.UAL, "GetLease", pb.GetLeaseRequest(), convert.lease_from_proto)
+    return of("GetLease", pb.GetLeaseRequest(), convert.lease_from_proto)
 
 
 def get_task(task_id: str) -> Call[TaskInfo]:
     if not isinstance(task_id, str):
         raise InvalidArgumentError(f"task_id: there is no task {task_id!r:.100}", {"field": "task_id"})
     request = built(lambda: pb.GetTaskRequest(task_id=task_id), "task_id")
-    return Call(Service.UAL, "GetTask", request, _read_task)
+    return of("GetTask", request, _read_task)
 
 
 # Tasks: as non-blocking they are answered at once
 
-_TASK_METHODS: Mapping[type[TaskRequest], tuple[str, str, str]] = {
-    TakeOffRequest: ("TakeOff", "height_m", _GOES_ON),
-    LandRequest: ("Land", "land", _GOES_ON),
-    GoToWaypointRequest: ("GoToWaypoint", "waypoint", _IS_CANCELLED),
-    GoToWaypointGeoRequest: ("GoToWaypointGeo", "waypoint", _IS_CANCELLED),
-    FollowPathRequest: ("FollowPath", "waypoints", _IS_CANCELLED),
-    ReturnToLaunchRequest: ("ReturnToLaunch", "height_m", f"{_IS_CANCELLED} (a landing that has begun goes on)"),
+_TASK_METHODS: Mapping[type[TaskRequest], tuple[str, str]] = {
+    TakeOffRequest: ("TakeOff", "height_m"),
+    LandRequest: ("Land", "land"),
+    GoToWaypointRequest: ("GoToWaypoint", "waypoint"),
+    GoToWaypointGeoRequest: ("GoToWaypointGeo", "waypoint"),
+    FollowPathRequest: ("FollowPath", "waypoints"),
+    ReturnToLaunchRequest: ("ReturnToLaunch", "height_m"),
 }
-"""The method of each request, the field named where protobuf refuses a value, and what becomes of it at a time-out."""
+"""The method of each request, and the field named where protobuf refuses a value."""
 
 
 def begin_task(request: TaskRequest, blocking: bool = True) -> Call[TaskInfo]:
     """The call that begins a task, and waits for its end where it is blocking."""
-    method, field, at_timeout = _TASK_METHODS[type(request)]
+    method, field = _TASK_METHODS[type(request)]
     is_waited_for = flag(blocking, "blocking")
     message = built(lambda: convert.task_request_to_proto(request, non_blocking=not is_waited_for), field, request)
-    quick_s, at_timeout = (None, at_timeout) if is_waited_for else (QUICK_S, _GOES_ON)
-    return Call(Service.UAL, method, message, _read_task, quick_s, at_timeout)
+    call = of(method, message, _read_task)
+    return call if is_waited_for else replace(call, quick_s=QUICK_S, at_timeout=_GOES_ON)
 
 
 def _read_task(response: Any) -> TaskInfo:  # noqa: ANN401 (each task's response has a type of its own)
@@ -379,12 +372,12 @@ def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response h
 # Setpoints
 
 
-@member(Kind.SETPOINT)
+@member("SetPose")
 def set_pose(pose: PoseStamped | Pose) -> pb.StreamSetpointsRequest:
     return setpoint(stamped_pose(pose), "pose")
 
 
-@member(Kind.SETPOINT)
+@member("SetVelocity")
 def set_velocity(velocity: TwistStamped | Twist) -> pb.StreamSetpointsRequest:
     return setpoint(stamped_twist(velocity), "velocity")
 
@@ -402,14 +395,14 @@ def setpoint(reference: Setpoint, field: str) -> pb.StreamSetpointsRequest:
 def single_setpoint(element: pb.StreamSetpointsRequest) -> Call[None]:
     """One element of the stream as a call that is answered."""
     if element.HasField("velocity"):
-        return Call(Service.UAL, "SetVelocity", pb.SetVelocityRequest(velocity=element.velocity), _nothing)
-    return Call(Service.UAL, "SetPose", pb.SetPoseRequest(pose=element.pose), _nothing)
+        return of("SetVelocity", pb.SetVelocityRequest(velocity=element.velocity), _nothing)
+    return of("SetPose", pb.SetPoseRequest(pose=element.pose), _nothing)
 
 
 # Poses from outside
 
 
-@member(Kind.EXTERNAL_POSE)
+@member("SetExternalPose")
 def set_external_pose(
     pose: PoseStamped | Pose, position_std_dev_m: float | None, orientation_std_dev_rad: float | None
 ) -> pb.StreamExternalPosesRequest:
@@ -425,44 +418,44 @@ def set_external_pose(
 def single_external_pose(element: pb.StreamExternalPosesRequest) -> Call[None]:
     """One element of the stream as a call that is answered."""
     request = pb.SetExternalPoseRequest(external_pose=element.external_pose)
-    return Call(Service.UAL, "SetExternalPose", request, _nothing)
+    return of("SetExternalPose", request, _nothing)
 
 
 # Simulation
 
 
-@member(Kind.SIMULATION)
+@member("ListParts")
 def parts() -> Call[frozenset[SimulationPart]]:
-    return Call(Service.SIMULATION, "ListParts", sim_pb.ListPartsRequest(), convert.parts_from_proto)
+    return of("ListParts", sim_pb.ListPartsRequest(), convert.parts_from_proto)
 
 
-@member(Kind.SIMULATION)
+@member("PilotArm")
 def pilot_arm() -> Call[None]:
-    return Call(Service.SIMULATION, "PilotArm", sim_pb.PilotArmRequest(), _nothing)
+    return of("PilotArm", sim_pb.PilotArmRequest(), _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("PilotDisarm")
 def pilot_disarm() -> Call[None]:
-    return Call(Service.SIMULATION, "PilotDisarm", sim_pb.PilotDisarmRequest(), _nothing)
+    return of("PilotDisarm", sim_pb.PilotDisarmRequest(), _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("PilotTakeOver")
 def pilot_take_over() -> Call[None]:
-    return Call(Service.SIMULATION, "PilotTakeOver", sim_pb.PilotTakeOverRequest(), _nothing)
+    return of("PilotTakeOver", sim_pb.PilotTakeOverRequest(), _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("PilotMoveSticks")
 def pilot_move_sticks(forward: float, left: float, up: float, turn: float) -> Call[None]:
     request = built(lambda: sim_pb.PilotMoveSticksRequest(forward=forward, left=left, up=up, turn=turn), "sticks")
-    return Call(Service.SIMULATION, "PilotMoveSticks", request, _nothing)
+    return of("PilotMoveSticks", request, _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("PilotGiveBack")
 def pilot_give_back() -> Call[None]:
-    return Call(Service.SIMULATION, "PilotGiveBack", sim_pb.PilotGiveBackRequest(), _nothing)
+    return of("PilotGiveBack", sim_pb.PilotGiveBackRequest(), _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("BeginFault")
 def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
     def read(response: sim_pb.BeginFaultResponse) -> str:
         return response.fault_id
@@ -470,51 +463,51 @@ def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
     request = built(
         lambda: sim_pb.BeginFaultRequest(fault=convert.fault_to_proto(fault), duration_s=duration_s), "fault"
     )
-    return Call(Service.SIMULATION, "BeginFault", request, read)
+    return of("BeginFault", request, read)
 
 
-@member(Kind.SIMULATION)
+@member("EndFault")
 def end_fault(fault_id: str) -> Call[None]:
-    return Call(Service.SIMULATION, "EndFault", sim_pb.EndFaultRequest(fault_id=fault_id), _nothing)
+    return of("EndFault", sim_pb.EndFaultRequest(fault_id=fault_id), _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("ListFaults")
 def faults() -> Call[dict[str, Fault]]:
     def read(response: sim_pb.ListFaultsResponse) -> dict[str, Fault]:
         return convert.faults_from_proto(response.faults)
 
-    return Call(Service.SIMULATION, "ListFaults", sim_pb.ListFaultsRequest(), read)
+    return of("ListFaults", sim_pb.ListFaultsRequest(), read)
 
 
-@member(Kind.SIMULATION)
+@member("SetSpeedFactor")
 def set_speed_factor(speed_factor: float) -> Call[None]:
     request = built(lambda: sim_pb.SetSpeedFactorRequest(speed_factor=speed_factor), "speed_factor")
-    return Call(Service.SIMULATION, "SetSpeedFactor", request, _nothing)
+    return of("SetSpeedFactor", request, _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("Step")
 def step(duration_s: float) -> Call[None]:
     request = built(lambda: sim_pb.StepRequest(duration_s=duration_s), "duration_s")
-    return Call(Service.SIMULATION, "Step", request, _nothing, None)
+    return of("Step", request, _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("SetNoise")
 def set_noise(position_m: float, velocity_m_s: float) -> Call[None]:
     request = built(lambda: sim_pb.SetNoiseRequest(position_m=position_m, velocity_m_s=velocity_m_s), "noise")
-    return Call(Service.SIMULATION, "SetNoise", request, _nothing)
+    return of("SetNoise", request, _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("SetWind")
 def set_wind(velocity_m_s: Vector3) -> Call[None]:
     require(velocity_m_s, Vector3, "velocity_m_s")
     request = built(lambda: sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(velocity_m_s)), "velocity_m_s")
-    return Call(Service.SIMULATION, "SetWind", request, _nothing)
+    return of("SetWind", request, _nothing)
 
 
-@member(Kind.SIMULATION)
+@member("PlaceOnGround")
 def place_on_ground(position: Vector3, yaw_rad: float) -> Call[None]:
     require(position, Vector3, "position")
     request = built(
         lambda: sim_pb.PlaceOnGroundRequest(position=convert.vector3_to_proto(position), yaw_rad=yaw_rad), "position"
     )
-    return Call(Service.SIMULATION, "PlaceOnGround", request, _nothing)
+    return of("PlaceOnGround", request, _nothing)

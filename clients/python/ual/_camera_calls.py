@@ -5,17 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ual._calls import Call, Service, built
+from ual._calls import Call, built, of
 from ual.cameras import CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.v1 import camera_pb2 as pb
 from ual.wire import cameras as convert
-
-ORDER_S = 20.0
-"""How long a camera may take to do what it is ordered: the daemon gives up before."""
-IMAGE_S = 60.0
-"""How long a picture may take: the daemon makes it within 20 s, and it has to come through."""
-_MAYBE_TAKEN = "it is not known whether a picture was taken: list the photos"
-_MAYBE_DONE = "it is not known whether it did so: ask for its status"
 
 
 def status(camera: int) -> Call[CameraStatus]:
@@ -23,14 +16,14 @@ def status(camera: int) -> Call[CameraStatus]:
         return convert.status_from_proto(response.status)
 
     request = _of(pb.GetCameraStatusRequest, camera)
-    return Call(Service.CAMERAS, "GetCameraStatus", request, read, ORDER_S)
+    return of("GetCameraStatus", request, read)
 
 
 def take_photo(camera: int) -> Call[Photo]:
     def read(response: pb.TakePhotoResponse) -> Photo:
         return convert.photo_from_proto(response.photo)
 
-    return Call(Service.CAMERAS, "TakePhoto", _of(pb.TakePhotoRequest, camera), read, ORDER_S, _MAYBE_TAKEN)
+    return of("TakePhoto", _of(pb.TakePhotoRequest, camera), read)
 
 
 def start_photos(camera: int, interval_s: float | None, distance_m: float | None, count: int) -> Call[None]:
@@ -73,14 +66,14 @@ def photos(camera: int, first: int) -> Call[list[Photo]]:
         return [convert.photo_from_proto(each) for each in response.photos]
 
     request = built(lambda: pb.ListPhotosRequest(camera=camera, first=first), "first", first)
-    return Call(Service.CAMERAS, "ListPhotos", request, read)
+    return of("ListPhotos", request, read)
 
 
 def streams(camera: int) -> Call[list[VideoStream]]:
     def read(response: pb.ListVideoStreamsResponse) -> list[VideoStream]:
         return [convert.stream_from_proto(each) for each in response.streams]
 
-    return Call(Service.CAMERAS, "ListVideoStreams", _of(pb.ListVideoStreamsRequest, camera), read, ORDER_S)
+    return of("ListVideoStreams", _of(pb.ListVideoStreamsRequest, camera), read)
 
 
 def image(camera: int, photo: int | None, kind: ImageKind, max_age_s: float) -> Call[Image]:
@@ -91,7 +84,7 @@ def image(camera: int, photo: int | None, kind: ImageKind, max_age_s: float) -> 
     request = built(
         lambda: pb.GetImageRequest(camera=camera, photo=photo, kind=wanted, max_age_s=max_age_s), "photo", photo
     )
-    return Call(Service.CAMERAS, "GetImage", request, read, IMAGE_S, is_stream=True)
+    return of("GetImage", request, read, is_stream=True)
 
 
 def _of(make: Callable[..., Any], camera: int) -> Any:  # noqa: ANN401 (the request of a method)
@@ -99,7 +92,7 @@ def _of(make: Callable[..., Any], camera: int) -> Any:  # noqa: ANN401 (the requ
 
 
 def _order(method: str, request: Any) -> Call[None]:  # noqa: ANN401 (the request of a method)
-    return Call(Service.CAMERAS, method, request, lambda _: None, ORDER_S, _MAYBE_DONE)
+    return of(method, request, lambda _: None)
 
 
 BOUND = "number"

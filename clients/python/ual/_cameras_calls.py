@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ual._calls import Call, Service
+from ual._calls import Call, of
 from ual.cameras import CameraInfo
 from ual.v1 import camera_pb2 as pb
 from ual.wire import cameras as convert
@@ -15,7 +15,7 @@ def get_all() -> Call[list[CameraInfo]]:
     def read(response: pb.ListCamerasResponse) -> list[CameraInfo]:
         return [convert.info_from_proto(each) for each in response.cameras]
 
-    return Call(Service.CAMERAS, "ListCameras", pb.ListCamerasRequest(), read)
+    return of("ListCameras", pb.ListCamerasRequest(), read)
 
 
 MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {"get_all": get_all}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterable, AsyncIterator, Iterable, Iterator
 
-from ual._calls import Call, Service
+from ual._calls import Call, of
 from ual._wrong_type import require
 from ual.corrections import CorrectionsStatus, cut, cut_one
 from ual.v1 import corrections_pb2 as pb
@@ -15,7 +15,7 @@ METHOD = "StreamCorrections"
 
 def status() -> Call[CorrectionsStatus]:
     request = pb.GetCorrectionsStatusRequest()
-    return Call(Service.CORRECTIONS, "GetCorrectionsStatus", request, convert.of_response)
+    return of("GetCorrectionsStatus", request, convert.of_response)
 
 
 class Elements:

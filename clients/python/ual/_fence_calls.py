@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ual._calls import Call, Service, built
+from ual._calls import Call, built, of
 from ual.fences.values import FencePlan, KeptFence
 from ual.v1 import fence_pb2 as pb
 from ual.wire import fences as convert
 
-LIMIT_S = 930.0
-"""How long a call may take over a bad link: the daemon gives up before."""
-_NOT_KNOWN = "it is not known what the autopilot has now: read it"
-
 
 def get() -> Call[KeptFence]:
-    return Call(Service.FENCE, "GetFence", pb.GetFenceRequest(), convert.of_response, LIMIT_S)
+    return of("GetFence", pb.GetFenceRequest(), convert.of_response)
 
 
 def upload(plan: FencePlan | None, replace: bool, enable: bool, force: bool) -> Call[KeptFence]:
@@ -30,12 +26,12 @@ def upload(plan: FencePlan | None, replace: bool, enable: bool, force: bool) -> 
         return request
 
     request = built(make, "plan", plan)
-    return Call(Service.FENCE, "UploadFence", request, convert.of_response, LIMIT_S, _NOT_KNOWN)
+    return of("UploadFence", request, convert.of_response)
 
 
 def clear(with_rally_points: bool, force: bool) -> Call[KeptFence]:
     request = built(lambda: pb.ClearFenceRequest(with_rally_points=with_rally_points, force=force), "force", force)
-    return Call(Service.FENCE, "ClearFence", request, convert.of_response, LIMIT_S, _NOT_KNOWN)
+    return of("ClearFence", request, convert.of_response)
 
 
 def enable() -> Call[KeptFence]:
@@ -48,7 +44,7 @@ def disable() -> Call[KeptFence]:
 
 def _enable(*, is_on: bool) -> Call[KeptFence]:
     request = pb.EnableFenceRequest(enable=is_on)
-    return Call(Service.FENCE, "EnableFence", request, convert.of_response, LIMIT_S, _NOT_KNOWN)
+    return of("EnableFence", request, convert.of_response)
 
 
 MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {

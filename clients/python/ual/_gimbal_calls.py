@@ -5,25 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ual._calls import Call, Service, built
+from ual._calls import Call, built, of
 from ual.geometry import PointStamped, Vector3, stamped_point
 from ual.gimbals import GimbalAngles, GimbalReference, GimbalStatus
 from ual.v1 import gimbal_pb2 as pb
 from ual.wire import gimbals as convert
 
-ORDER_S = 20.0
-"""How long a gimbal may take to accept an order: the daemon gives up before."""
-_MAYBE_DONE = "it is not known whether it did so: ask for its status"
-
 
 def status(gimbal: int) -> Call[GimbalStatus]:
     request = _of(pb.GetGimbalStatusRequest, gimbal)
-    return Call(Service.GIMBALS, "GetGimbalStatus", request, _read_status)
+    return of("GetGimbalStatus", request, _read_status)
 
 
 def watch(gimbal: int, rate_hz: float) -> Call[GimbalStatus]:
     request = built(lambda: pb.WatchGimbalRequest(gimbal=gimbal, rate_hz=rate_hz), "rate_hz", rate_hz)
-    return Call(Service.GIMBALS, "WatchGimbal", request, _read_status, None)
+    return of("WatchGimbal", request, _read_status)
 
 
 def set_angles(
@@ -77,7 +73,7 @@ def _of(make: Callable[..., Any], gimbal: int) -> Any:  # noqa: ANN401 (the requ
 
 
 def _order(method: str, request: Any) -> Call[None]:  # noqa: ANN401 (the request of a method)
-    return Call(Service.GIMBALS, method, request, lambda _: None, ORDER_S, _MAYBE_DONE)
+    return of(method, request, lambda _: None)
 
 
 BOUND = "number"

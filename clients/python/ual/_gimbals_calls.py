@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ual._calls import Call, Service
+from ual._calls import Call, of
 from ual.gimbals import GimbalInfo
 from ual.v1 import gimbal_pb2 as pb
 from ual.wire import gimbals as convert
@@ -15,7 +15,7 @@ def get_all() -> Call[list[GimbalInfo]]:
     def read(response: pb.ListGimbalsResponse) -> list[GimbalInfo]:
         return [convert.info_from_proto(each) for each in response.gimbals]
 
-    return Call(Service.GIMBALS, "ListGimbals", pb.ListGimbalsRequest(), read)
+    return of("ListGimbals", pb.ListGimbalsRequest(), read)
 
 
 MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {"get_all": get_all}

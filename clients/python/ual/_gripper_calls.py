@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ual._calls import Call, Service, built
+from ual._calls import Call, built, of
 from ual.gripper import Equipment, WinchAction
 from ual.v1 import gripper_pb2 as pb
 from ual.wire import gripper as convert
 
-ORDER_S = 20.0
-"""How long an order may take: the daemon gives up before."""
-_MAYBE_DONE = "it is not known whether it was obeyed: look before it is ordered again"
-
 
 def get_all() -> Call[Equipment]:
-    return Call(Service.GRIPPER, "GetEquipment", pb.GetEquipmentRequest(), convert.equipment_from_proto, ORDER_S)
+    return of("GetEquipment", pb.GetEquipmentRequest(), convert.equipment_from_proto)
 
 
 def grip(gripper: str) -> Call[None]:
@@ -49,7 +45,7 @@ def set_relay(state: str, relay: str) -> Call[None]:
 
 
 def _order(method: str, request: Any) -> Call[None]:  # noqa: ANN401 (the request of a method)
-    return Call(Service.GRIPPER, method, request, lambda _: None, ORDER_S, _MAYBE_DONE)
+    return of(method, request, lambda _: None)
 
 
 MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {

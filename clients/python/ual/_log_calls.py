@@ -5,25 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ual._calls import Call, Service, built
+from ual._calls import Call, built, of
 from ual.logs.values import Log, LogChunk
 from ual.v1 import logs_pb2 as pb
 from ual.wire import logs as convert
-
-LIST_S = 70.0
-"""How long the list may take: the daemon gives up before."""
 
 
 def get_all() -> Call[list[Log]]:
     def read(response: pb.ListLogsResponse) -> list[Log]:
         return [convert.from_proto(each) for each in response.logs]
 
-    return Call(Service.LOGS, "ListLogs", pb.ListLogsRequest(), read, LIST_S)
+    return of("ListLogs", pb.ListLogsRequest(), read)
 
 
 def download(log_id: str, offset: int) -> Call[LogChunk]:
     request = built(lambda: pb.DownloadLogRequest(log_id=log_id, offset=offset), "offset", offset)
-    return Call(Service.LOGS, "DownloadLog", request, convert.chunk_from_proto, None)
+    return of("DownloadLog", request, convert.chunk_from_proto)
 
 
 MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {"get_all": get_all, "download": download}

@@ -16,9 +16,9 @@ from dataclasses import replace
 from typing_extensions import Self, override
 
 from ual import _calls, _forks, _gevent, interface
-from ual._calls import QUICK_S
 from ual._connection import Connection, TelemetryStream
 from ual._interruption_log import InterruptionLog
+from ual.contract.method import QUICK_S
 from ual.errors import UalError, UalTimeoutError
 from ual.shared import views
 from ual.shared.callbacks import Callbacks, Listener

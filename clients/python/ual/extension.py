@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 import grpc
 
-from ual._calls import QUICK_S
 from ual._connection import Connection
+from ual.contract.method import QUICK_S
 from ual.errors import NotSupportedError
 
 GROUP = "ual.extensions"

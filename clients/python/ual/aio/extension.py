@@ -8,8 +8,8 @@ from typing import Any
 import grpc
 import grpc.aio
 
-from ual._calls import QUICK_S
 from ual.aio._connection import Connection
+from ual.contract.method import QUICK_S
 
 GROUP = "ual.aio.extensions"
 
