@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import ual
+from ual.contract.method import Method
+from ual.contract.methods import METHODS
 from ual_ros2.messages import Entity, Message
 
 
@@ -36,12 +39,26 @@ class Command:
     """The further fields of the response, of what the call has returned."""
     stamps: Callable[[Message], Iterable[Message]] = _none
     """The stamps of the request that count: they are made UTC before the call."""
-    needs_lease: bool = True
-    """Whether it flies: what does not is not refused while the node has lost its lease."""
     changes_frames: bool = False
     """Whether tf has others afterwards."""
-    may_be_late: bool = False
-    """Whether it is also obeyed long after it was sent, as it ends a motion. So is what needs no lease."""
+    method: str = ""
+    """The method of the contract that it calls. Empty: that of its own name, as go_to_waypoint calls GoToWaypoint."""
+
+    @property
+    def facts(self) -> Method:
+        """What the contract says of it."""
+        words = self.name.rpartition("/")[2].split("_")
+        return METHODS[self.method or "".join(each.capitalize() for each in words)]
+
+    @property
+    def needs_lease(self) -> bool:
+        """Whether it is refused while the node has lost its lease."""
+        return self.facts.needs_lease
+
+    @property
+    def may_be_late(self) -> bool:
+        """Whether it is also obeyed long after it was sent, as it ends a motion or changes no flight."""
+        return self.facts.stale_after_s == math.inf
 
 
 @dataclass(frozen=True)

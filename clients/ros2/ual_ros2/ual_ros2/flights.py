@@ -139,9 +139,7 @@ SERVICES = (
         lambda uav, request: uav.take_off(request.height, blocking=request.blocking),
         told=_told_task,
     ),
-    Command(
-        "land", srv.Land, lambda uav, request: uav.land(blocking=request.blocking), told=_told_task, may_be_late=True
-    ),
+    Command("land", srv.Land, lambda uav, request: uav.land(blocking=request.blocking), told=_told_task),
     Command(
         "go_to_waypoint",
         srv.GoToWaypoint,
@@ -157,13 +155,13 @@ SERVICES = (
         told=_told_task,
     ),
     Command("set_home", srv.SetHome, lambda uav, request: uav.set_home(request.set_z)),
-    Command("abort", srv.Abort, lambda uav, request: uav.abort(request.freeze), may_be_late=True),
+    Command("abort", srv.Abort, lambda uav, request: uav.abort(request.freeze)),
     Command("recover_from_manual", Empty, lambda uav, _: uav.recover_from_manual()),
-    Command("recover", Trigger, lambda uav, _: uav.recover_from_manual()),
-    Command("take_control", srv.TakeControl, _take_control),
+    Command("recover", Trigger, lambda uav, _: uav.recover_from_manual(), method="RecoverFromManual"),
+    Command("take_control", srv.TakeControl, _take_control, method="RecoverFromManual"),
     Command("arm", Trigger, lambda uav, _: uav.arm()),
     Command("disarm", Trigger, lambda uav, _: uav.disarm()),
-    Command("pause", Trigger, lambda uav, _: uav.pause(), may_be_late=True),
+    Command("pause", Trigger, lambda uav, _: uav.pause()),
     Command("resume", Trigger, lambda uav, _: uav.resume()),
     Command("set_pose", srv.SetPose, _set_pose, lambda request: (request.pose.header.frame_id,)),
     Command("set_velocity", srv.SetVelocity, _set_velocity, lambda request: (request.velocity.header.frame_id,)),
@@ -172,30 +170,27 @@ SERVICES = (
         srv.SetExternalPose,
         _set_external_pose,
         stamps=lambda request: (request.pose.header.stamp,),
-        needs_lease=False,
     ),
-    Command("get_task", srv.GetTask, _get_task, told=_told_info, needs_lease=False),
-    Command("cancel_task", srv.OrderTask, _cancel_task, may_be_late=True),
-    Command("pause_task", srv.OrderTask, _pause_task, may_be_late=True),
-    Command("resume_task", srv.OrderTask, _resume_task),
-    Command("get_route", srv.GetRoute, _get_route, told=lambda route: route, needs_lease=False),
+    Command("get_task", srv.GetTask, _get_task, told=_told_info),
+    Command("cancel_task", srv.OrderTask, _cancel_task, method="Abort"),
+    Command("pause_task", srv.OrderTask, _pause_task, method="Pause"),
+    Command("resume_task", srv.OrderTask, _resume_task, method="Resume"),
+    Command("get_route", srv.GetRoute, _get_route, told=lambda route: route),
     Command(
         "add_frame",
         srv.AddFrame,
         _add_frame,
         lambda request: (request.transform.header.frame_id,),
         stamps=lambda request: (request.transform.header.stamp,),
-        needs_lease=False,
         changes_frames=True,
     ),
     Command(
         "remove_frame",
         srv.RemoveFrame,
         lambda uav, request: uav.remove_frame(request.frame_id),
-        needs_lease=False,
         changes_frames=True,
     ),
-    Command("list_frames", srv.ListFrames, lambda uav, _: uav.frames(), told=_told_frames, needs_lease=False),
+    Command("list_frames", srv.ListFrames, lambda uav, _: uav.frames(), told=_told_frames),
 )
 
 
@@ -206,7 +201,6 @@ def _motion(
     frames: Callable[[Message], Iterable[str]] = lambda _: (),
     *,
     can_be_cancelled: bool = True,
-    may_be_late: bool = False,
 ) -> Action:
     """An action of a motion, which may only be asked what it would be."""
 
@@ -220,7 +214,6 @@ def _motion(
         frames,
         _told_motion,
         can_be_cancelled=can_be_cancelled,
-        may_be_late=may_be_late,
     )
 
 
@@ -232,7 +225,7 @@ ACTIONS = (
         lambda flyer, goal: flyer.take_off(goal.height, force=goal.force),
         can_be_cancelled=False,
     ),
-    _motion("land", action.Land, lambda flyer, _: flyer.land(), can_be_cancelled=False, may_be_late=True),
+    _motion("land", action.Land, lambda flyer, _: flyer.land(), can_be_cancelled=False),
     _motion(
         "go_to_waypoint",
         action.GoToWaypoint,

@@ -277,7 +277,7 @@ class UavInterface:
     async def _perform(self, command: Command, request: Message, sent_s: float, run: Run) -> Mapping[str, Message]:
         if not self._is_active:
             raise ual.WrongStateError("the node is not active: activate it (ros2 lifecycle set)", {"needed": "active"})
-        is_of_the_present = command.needs_lease and not command.may_be_late
+        is_of_the_present = not command.may_be_late
         if command.needs_lease:
             self._require_lease()
         if is_of_the_present:

@@ -10,10 +10,11 @@ import time
 from collections.abc import Callable
 
 import ual
+from ual.contract.methods import METHODS
 
-SETPOINT_S = 0.5
+SETPOINT_S = METHODS["StreamSetpoints"].stale_after_s
 """How old a setpoint may be: for so long the daemon flies one that is not followed by another."""
-COMMAND_S = 3.0
+COMMAND_S = METHODS["GoToWaypoint"].stale_after_s
 """How old the request of a command may be. A person that has heard nothing for so long begins to look why."""
 BEAT_S = 0.25
 """How often it is noted that the program runs."""

@@ -79,6 +79,7 @@ class Table:
                 action.FlyMission,
                 self._flights.fly,
                 told=self._told(action.FlyMission.Result),
+                method="StartMission",
                 also=lambda feedback, _: _put(fill, feedback, self._flights.progress_of(feedback.task_id)),
             ),
             Action(
@@ -86,7 +87,6 @@ class Table:
                 action.DownloadLog,
                 self._downloads.download,
                 told=self._told(action.DownloadLog.Result),
-                needs_lease=False,
                 is_task=False,
                 also=lambda feedback, goal: _put(fill, feedback, self._downloads.progress(goal)),
             ),
@@ -96,18 +96,18 @@ class Table:
         return (
             self._asks("get_parameter", srv.GetParameter, parameters.get),
             self._asks("list_parameters", srv.ListParameters, parameters.list_all),
-            self._asks("set_parameter", srv.SetParameter, parameters.write, needs_lease=True),
+            self._asks("set_parameter", srv.SetParameter, parameters.write),
         )
 
     def _of_gimbals(self) -> Iterable[Command]:
         return (
             self._asks("list_gimbals", srv.ListGimbals, gimbals.list_all),
             self._asks("get_gimbal_status", srv.GetGimbalStatus, gimbals.get_status),
-            Command("set_gimbal_angles", srv.SetGimbalAngles, gimbals.set_angles, _of_angles, needs_lease=False),
-            Command("set_gimbal_rates", srv.SetGimbalRates, gimbals.set_rates, needs_lease=False),
-            Command("point_gimbal", srv.PointGimbal, gimbals.point, _of_point, needs_lease=False),
+            Command("set_gimbal_angles", srv.SetGimbalAngles, gimbals.set_angles, _of_angles),
+            Command("set_gimbal_rates", srv.SetGimbalRates, gimbals.set_rates),
+            Command("point_gimbal", srv.PointGimbal, gimbals.point, _of_point),
             *(
-                Command(name, srv.OrderGimbal, order, needs_lease=False)
+                Command(name, srv.OrderGimbal, order)
                 for name, order in (
                     ("move_gimbal_to_neutral", lambda uav, it: uav.gimbals[it.gimbal].move_to_neutral()),
                     ("retract_gimbal", lambda uav, it: uav.gimbals[it.gimbal].retract()),
@@ -125,12 +125,12 @@ class Table:
             self._asks("list_photos", srv.ListPhotos, cameras.list_photos),
             self._asks("list_video_streams", srv.ListVideoStreams, cameras.list_streams),
             self._asks("get_image", srv.GetImage, cameras.get_image),
-            Command("set_camera_mode", srv.SetCameraMode, cameras.set_mode, needs_lease=False),
-            Command("set_camera_zoom", srv.SetCameraZoom, cameras.set_zoom, needs_lease=False),
-            Command("set_camera_focus", srv.SetCameraFocus, cameras.set_focus, needs_lease=False),
-            Command("start_photos", srv.StartPhotos, cameras.start_photos, needs_lease=False),
+            Command("set_camera_mode", srv.SetCameraMode, cameras.set_mode),
+            Command("set_camera_zoom", srv.SetCameraZoom, cameras.set_zoom),
+            Command("set_camera_focus", srv.SetCameraFocus, cameras.set_focus),
+            Command("start_photos", srv.StartPhotos, cameras.start_photos),
             *(
-                Command(name, srv.OrderCamera, order, needs_lease=False)
+                Command(name, srv.OrderCamera, order)
                 for name, order in (
                     ("stop_photos", lambda uav, it: uav.cameras[it.camera].stop_photos()),
                     ("start_video", lambda uav, it: uav.cameras[it.camera].start_video()),
@@ -141,7 +141,7 @@ class Table:
 
     def _of_equipment(self) -> Iterable[Command]:
         return (
-            self._asks("list_equipment", srv.ListEquipment, equipment.list_all),
+            self._asks("list_equipment", srv.ListEquipment, equipment.list_all, "GetEquipment"),
             Command("grip", srv.MoveGripper, lambda uav, it: uav.gripper.grip(it.gripper)),
             Command("release", srv.MoveGripper, lambda uav, it: uav.gripper.release(it.gripper)),
             Command("order_winch", srv.OrderWinch, equipment.order_winch),
@@ -152,11 +152,11 @@ class Table:
     def _of_missions(self) -> Iterable[Command]:
         return (
             self._asks("plan_mission", srv.PlanMission, missions.plan),
-            self._asks("upload_mission", srv.UploadMission, missions.upload, needs_lease=True),
+            self._asks("upload_mission", srv.UploadMission, missions.upload),
             self._asks("download_mission", srv.DownloadMission, missions.download),
             Command("clear_mission", Trigger, lambda uav, _: uav.mission.clear()),
-            self._asks("fly_mission", srv.FlyMission, self._flights.serve, needs_lease=True),
-            Command("pause_mission", Trigger, lambda uav, _: uav.mission.pause(), may_be_late=True),
+            self._asks("fly_mission", srv.FlyMission, self._flights.serve, "StartMission"),
+            Command("pause_mission", Trigger, lambda uav, _: uav.mission.pause()),
             Command("resume_mission", Trigger, lambda uav, _: uav.mission.resume()),
             Command("jump_to_item", srv.JumpToItem, lambda uav, it: uav.mission.jump_to(it.item)),
             self._asks("get_mission_progress", srv.GetMissionProgress, missions.get_progress),
@@ -165,9 +165,9 @@ class Table:
     def _of_others(self) -> Iterable[Command]:
         return (
             self._asks("get_fence", srv.GetFence, fence.get),
-            self._asks("upload_fence", srv.UploadFence, fence.upload, needs_lease=True),
-            self._asks("clear_fence", srv.ClearFence, fence.clear, needs_lease=True),
-            self._asks("enable_fence", srv.EnableFence, fence.enable, needs_lease=True),
+            self._asks("upload_fence", srv.UploadFence, fence.upload),
+            self._asks("clear_fence", srv.ClearFence, fence.clear),
+            self._asks("enable_fence", srv.EnableFence, fence.enable),
             self._asks("list_logs", srv.ListLogs, logs.list_all),
             self._asks("get_corrections_status", srv.GetCorrectionsStatus, self._get_corrections),
         )
@@ -175,9 +175,9 @@ class Table:
     async def _get_corrections(self, uav: ual.aio.Uav, _: Message) -> Fields:
         return {"status": await corrections.get_status(uav, self._corrections)}
 
-    def _asks(self, name: str, kind: Entity, serve: Serves, *, needs_lease: bool = False) -> Command:
+    def _asks(self, name: str, kind: Entity, serve: Serves, method: str = "") -> Command:
         """Returns a service that answers with fields."""
-        return Command(name, kind, serve, told=self._told(kind.Response), needs_lease=needs_lease)
+        return Command(name, kind, serve, told=self._told(kind.Response), method=method)
 
     def _told(self, make: Callable[[], Message]) -> Callable[[Fields], Mapping[str, Message]]:
         def told(fields: Fields) -> Mapping[str, Message]:
@@ -189,7 +189,7 @@ class Table:
 
 def _of_world(name: str, kind: Entity, serve: Serves) -> Command:
     """Returns a service that changes the simulated world, of which no lease has a say."""
-    return Command(f"simulation/{name}", kind, serve, needs_lease=False)
+    return Command(f"simulation/{name}", kind, serve)
 
 
 def _put(fill: Callable[[Message, Fields], Message], message: Message, fields: Fields | None) -> bool:
