@@ -58,7 +58,7 @@ _BOOT_S = 150.0
 _DOWN_S = 60.0
 _ASTRAY_M = 3.0
 _UP_M = 2.8
-_DOWN_M, _SUNK_M = 0.3, 1.0
+_DOWN_M, _SUNK_M = 0.3, 0.5
 _FALLEN_S = 3.0
 """The time in which a UAV that was disarmed in the air falls, lies still, and is told."""
 _LIES_S = 5.0

@@ -73,6 +73,7 @@ def clean(autopilot: str = "ardupilot") -> Record:
     record = Record(autopilot, fence_m=(12.0, 15.0), anchor=(0.0, 0.0, 0.0), anchor_error_m=0.1)
     record.lives.append(Life(-10.0, DAEMON_STARTED))
     record.orders.append(Order(1.9, "arm"))
+    record.orders.append(Order(TAKEN_S - 0.1, "pilot"))
     record.told += [Told(time_s, is_armed(time_s), mode(time_s), landed(time_s)) for time_s in times(0.0, 35.0, 0.05)]
     record.said += [Said(time_s + 0.1, state(time_s)) for time_s in times(0.0, 34.0, 0.05)]
     record.sent += [
@@ -293,7 +294,7 @@ def test_who_took_it_must_be_told_truly() -> None:
     record.troubles.append(Trouble("pilot", TAKEN_S - 0.1, GIVEN_BACK_S))
     assert rules(record) == set()
     record.called[2] = dataclasses.replace(record.called[2], by="ground station")
-    assert rules(record) == {"task"}
+    assert rules(record) == {"task", "words"}
     record.troubles.append(Trouble("loss", 10.0, 13.0))
     assert rules(record) == set()
 

@@ -296,6 +296,22 @@ def test_a_fence_is_not_named_where_a_ground_station_has_it_land() -> None:
     assert rules(told(record, 18.0, "the autopilot lands (mode LAND): fence", "LANDING")) == {"words"}
 
 
+def test_nobody_else_is_named_where_only_ual_has_commanded() -> None:
+    record = clean()
+    assert rules(told(record, 22.0, "in the air; others took it (mode GUIDED)", "FLYING_AUTO")) == set()
+    record.orders = [order for order in record.orders if order.what == "arm"]
+    assert rules(record) == {"words"}
+
+
+def test_a_cause_is_named_late_by_a_daemon_that_was_stopped_as_it_came() -> None:
+    record = told(clean(), TAKEN_S + 2.5, "in the air, mode LOITER does not take our references")
+    record.called[2] = dataclasses.replace(record.called[2], outcome="LINK_LOST", by="")
+    record.said += [Said(17.5, "FLYING_MANUAL", "mode LOITER does not take our references: safety pilot")]
+    assert rules(record) == {"words"}
+    record.troubles.append(Trouble("freeze", TAKEN_S - 0.4, TAKEN_S + 2.2))
+    assert "words" not in rules(record)
+
+
 def test_one_cause_has_one_name() -> None:
     record = clean()
     record.troubles.append(Trouble("freeze", 5.0, 6.0))

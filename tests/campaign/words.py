@@ -17,6 +17,14 @@ _CAUSES = {
     "setpoint failsafe": ("freeze", "kill_daemon", "silence", "cut", "loss", "delay", "corruption", "busy"),
 }
 """The names of causes, and the faults of which one must have begun before."""
+_UNKNOWN = "others took it"
+_STATION = ("station", "station_upload", "station_clear", "station_jump", "upload", "clear", "second_sender", "home")
+_OTHERS = {
+    "safety pilot": ("pilot", "stop"),  # PX4 takes the gesture that stops the motors for a take-over, too
+    "ground station": _STATION,
+    _UNKNOWN: ("pilot", "stop", *_STATION),
+}
+"""Who else is named, and the faults and orders in which they act; a flight that is not UAL's is theirs anyhow."""
 _NAMES = (*_CAUSES, "safety pilot", "ground station", "position failsafe", "failsafe")
 _FAILSAFES = ("battery", "rc_loss", "fence", "wide_fence", "ekf")
 _HIDING = ("loss", "delay", "corruption", "silence", "cut", "busy", "kill_daemon", "reboot")
@@ -57,11 +65,32 @@ def _possible(case: Case) -> Iterator[Breach]:
             yield Breach("words", time_s, f"{text!r} names {cause!r}, and nothing caused it")
         elif kinds is not None and _is_a_stations(record, case, time_s):
             yield Breach("words", time_s, f"{text!r} names {cause!r}, and a ground station had it land")
+    if not any(order.what == "fly" for order in record.orders):
+        yield from _others(record)
     for call in record.called:
         if call.outcome == "INTERNAL":
             yield Breach("words", call.ended_s, f"{call.name} met a defect of the daemon: {call.text!r}")
         if call.outcome == "TASK_ABORTED" and not call.by:
             yield Breach("words", call.ended_s, f"{call.name} was ended by nothing: {call.text!r}")
+
+
+def _others(record: Record) -> Iterator[Breach]:
+    """Nobody else is named where only UAL has commanded."""
+    for who, kinds in _OTHERS.items():
+        named = [
+            (said.time_s, said.reason)
+            for said in record.said
+            if cause_in(said.reason) == who
+            or f"{who} took it" in said.reason
+            or (who == _UNKNOWN and who in said.reason)
+        ]
+        named += [(call.ended_s, f"{call.name} ended: {call.text}") for call in record.called if call.by == who]
+        for time_s, text in named:
+            if who != _UNKNOWN and is_befallen(record, _HIDING, time_s - _AFTER_S, time_s):
+                continue  # what tells them apart may be lost
+            acts = [order for order in record.orders if order.what in kinds and order.time_s <= time_s]
+            if not acts and not is_befallen(record, kinds, -math.inf, time_s):
+                yield Breach("words", time_s, f"{text!r} names {who!r}, and nobody else did anything")
 
 
 def _is_a_stations(record: Record, case: Case, time_s: float) -> bool:
@@ -82,7 +111,9 @@ def _one_name(case: Case) -> Iterator[Breach]:
         until_s = changes_s[index] if index < len(changes_s) else math.inf
         if is_befallen(record, _HIDING, taken_s - _AFTER_S, taken_s + _SHOWN_S):
             continue
-        told = [said for said in record.said if said.reason and taken_s + _SHOWN_S < said.time_s < until_s]
+        frozen_s = [each.ended_s for each in record.troubles if each.kind == "freeze" and each.began_s < taken_s]
+        shown_s = max((taken_s, *frozen_s)) + _SHOWN_S
+        told = [said for said in record.said if said.reason and shown_s < said.time_s < until_s]
         names = {cause_in(said.reason) for said in told if said.state in ("FLYING_MANUAL", "LANDING")}
         names |= {call.by for call in record.called if call.by in _NAMES and 0.0 <= call.ended_s - taken_s < _SHOWN_S}
         if len(names) > 1:
