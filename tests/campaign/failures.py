@@ -15,7 +15,7 @@ from ual_daemon.backends.mavlink.wire.messages import mavlink
 Wait = Callable[[float], object]
 """Waits so long, or until the flight is over."""
 
-_NARROW_M, _WIDE_M, _WIDER_M = 2.0, 8.0, 4.0
+_NARROW_M, _WIDE_M, _WIDER_M = 2.0, 5.0, 4.0
 
 
 def _fences(radius_m: Callable[[float], float]) -> Mapping[str, Callable[[float], tuple[Change, ...]]]:

@@ -31,7 +31,7 @@ BOUNDED = Plan(
     OURS,
     "client",
     (*STEPS[:2], LINE, FAST, STEPS[3]),
-    (Fault("wide_fence", 2, 0.0, 6.0, 0.0), Fault("limits", 3, 0.2, 2.5, 0.0)),
+    (Fault("wide_fence", 2, 0.0, 6.0, 0.75), Fault("limits", 3, 0.2, 2.5, 0.0)),
 )
 MISSION = (Step("upload", (4.0, 1.0, 3.0, -4.0, 1.0, 3.0, 4.0, 1.0, 3.0)), Step("mission", (float(PAUSE), 0.5)))
 RESTART = Plan(
