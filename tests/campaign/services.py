@@ -153,7 +153,8 @@ def _passed(record: Record, call: Called) -> Iterator[Breach]:
     way = [each for each in record.truth if call.began_s <= each.time_s <= call.ended_s + TOLD_S]
     heights_m = [each.place[2] for each in newest(record.homes, call.began_s, call.ended_s)] or [0.0]
     begin, moved_m = 0, max(heights_m) - min(heights_m)  # its heights go after home
-    for number, goal in enumerate(call.goals):
+    has_jumped = any(order.what == "jump" and call.began_s < order.time_s < call.ended_s for order in record.orders)
+    for number, goal in enumerate(call.goals[-1:] if has_jumped else call.goals):  # by another station's order
         allowed_m = PASSED_M + moved_m + estimate_error_m(record, call.ended_s)
         passed = [index for index in range(begin, len(way)) if distance_m(way[index].place, goal) <= allowed_m]
         if not passed:

@@ -321,6 +321,14 @@ def test_a_mission_passes_its_places_in_their_order(goals: tuple[Place, ...], fo
     assert rules(record) == found
 
 
+def test_what_another_station_jumps_over_is_not_flown() -> None:
+    record = mission()
+    record.called[1] = dataclasses.replace(record.called[1], goals=((4.0, 4.0, 3.0), (3.0, 0.0, 3.0)))
+    assert rules(record) == {"goal"}
+    record.orders.append(Order(10.0, "jump"))
+    assert rules(record) == set()
+
+
 def test_the_judge_imports_nothing_of_the_daemon() -> None:
     imports, todo, seen = re.compile(r"^from tests\.campaign\.(\w+) import", re.MULTILINE), ["judge"], set()
     while todo:
