@@ -416,6 +416,9 @@ class Rig:
         except AssertionError as error:
             pilot.close()
             raise NotFlownError(str(error)) from None
+        except BaseException:  # the campaign is ended: its thread would keep the process
+            pilot.close()
+            raise
         return pilot
 
 
