@@ -75,6 +75,8 @@ class CauseWatch:
         """When the mode before the present one came."""
         self._is_after_failsafe = False
         """Whether a failsafe explained the mode before."""
+        self._held_s = self._held_before_s = -math.inf
+        """When the autopilot's own hold came last, and when it came before that."""
         self._explained_s = -math.inf
         """When a failsafe last explained a mode: the signs until then are used up."""
         self._intention = ("", False)
@@ -226,6 +228,8 @@ class CauseWatch:
         self._was_found = not self._mode_name
         self._before_s, self._is_after_failsafe = self._since_s, self._explained_s >= self._since_s > -math.inf
         self._mode_name, self._since_s, self._is_settled = mode.name, now_s, False
+        if mode.name == self._autopilot.hold_mode:
+            self._held_s, self._held_before_s = now_s, self._held_s
         self._was_ours, self._is_ours = self._is_ours, mode.control is Control.REFERENCES
 
     @property
@@ -265,7 +269,9 @@ class CauseWatch:
         newest_s = max(self._commanded_s.values(), default=-math.inf)
         # A switch that moves after a newer command of ours, for another mode, has not waited for the one before.
         is_back = is_switched and commanded_s < newest_s < self._switched_s
-        if self._since_s - commanded_s < OWN_COMMAND_S and not is_back:
+        # A hold that we asked for has come, and ended: this one is another.
+        is_again = self._mode_name == self._autopilot.hold_mode and commanded_s < self._held_before_s
+        if self._since_s - commanded_s < OWN_COMMAND_S and not is_back and not is_again:
             return None
         return Cause.SAFETY_PILOT if is_switched else Cause.GROUND_STATION
 

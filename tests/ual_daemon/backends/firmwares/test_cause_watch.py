@@ -95,6 +95,20 @@ def test_a_switch_after_our_next_command_chose_the_mode_of_the_one_before(
     assert watch.pass_s(1.0, is_sending=False) is cause
 
 
+def test_a_hold_that_comes_again_after_ours_has_ended_is_not_ours() -> None:
+    """A mission was paused and resumed, and cleared by another station: the safety pilot was named."""
+    watch = Px4Watch()
+    mission = 4 << 16 | 4 << 24
+    watch.mode = watch.intended = mission
+    watch.pass_s(5.0, is_sending=False)
+    for ours, mode in (("AUTO.LOITER", HOLD), ("AUTO.MISSION", mission)):
+        watch.causes.on_own_command(ours, watch.now_s)
+        watch.mode = watch.intended = mode
+        assert watch.pass_s(1.2, is_sending=False) is None
+    watch.mode = watch.intended = HOLD
+    assert watch.pass_s(1.0, is_sending=False) is Cause.GROUND_STATION
+
+
 def test_a_pilot_who_takes_over_in_a_pause_is_named() -> None:
     watch = Px4Watch(names_intended_mode=False)
     watch.pass_s(5.0, is_sending=True)
