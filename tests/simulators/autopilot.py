@@ -310,8 +310,10 @@ class Autopilot(ABC):
     @property
     def position(self) -> Vector:
         """The estimated position."""
+        x, y, z = self.body.position
         dx, dy, dz = self.wander.position
-        return plus(plus(self.body.position, (dx, dy, dz)), self.estimate_error)
+        ex, ey, ez = self.estimate_error
+        return (x + dx + ex, y + dy + ey, z + dz + ez)
 
     @property
     def place(self) -> Vector:
@@ -321,8 +323,10 @@ class Autopilot(ABC):
     @property
     def velocity(self) -> Vector:
         """The estimated velocity."""
+        x, y, z = self.body.velocity
         dx, dy, dz = self.wander.velocity
-        return plus(plus(self.body.velocity, (dx, dy, dz)), self.velocity_error)
+        ex, ey, ez = self.velocity_error
+        return (x + dx + ex, y + dy + ey, z + dz + ez)
 
     @property
     def is_aided(self) -> bool:
@@ -609,8 +613,10 @@ class Autopilot(ABC):
 
     def is_beyond_zones(self, position: Vector) -> bool:
         """Returns whether a position is outside an inclusion of its own fence, or in an exclusion."""
+        if self.fence.is_empty:
+            return False
         latitude, longitude, _ = self.geo(position)
-        return bool(self.fence.items) and self.fence.is_beyond(latitude, longitude, self.projection)
+        return self.fence.is_beyond(latitude, longitude, self.projection)
 
     # Its mission
 

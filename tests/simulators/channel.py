@@ -34,6 +34,7 @@ class Channel:
         self._ground_station_s = -math.inf
         self.intervals_s = {message_id: 1.0 / rate_hz for message_id, rate_hz in self._rates_hz.items()}
         self._due_s = dict.fromkeys(self.intervals_s, now_s)
+        self._next_s = now_s
         self.is_active = False
         """Whether anybody has requested anything on this link."""
 
@@ -82,13 +83,17 @@ class Channel:
         else:
             self.intervals_s[message_id] = interval_s
             self._due_s[message_id] = now_s
+            self._next_s = min(self._next_s, now_s)
 
     def due(self, now_s: float) -> list[int]:
         """Returns the ids of the messages that are due."""
+        if now_s < self._next_s - 1e-9:
+            return []
         found = [message_id for message_id, due_s in self._due_s.items() if now_s >= due_s - 1e-9]
         for message_id in found:
             interval_s = self.intervals_s[message_id] * self.slowdown
             self._due_s[message_id] = max(self._due_s[message_id] + interval_s, now_s - interval_s)
+        self._next_s = min(self._due_s.values(), default=math.inf)
         return found
 
 

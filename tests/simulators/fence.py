@@ -38,6 +38,11 @@ class Fence:
         self.unites_inclusions = False
 
     @property
+    def is_empty(self) -> bool:
+        """Whether it has no zone."""
+        return not self.store.lists[FENCE]
+
+    @property
     def items(self) -> list[Item]:
         return [Item(each.command, each.param1, each.x, each.y) for each in self.store.lists[FENCE]]
 

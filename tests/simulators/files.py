@@ -87,9 +87,10 @@ class FileStore:
         idle_s = 10.0 if self._is_px4 else math.inf
         if self._path is not None and now_s - self._used_s > idle_s:
             self._path = self._burst = None
-        for _ in range(self.per_step):
-            self._send_burst(now_s)
-            self._send_log(now_s)
+        if self._burst is not None or self._sending is not None:
+            for _ in range(self.per_step):
+                self._send_burst(now_s)
+                self._send_log(now_s)
         if not self._is_px4 and self._burst is None:  # its worker does one thing after the other
             for _ in range(min(2, len(self._queue))):
                 self._answer(*self._queue.popleft(), now_s)

@@ -97,9 +97,11 @@ class Body:
     def fly(self, acceleration: Vector, yaw_rate_rad_s: float, jerk_m_s3: float, step_s: float) -> None:
         """Moves it by one step with motors, which follow the wanted acceleration with a lag."""
         limit = jerk_m_s3 * step_s
-        self.acceleration = tuple(  # type: ignore[assignment]
-            now + clamp((wanted - now) * step_s / _ATTITUDE_S, -limit, limit)
-            for now, wanted in zip(self.acceleration, acceleration, strict=True)
+        north, east, down = self.acceleration
+        self.acceleration = (
+            north + clamp((acceleration[0] - north) * step_s / _ATTITUDE_S, -limit, limit),
+            east + clamp((acceleration[1] - east) * step_s / _ATTITUDE_S, -limit, limit),
+            down + clamp((acceleration[2] - down) * step_s / _ATTITUDE_S, -limit, limit),
         )
         limit = _YAW_ACCELERATION_RAD_S2 * step_s
         self.yaw_rate_rad_s += clamp(yaw_rate_rad_s - self.yaw_rate_rad_s, -limit, limit)
@@ -107,7 +109,9 @@ class Body:
         self._move(step_s)
 
     def _move(self, step_s: float) -> None:
-        vx, vy, vz = (v + a * step_s for v, a in zip(self.velocity, self.acceleration, strict=True))
+        vx, vy, vz = self.velocity
+        ax, ay, az = self.acceleration
+        vx, vy, vz = vx + ax * step_s, vy + ay * step_s, vz + az * step_s
         x, y, z = self.position
         self.velocity = (vx, vy, vz)
         self.position = (x + vx * step_s, y + vy * step_s, z + vz * step_s)
