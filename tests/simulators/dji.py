@@ -15,6 +15,7 @@ from typing_extensions import override
 from tests.simulators.dji_cameras import CameraModule, GimbalModule
 from tests.simulators.physics import Agility, Body, Target, Vector, control
 from tests.simulators.rosbridge import Message, RefusedError, Service
+from ual.geometry import Vector3
 from ual_daemon.geodesy import EllipsoidProjection
 
 STEP_S = 0.02
@@ -58,6 +59,7 @@ class Aircraft:
         self._confirmed = False
         self._hold: Vector | None = None
         self._projection = EllipsoidProjection(*ORIGIN)
+        self._placed_at: Vector | None = None
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
@@ -201,8 +203,10 @@ class Aircraft:
         return self.stamped(vector={"x": east, "y": north, "z": -down})
 
     def place(self, altitude_offset_m: float = 0.0) -> Message:
-        north, east, down = self.body.position
-        geo = self._projection.to_geo(type(self._projection.to_local(*ORIGIN))(east, north, -down))
+        if self._placed_at != self.body.position:  # several topics have it, and to convert it takes long
+            self._placed_at = north, east, down = self.body.position
+            self._place = self._projection.to_geo(Vector3(east, north, -down))
+        geo = self._place
         assert geo.altitude_amsl_m is not None
         altitude_m = geo.altitude_amsl_m + altitude_offset_m
         fields = {"latitude": geo.latitude_deg, "longitude": geo.longitude_deg, "altitude": altitude_m}

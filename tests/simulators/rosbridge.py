@@ -41,6 +41,7 @@ class Later:
 Answer = Message | Later
 Service = Callable[[Message], Answer]
 _TAGS = {"d": 86, "f": 85, "h": 77, "H": 69, "i": 78, "I": 70}
+_PLAIN = frozenset((float, int, str, bool, type(None)))
 
 
 class Node(Protocol):
@@ -410,8 +411,11 @@ def _fails_in_cbor(message: Message) -> bool:
 
 
 def _cbor_ready(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _cbor_ready(each) for key, each in value.items()}
+    """Returns what CBOR can hold: typed arrays. Most values are plain, and are not looked into."""
+    if isinstance(value, dict):
+        return {key: each if type(each) in _PLAIN else _cbor_ready(each) for key, each in value.items()}
     if isinstance(value, array):
         return bytes(value) if value.typecode == "B" else cbor2.CBORTag(_TAGS[value.typecode], value.tobytes())
-    return [_cbor_ready(each) for each in value] if isinstance(value, (list, tuple)) else value
+    if isinstance(value, Mapping):
+        return _cbor_ready(dict(value))
+    return [_cbor_ready(each) for each in value] if isinstance(value, list | tuple) else value
