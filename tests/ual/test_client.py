@@ -359,6 +359,28 @@ def test_a_waiting_call_ends_with_its_program(daemon: DaemonProcess, ending: str
         daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
 
 
+def test_an_interrupt_while_a_call_begins_ends_it(daemon: DaemonProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C came when gRPC had sent the call, and before anybody could cancel it: the UAV flew on to its goal."""
+    method_of, kept = _target.Stubs.method, []
+
+    class Interrupted:
+        def __init__(self, method: Any) -> None:
+            self._method = method
+
+        def future(self, *arguments: object, **options: object) -> object:
+            kept.append(self._method.future(*arguments, **options))  # amid gRPC's steps nobody would free it either
+            daemon.wait_for("command", command="go_to_waypoint")
+            signal.raise_signal(signal.SIGINT)
+            return kept[-1]
+
+    with ual.Uav("uav_1") as uav:
+        take_off(uav)
+        monkeypatch.setattr(_target.Stubs, "method", lambda stubs, call: Interrupted(method_of(stubs, call)))
+        with pytest.raises(KeyboardInterrupt):
+            uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0))
+    daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
+
+
 def test_the_traceback_of_a_refusal_names_the_program_and_the_reason_and_nothing_of_grpc(daemon: DaemonProcess) -> None:
     del daemon
     with ual.Uav("uav_1") as uav, ual.Uav("uav_3") as nobody:

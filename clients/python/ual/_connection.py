@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import grpc
 
-from ual import _calls, _forks
+from ual import _calls, _forks, _interrupts
 from ual._calls import Call, Service
 from ual._target import Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
@@ -175,12 +175,15 @@ class Connection:
             return _all_of(method(call.request, timeout=limit_s, metadata=metadata))
         if call.quick_s is not None:
             return method(call.request, timeout=limit_s, metadata=metadata)
-        # A future can be cancelled when Ctrl-C, or anything else, ends the wait for it.
-        future = method.future(call.request, timeout=limit_s, metadata=metadata)
+        # A future can be cancelled when Ctrl-C, or anything else, ends the wait for it, also while it begins.
+        future = None
         try:
+            with _interrupts.put_off():
+                future = method.future(call.request, timeout=limit_s, metadata=metadata)
             return future.result()
         finally:
-            future.cancel()
+            if future is not None:
+                future.cancel()
 
     def _use(self, use: Callable[[Stubs], T]) -> T:
         """Makes a call and holds its route until the call has returned."""
