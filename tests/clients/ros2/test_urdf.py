@@ -7,7 +7,6 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.typing import NDArray
 
 from tools import urdf
@@ -42,6 +41,8 @@ def test_a_description_is_one_link_with_meshes_that_are_there(name: str) -> None
 
 @pytest.mark.parametrize("name", MODELS)
 def test_another_reader_finds_the_mesh_as_it_is(name: str) -> None:
+    import trimesh  # late: it takes half a second of each worker of the tests
+
     body = MODELS[name]().body
     read = trimesh.load(io.BytesIO(FILES[f"{name}_body.stl"]), file_type="stl")
     assert isinstance(read, trimesh.Trimesh)
