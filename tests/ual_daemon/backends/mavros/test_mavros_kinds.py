@@ -74,7 +74,7 @@ def test_a_severe_text_is_told_by_health_and_by_the_log(caplog: pytest.LogCaptur
         with flight.backend.autopilot.lock:
             flight.backend.autopilot.say("GPS Glitch or Compass error")
         flight.until(lambda: "autopilot: GPS Glitch or Compass error" in str(uav.telemetry().health))
-        assert "autopilot_says" in caplog.text
+        flight.until(lambda: "autopilot_says" in caplog.text)  # which comes after health has it
         with flight.backend.autopilot.lock:
             flight.backend.autopilot.say("Glitch cleared")
         flight.until(lambda: "GPS Glitch" not in str(uav.telemetry().health))
