@@ -82,7 +82,7 @@ def test_what_flows_as_asked_is_not_asked_for_again(dialect: Dialect) -> None:
 
 # --- In a session -----------------------------------------------------------------------------------------------------
 
-STREAMS = {436: 5e4, 245: 5e4, 230: 1e5, 31: 2e4, 32: 2e4, 85: pytest.approx(1e6 / 30.0), 65: 2e5}
+STREAMS = {436: 5e4, 245: 5e4, 230: 1e5, 31: 2e4, 32: 2e4, 85: pytest.approx(1e6 / 37.0), 65: 2e5}
 
 
 def _asked_streams(harness: Harness, *, until_s: float) -> dict[int, float]:
