@@ -202,6 +202,11 @@ class Flight:
         return "" if manoeuvre is None else manoeuvre.trouble
 
     @property
+    def holder(self) -> Cause | None:
+        """Who holds the control, where the autopilot's data do not tell; None where they do, and where nobody does."""
+        return self.authority.holder
+
+    @property
     def is_on_mission(self) -> bool:
         """Whether the autopilot flies a mission as a task of UAL, or may fly on one that is being stopped."""
         manoeuvre = self._flown.manoeuvre

@@ -55,6 +55,7 @@ class _NothingFlown:
     def __init__(self, limitation: str) -> None:
         self.limitation = limitation
         self.following = _Unwatched()
+        self.holder = None
 
     def reference_pose(self) -> Pose | None:
         return None

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 from ual.errors import WrongStateError
 from ual.geometry import IDENTITY, Pose, Transform, Twist
 from ual.types import Health, Odometry, TaskInfo, Telemetry
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
@@ -36,6 +36,10 @@ class Doing(Protocol):
     @property
     def following(self) -> Follows:
         """Whether the UAV follows."""
+
+    @property
+    def holder(self) -> Cause | None:
+        """Who holds the control, where the autopilot's data do not tell."""
 
     def reference_pose(self) -> Pose | None:
         """Returns the pose that is commanded now, in the local frame; None if no pose is."""
@@ -104,19 +108,19 @@ def make_telemetry(
         "odometry": partial(_odometry, body if odom_loss is None else None, twist, tree.odom, tree.body, stamp_s),
         "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
         "position_geo": snapshot.position_geo,
-        "health": partial(_health, snapshot, doing.following.why, daemon_checks),
+        "health": partial(_health, snapshot, doing.following.why, doing.holder, daemon_checks),
     }
     if is_late:
         return Telemetry.late(lambda name: late[name](), **known)
     return Telemetry(**known, **{name: make() for name, make in late.items()})
 
 
-def _health(snapshot: Snapshot, trouble: str, daemon_checks: tuple[str, ...]) -> Health | None:
+def _health(snapshot: Snapshot, trouble: str, holder: Cause | None, daemon_checks: tuple[str, ...]) -> Health | None:
     """Returns the autopilot's health, with the failsafe, who holds the control, what arming would start, that the UAV
     does not follow, and what fails in the daemon.
     """
     control, health = snapshot.control, snapshot.condition.health
-    failsafe, held_by = control.failsafe, control.held_by
+    failsafe, held_by = control.failsafe, control.held_by or holder
     is_armed = control.armed is not None and control.armed.value
     starts = "" if is_armed else control.arming_starts  # no call for each sample of a flight
     severe = snapshot.condition.severe_texts

@@ -56,7 +56,7 @@ class Arming:
 
     def explained(self, found: Estimate) -> Estimate:
         """Returns the same; of a flight that an arming has begun, its reason says whose arming."""
-        if not self._armed_in or found.state not in (State.TAKING_OFF, State.FLYING_MANUAL):
+        if not self._armed_in or found.state not in (State.TAKING_OFF, State.FLYING_MANUAL, State.LANDING):
             return found
         if self.is_ours and not self.is_ours_to_end:
             return found

@@ -15,6 +15,8 @@ LONGEST_GAP_S = 10.0
 _LEFT = "UAL has had the autopilot hold by itself"
 _IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """A tuple: each update looks, and the hash of an enumeration's member is a call."""
+_OTHERS = (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
+"""Where no manoeuvre of UAL is under way, others fly in these."""
 
 
 def _took(by: Cause) -> str:
@@ -41,6 +43,10 @@ class Authority:
         """Why UAL has given the flight up by itself, human-readable; empty if it has not."""
         self.taken = ""
         """Who took the UAV from UAL in this flight, or that UAL left it, human-readable; empty if neither."""
+        self.holder: Cause | None = None
+        """Who holds the control in the mode to which UAL led, where the autopilot's data do not tell. An attribute, as
+        each sample looks.
+        """
         self._has_flown = False
         """Whether UAL was commanded in this flight."""
         self._heard_s: float | None = None
@@ -53,7 +59,7 @@ class Authority:
         """Notes that UAL is commanded. Called with the flight's lock held."""
         # What is heard now was there when the command was judged: a silence before it had already ended.
         self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
-        self._has_flown, self.taken = True, ""
+        self._has_flown, self.taken, self.holder = True, "", None
 
     def end(self, snapshot: Snapshot, *, is_taken: bool, is_left: bool = False, by: str = "") -> None:
         """Notes that a manoeuvre of UAL has ended, and whether others took the UAV in it. `by` is who, if it is known.
@@ -68,7 +74,7 @@ class Authority:
         if is_taken:
             self._note_taken(snapshot, "others took it")
         if is_taken and by == Cause.GROUND_STATION.value and snapshot.control.held_by is None:
-            self.taken = f"the {by} has brought another mission"  # in the mode to which UAL led
+            self.taken, self.holder = f"the {by} has brought another mission", Cause.GROUND_STATION
 
     def follow(self, state: State, snapshot: Snapshot) -> None:
         """Notes what an update shows, also while a manoeuvre is under way; before `observe`."""
@@ -91,6 +97,8 @@ class Authority:
             return
         if state is not State.FLYING_AUTO:
             self.given_up = ""
+        if snapshot.control.held_by is not None or state not in _OTHERS:
+            self.holder = None
         if state is State.LANDED_ARMED and self._was_blind and self._was_in_air:  # nobody saw who landed it
             self.is_ours, self.is_ground_theirs = False, True
             self._has_flown, self.taken = False, ""  # it may have been armed anew
@@ -99,7 +107,7 @@ class Authority:
             self.taken = ""
         elif state is State.LANDED_ARMED:
             self.is_ours = self.is_ours and is_sending
-        elif state in (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING):
+        elif state in _OTHERS:
             self.is_ours, self.is_ground_theirs = False, True
             self._note_taken(snapshot, "it is not known who flies it")  # what UAL has begun may go on
         elif state is State.FLYING_AUTO:

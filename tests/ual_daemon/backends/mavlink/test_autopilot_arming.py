@@ -12,7 +12,8 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Px4
-from tests.simulators.px4 import LOITER, MISSION, OFFBOARD, POSCTL, TAKEOFF
+from tests.simulators.ardupilot import LAND as COPTER_LAND
+from tests.simulators.px4 import LAND, LOITER, MISSION, OFFBOARD, POSCTL, TAKEOFF
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, px4_of
 from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, box, landing, stand_armed, start
 from ual.errors import LeaseHeldError, WrongStateError
@@ -149,8 +150,15 @@ def test_what_anothers_arming_starts_is_told_as_theirs_and_left_alone(flight: Fl
         with pytest.raises(WrongStateError):
             command()
     flight.let_pass(2.0)
+    autopilot = flight.autopilot
+    if isinstance(autopilot, Px4):
+        assert autopilot.request_mode(LAND)
+    elif isinstance(autopilot, ArduPilot):
+        autopilot.pilot_switches_to(COPTER_LAND)
+    flight.wait_for_state(State.LANDING)
+    assert "the safety pilot or a ground station has armed it in mode AUTO" in flight.uav.telemetry().state_reason
     assert flight.commands_since(armed_s) == set()
-    assert [each for each in flight.autopilot.setpoints_s if each > armed_s] == []
+    assert [each for each in autopilot.setpoints_s if each > armed_s] == []
 
 
 def armed_into_a_flight(px4: Flight) -> None:

@@ -44,6 +44,14 @@ def test_one_that_is_replaced_in_flight_ends_at_once(flight: Flight, count: int,
     with pytest.raises(TaskAbortedError, match=REPLACED):
         task.wait(LIMIT_S)
     assert flight.first_s(lambda told: told.state is State.FLYING_MANUAL, brought_s) < brought_s + 3.0
+    flight.wait_for(lambda: held_by(flight) == "ground station", "who holds it")
+    flight.uav.recover_from_manual()
+    assert held_by(flight) == ""
+
+
+def held_by(flight: Flight) -> str:
+    health = flight.uav.telemetry().health
+    return "" if health is None else health.held_by
 
 
 @pytest.mark.parametrize("flight", ["ardupilot"], indirect=True)  # it says nothing of what is further on
