@@ -11,9 +11,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ual.discovery import HOME
 from ual.types import GeoPoint
 from ual_daemon import logs
-from ual_daemon.frames import small_file
+from ual_daemon.frames.kept_file import KeptFile
 
 _log = logging.getLogger(__name__)
 
@@ -42,12 +43,12 @@ class SavedHome:
 
 
 class HomeFile:
-    """A small file of JSON, replaced as a whole. What cannot be read or written is logged, and ignored. Any thread may
+    """A small file of JSON, replaced as a whole. What cannot be read is logged, and ignored. Any thread may
     call.
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.kept = KeptFile(path, HOME)
         self._lock = threading.Lock()
         self._written: SavedHome | None = None
         self._number = 0
@@ -55,16 +56,16 @@ class HomeFile:
     @property
     def path(self) -> Path:
         """Where it is."""
-        return self._path
+        return self.kept.path
 
     def read(self) -> SavedHome | None:
         """Returns what was saved; None if there is nothing, or nothing that can be used."""
         try:
-            return _parse(small_file.read_own(self._path))
+            return _parse(self.kept.read())
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-            logs.event(_log, logging.WARNING, "home_file_ignored", file=str(self._path), why=_why(error))
+            logs.event(_log, logging.WARNING, "home_file_ignored", file=str(self.path), why=_why(error))
             return None
 
     def write(self, vehicle: str, home: GeoPoint | None, start: GeoPoint | None, number: int) -> None:
@@ -77,14 +78,11 @@ class HomeFile:
             if number < self._number:
                 return
             self._number, last = number, self._written
-            if last is not None and (last.vehicle, last.home, last.start) == (vehicle, home, start):
+            is_same = last is not None and (last.vehicle, last.home, last.start) == (vehicle, home, start)
+            if is_same and not self.kept.checks:
                 return
-            try:
-                small_file.replace(self._path, json.dumps(asdict(saved)) + "\n")
-            except OSError as error:
-                logs.event(_log, logging.WARNING, "home_not_saved", file=str(self._path), why=_why(error))
-            else:
-                self._written = saved
+            self._written = saved
+            self.kept.write(json.dumps(asdict(saved)) + "\n")
 
 
 def _why(error: Exception) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from ual.shared import guard
+from ual_daemon.frames.kept_file import KeptFile
 
 BEGIN = "daemon: "
 """How each check begins in `failing_checks`."""
@@ -16,6 +17,7 @@ class Checked(Protocol):
     """What tells of the checks: a vehicle."""
 
     daemon_checks: tuple[str, ...]
+    kept_files: tuple[KeptFile, ...]
 
 
 class DaemonChecks:
@@ -32,7 +34,14 @@ class DaemonChecks:
         """Looks at the checks anew. From any thread; to be called when one of them has changed."""
         found = tuple(BEGIN + each for source in self._sources for each in source())
         for vehicle in self._vehicles:
-            vehicle.daemon_checks = found
+            own = tuple(BEGIN + each for file in vehicle.kept_files for each in file.checks)
+            vehicle.daemon_checks = found + own
+
+    def watch_files(self) -> None:
+        """Tells of files for the next start that cannot be written, from now on."""
+        for vehicle in self._vehicles:
+            for file in vehicle.kept_files:
+                file.on_change = self.refresh
 
     def watch_threads(self) -> None:
         """Tells of threads of this process that end by a defect, from now on."""

@@ -18,6 +18,7 @@ from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.program.checks import DaemonChecks
 from ual_daemon.program.namespace import Namespace
 from ual_daemon.program.supervision import Supervision, Unsupervised
+from ual_daemon.program.upkeep import Upkeep
 from ual_daemon.server import shipped
 from ual_daemon.server.addresses import Address, ListenError
 from ual_daemon.server.call_log import Observer
@@ -174,6 +175,8 @@ class Daemon:
         gc.enable()
         trimming = asyncio.create_task(heap.keep_trimmed())
         trimming.add_done_callback(_log_failure)
+        upkeep = Upkeep([file.keep for uav in self._uavs for file in uav.vehicle.kept_files])
+        upkeep.start()
         try:
             for each in served:
                 each.open()
@@ -182,6 +185,7 @@ class Daemon:
             await stop.wait()
         finally:
             trimming.cancel()
+            upkeep.close()
             limit = ending.within(_SAFE_EXIT_LIMIT_S + _CLOSE_LIMIT_S)
             are_safe = all(await asyncio.gather(*(each.end() for each in served)))
             if self._network is not None:  # they were there until they were safe
@@ -193,10 +197,15 @@ class Daemon:
 
     def _watch_checks(self) -> None:
         """Has the health of the UAVs tell which checks of the daemon fail."""
-        audit = self._audit
-        sources = [] if audit is None else [lambda: audit.report.checks]
+        audit, recording = self._audit, self._recording
+        sources: list[Callable[[], Sequence[str]]] = [] if audit is None else [lambda: audit.report.checks]
+        if recording is not None:
+            sources.append(lambda: recording.checks)
         checks = DaemonChecks([uav.vehicle for uav in self._uavs], sources)
         checks.watch_threads()
+        checks.watch_files()
+        if recording is not None:
+            recording.tell_changes(checks.refresh)
         if audit is not None:
             audit.on_change = checks.refresh
             self._supervision.watch_audit(audit.on_report_above)

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ual_daemon import logs
-from ual_daemon.frames import small_file
+from ual_daemon.frames.kept_file import KeptFile
 
 _log = logging.getLogger(__name__)
 
@@ -27,10 +27,10 @@ class FlownMission:
 
 
 class MissionFile:
-    """A small file of JSON. What cannot be read or written is logged, and ignored. Any thread may call."""
+    """A small file of JSON. What cannot be read is logged, and ignored. Any thread may call."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.kept = KeptFile(path, "which mission is flown")
 
     @classmethod
     def beside(cls, home_file: Path) -> MissionFile:
@@ -40,25 +40,19 @@ class MissionFile:
     def read(self) -> FlownMission | None:
         """Returns what is flown; None if there is nothing, or nothing that can be used."""
         try:
-            values = json.loads(small_file.read_own(self._path))
+            values = json.loads(self.kept.read())
             vehicle, digest, task_id = (str(values[name]) for name in ("vehicle", "digest", "task_id"))
             return FlownMission(vehicle, digest, task_id, int(values.get("paused_at", 0)))
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-            logs.event(_log, logging.WARNING, "mission_file_ignored", file=str(self._path), why=repr(error))
+            logs.event(_log, logging.WARNING, "mission_file_ignored", file=str(self.kept.path), why=repr(error))
             return None
 
     def write(self, flown: FlownMission) -> None:
         """Keeps what is flown."""
-        try:
-            small_file.replace(self._path, json.dumps(asdict(flown)) + "\n")
-        except OSError as error:
-            logs.event(_log, logging.WARNING, "mission_not_saved", file=str(self._path), why=repr(error))
+        self.kept.write(json.dumps(asdict(flown)) + "\n")
 
     def remove(self) -> None:
         """Forgets it."""
-        try:
-            self._path.unlink(missing_ok=True)
-        except OSError as error:
-            logs.event(_log, logging.WARNING, "mission_not_forgotten", file=str(self._path), why=repr(error))
+        self.kept.remove()

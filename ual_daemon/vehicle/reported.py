@@ -15,6 +15,7 @@ from ual_daemon.backends.base import Clock
 from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
+from ual_daemon.frames.kept_file import KeptFile
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.vehicle.figures import Figures
 from ual_daemon.vehicle.frame_editor import FrameEditor
@@ -42,6 +43,8 @@ class ReportedVehicle(ABC):
         """The name of this UAV in the log, if there are several in the process."""
         self.daemon_checks: tuple[str, ...] = ()
         """The checks of this daemon that fail, as health tells them: `ual_daemon.program.checks`."""
+        self.kept_files: tuple[KeptFile, ...] = ()
+        """The files for the next start of the daemon, to be kept by `KeptFile.keep`."""
         self.frame_editor = FrameEditor(resolver, clock)
         """Adds and removes frames."""
         self._resolver = resolver

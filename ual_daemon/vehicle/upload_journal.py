@@ -20,7 +20,7 @@ from ual.errors import RejectedByAutopilotError, UalError, WrongStateError
 from ual_daemon import logs
 from ual_daemon.backends.offers.missions import UNCHANGED
 from ual_daemon.backends.offers.parameters import Refusal
-from ual_daemon.frames import small_file
+from ual_daemon.frames.kept_file import KeptFile
 
 T = TypeVar("T")
 
@@ -56,10 +56,10 @@ class UploadEntry:
 
 
 class JournalFile:
-    """A small file of JSON. What cannot be read or written is logged, and ignored. Any thread may call."""
+    """A small file of JSON. What cannot be read is logged, and ignored. Any thread may call."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.kept = KeptFile(path, "which uploads were begun")
         self._lock = threading.Lock()
         self._written: Sequence[UploadEntry] = ()
 
@@ -71,26 +71,21 @@ class JournalFile:
     def read(self) -> list[UploadEntry]:
         """Returns the entries; none if there is nothing, or nothing that can be used."""
         try:
-            self._written = [_entry(each) for each in json.loads(small_file.read_own(self._path))]
+            self._written = [_entry(each) for each in json.loads(self.kept.read())]
         except FileNotFoundError:
             self._written = ()
         except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
-            logs.event(_log, logging.WARNING, "uploads_file_ignored", file=str(self._path), why=repr(error))
+            logs.event(_log, logging.WARNING, "uploads_file_ignored", file=str(self.kept.path), why=repr(error))
         return list(self._written)
 
     def write(self, entries: Callable[[], list[UploadEntry]], *, is_durable: bool) -> None:
         """Keeps the entries of this moment. `is_durable`: they also outlive a loss of power that follows."""
         with self._lock:
             kept = entries()
-            if kept == self._written:
+            if kept == self._written and not self.kept.checks:
                 return
-            try:
-                text = json.dumps([asdict(each) for each in kept]) + "\n"
-                small_file.replace(self._path, text, is_durable=is_durable)
-            except OSError as error:
-                logs.event(_log, logging.WARNING, "upload_not_remembered", file=str(self._path), why=repr(error))
-            else:
-                self._written = kept
+            self._written = kept
+            self.kept.write(json.dumps([asdict(each) for each in kept]) + "\n", is_durable=is_durable)
 
 
 class UploadJournal:

@@ -82,11 +82,11 @@ class Vehicle(ReportedVehicle):
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
         )
-        self.uploads = UploadJournal(
-            None if kept is None else JournalFile.beside(kept.path), lambda: backend.info().identity
-        )
+        journal = None if kept is None else JournalFile.beside(kept.path)
+        self.uploads = UploadJournal(journal, lambda: backend.info().identity)
         """The uploads of lists to the autopilot that were begun, and not finished."""
         file = None if kept is None else MissionFile.beside(kept.path)
+        self.kept_files = tuple(each.kept for each in (kept, journal, file) if each is not None)
         self.missions = Missions(backend, self._flight, resolver, self._tasks, settings, file, self.uploads)
         """The missions that the autopilot flies by itself."""
         self.equipment = Equipment(settings.payload)

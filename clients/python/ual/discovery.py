@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ual.errors import InvalidArgumentError
+from ual.shared import whole_file
 
 RUNTIME_DIR_VARIABLE = "UAL_RUNTIME_DIR"
 LOOPBACK = "127.0.0.1"
@@ -23,8 +24,6 @@ LOOPBACK = "127.0.0.1"
 _DEFAULT_PORT = 50051
 _PORT_BEFORE_FIRST = 50050
 LAST_PORT = 65535
-_READABLE = 0o644
-_OWN = 0o600
 _LONGEST_FILE = 4096
 _UNTRUSTED = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
 """Flags to open a file that any user may have put there: does not follow a link, and does not wait for a pipe."""
@@ -55,6 +54,10 @@ def lock_file(ns: str) -> Path:
 def home_file(ns: str) -> Path:
     """Returns the file in which the namespace's daemon keeps home (`ual_daemon.frames.home_file`)."""
     return runtime_dir() / f"{ns}.home"
+
+
+HOME = "home"
+"""How a daemon's health begins what it says of that file, while it cannot be written."""
 
 
 def default_port(ns: str) -> int:
@@ -96,18 +99,7 @@ class Registration:
         Raises:
             OSError: The file cannot be written.
         """
-        file = registry_file(self.ns)
-        # The name cannot be guessed: other users may write in this directory, too.
-        unfinished = file.with_name(f"{self.ns}.{os.urandom(8).hex()}.tmp")
-        handle = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, _OWN)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                os.fchmod(handle, _READABLE)
-                stream.write(json.dumps(asdict(self)) + "\n")
-            unfinished.replace(file)
-        except OSError:
-            unfinished.unlink(missing_ok=True)
-            raise
+        whole_file.replace(registry_file(self.ns), json.dumps(asdict(self)) + "\n", whole_file.READABLE)
 
     @classmethod
     def read(cls, file: Path) -> Registration | None:

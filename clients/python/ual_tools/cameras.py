@@ -10,6 +10,7 @@ import click
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageFormat, ImageKind, Photo
 from ual.errors import InvalidArgumentError
 from ual.geometry import PoseStamped
+from ual.shared import whole_file
 from ual_tools import fetched, values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
@@ -212,7 +213,7 @@ def image(session: Session, file: Path, photo_number: int | None, kind: str, num
     with session.connect() as uav:
         found = uav.cameras[number].image(photo_number, ImageKind[kind.upper()])
     try:
-        file.write_bytes(_portable(found) if found.format is ImageFormat.FLOAT32 else found.data)
+        whole_file.write(file, _portable(found) if found.format is ImageFormat.FLOAT32 else found.data)
     except OSError as error:
         raise InvalidArgumentError(f"{file}: {error.strerror}", {"field": "file"}) from None
     size = f"{found.width_px}x{found.height_px}"

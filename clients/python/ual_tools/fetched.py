@@ -16,7 +16,7 @@ from ual.errors import (
     UnauthenticatedError,
 )
 from ual.interface import Uav
-from ual.shared import extras
+from ual.shared import extras, whole_file
 
 _EXTRA = "ual-tools[geotag]"
 _ENDS = (DaemonUnreachableError, UnauthenticatedError, PermissionDeniedError)
@@ -70,10 +70,8 @@ class Fetching:
         return f"{self._ns}_camera_{self._number}_{stamp}_{photo.number:05d}.jpg"
 
     def _write(self, file: Path, data: bytes) -> None:
-        unfinished = file.with_suffix(".part")
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
-            unfinished.write_bytes(data)
-            unfinished.replace(file)
+            whole_file.write(file, data)
         except OSError as error:
             raise InvalidArgumentError(f"{file}: {error.strerror}", {"field": "directory"}) from None

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import click
 
+from ual.discovery import HOME
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
@@ -25,6 +26,7 @@ from ual_tools.session import Session, note, pass_session
 F = TypeVar("F", bound=Callable[..., Any])
 
 _VELOCITY_PERIOD_S = 0.05
+_TOLD_S, _LOOK_S = 1.0, 0.02
 _SAME_HEIGHT_M = 0.5
 """An estimate of the ground wanders by as much."""
 _GOES_ON = "goes on if it has begun: only the safety pilot can abort it"
@@ -307,10 +309,23 @@ def home(session: Session, set_z: bool) -> None:
     Without --set-z, z counts from where it did before: it says how high the ground is in <ns>/odom.
     """
     with session.connect() as uav:
+        before = uav.telemetry().sequence
         uav.set_home(set_z)
+        why = _why_not_kept(uav, before)
         ground_m = uav.transform(odom := f"{uav.ns}/odom").translation.z
     height = "" if abs(ground_m) < _SAME_HEIGHT_M else f": {_home_height(ground_m, odom)}"
-    session.emit({"done": "home", "ground_z_m": round(ground_m, 2)}, f"home set{height}")
+    session.emit({"done": "home", "ground_z_m": round(ground_m, 2), "is_saved": not why}, f"home set{height}")
+    if why:
+        session.tell(f"until the daemon ends: {why}")
+
+
+def _why_not_kept(uav: Uav, sequence: int) -> str:
+    """Returns why the daemon cannot save home, as a sample after that of a number tells; empty where it has."""
+    end_s = time.monotonic() + _TOLD_S
+    while (told := uav.telemetry()).sequence == sequence and time.monotonic() < end_s:
+        time.sleep(_LOOK_S)
+    checks = () if told.health is None else told.health.failing_checks
+    return next((each for each in checks if each.startswith(f"daemon: {HOME} ")), "")
 
 
 def _home_height(ground_m: float, odom: str) -> str:

@@ -15,7 +15,7 @@ import click
 
 from ual.errors import InvalidArgumentError
 from ual.geometry import Vector3
-from ual.shared import extras
+from ual.shared import extras, whole_file
 from ual.types import Telemetry
 
 if TYPE_CHECKING:
@@ -89,7 +89,8 @@ def draw(places: Sequence[Place], file: Path, title: str) -> None:
     for axes in (above, height, error):
         axes.grid(alpha=0.3)
     try:
-        figure.savefig(file, dpi=120)
+        with whole_file.writing(file) as part:
+            figure.savefig(part, dpi=120)
     except OSError as failure:
         raise InvalidArgumentError(f"cannot write {file}: {failure.strerror}", {"field": "plot"}) from None
 

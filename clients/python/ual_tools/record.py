@@ -70,10 +70,9 @@ def record(context: click.Context, directory: Path, duration_s: float | None, ha
     with ExitStack() as stack:
         recording = _begin(session, directory, stack, has_pictures=has_pictures)
         session.note(f"recording {', '.join(recording.uavs)} into {recording.path}; Ctrl-C ends it")
-        _wait(recording, duration_s)
-        is_disk_full = recording.has_ended
+        _wait(duration_s)
     _report(session, recording)
-    if is_disk_full:
+    if recording.trouble:
         raise click.exceptions.Exit(REFUSED)
 
 
@@ -98,11 +97,11 @@ def _begin(session: Session, directory: Path, stack: ExitStack, *, has_pictures:
     return recording
 
 
-def _wait(recording: ClientRecording, duration_s: float | None) -> None:
+def _wait(duration_s: float | None) -> None:
     end_s = None if duration_s is None else time.monotonic() + duration_s
     pause = threading.Event()
     try:
-        while not recording.has_ended and (end_s is None or time.monotonic() < end_s):
+        while end_s is None or time.monotonic() < end_s:
             pause.wait(_LOOK_S if end_s is None else min(_LOOK_S, max(0.0, end_s - time.monotonic())))
     except KeyboardInterrupt:
         return

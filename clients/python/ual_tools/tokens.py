@@ -11,7 +11,7 @@ from ual.access import roles, tokens
 from ual.access.roles import Role
 from ual.access.tokens import Token
 from ual.errors import InvalidArgumentError
-from ual_tools.access import private_file
+from ual.shared import whole_file
 from ual_tools.app import UalGroup, command
 from ual_tools.help import Section
 from ual_tools.session import Session, pass_session
@@ -66,7 +66,12 @@ def new(session: Session, name: str, role: str, days: float | None, output: Path
     told = {"name": name, "role": role, "expires": None if expires is None else _text(expires)}
     if output is not None:
         _create(output, secret)  # first: a token that is lost must not be valid
-    _write(file, (*known, made))
+    try:
+        _write(file, (*known, made))
+    except InvalidArgumentError:
+        if output is not None:
+            output.unlink()  # it is not valid, and would be in the way of the next try
+        raise
     if output is None:
         session.emit({**told, "token": secret}, secret)
     else:
@@ -123,7 +128,7 @@ def _read(file: Path, *, may_be_missing: bool = False) -> tuple[Token, ...]:
 
 def _create(file: Path, secret: str) -> None:
     try:
-        private_file.create(file, f"{secret}\n".encode())
+        whole_file.create(file, f"{secret}\n".encode())
     except FileExistsError:
         raise InvalidArgumentError(f"{file} is there already: it may have a token that is in use") from None
     except OSError as error:
@@ -132,7 +137,7 @@ def _create(file: Path, secret: str) -> None:
 
 def _write(file: Path, all_tokens: tuple[Token, ...]) -> None:
     try:
-        private_file.replace(file, tokens.write(all_tokens))
+        whole_file.write(file, tokens.write(all_tokens), whole_file.OWN)
     except OSError as error:
         raise InvalidArgumentError(f"{file} cannot be written: {error.strerror}") from None
 

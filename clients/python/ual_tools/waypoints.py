@@ -9,6 +9,7 @@ import click
 
 from ual.errors import InvalidArgumentError
 from ual.geometry import Pose, PoseStamped
+from ual.shared import whole_file
 from ual.types import AltitudeReference
 from ual_tools import complete, options, values
 from ual_tools.app import UalCommand, UalGroup
@@ -48,8 +49,8 @@ def save(session: Session, file: Path, frame_id: str) -> None:
             here = uav.pose()
     line = json.dumps(pose_json(here))
     try:
-        with file.open("a", encoding="utf-8") as opened:
-            opened.write(line + "\n")
+        before = file.read_bytes() if file.is_file() else b""
+        whole_file.write(file, before + f"{line}\n".encode())
     except OSError as error:
         raise InvalidArgumentError(f"cannot write {file}: {error.strerror}", {"field": "file"}) from None
     session.emit_written(pose_json(here), f"{pose_text(here.pose)} in {here.frame_id} saved to {file}")

@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -22,6 +22,7 @@ from ual.recording.file import File
 from ual.recording.reader import Recording
 from ual.recording.recorder import METADATA, Entry, Output, Recorder, Turnover
 from ual.recording.topics import JSON, Topic
+from ual.shared.pauses import GrowingPauses
 
 TOPIC = Topic("/uav_1/numbers", JSON)
 
@@ -69,44 +70,85 @@ def test_files_turn_over_by_size_and_by_age(tmp_path: Path, monkeypatch: pytest.
         assert all(list(Recording(file).messages()) is not None for file in files)
 
 
-class FullDisk(File):
-    """A file on a disk that becomes full."""
+class FailingDisk(File):
+    """A file on a disk that fails for a while."""
 
-    is_full = False
+    fault = 0
 
     def flush(self) -> None:
-        if self.is_full:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        if self.fault and self.size_bytes:  # not while it is made
+            raise OSError(self.fault, os.strerror(self.fault))
         super().flush()
 
 
-def test_a_full_disk_ends_the_recording_with_one_line_and_the_file_is_readable(
+@pytest.mark.parametrize("fault", [errno.ENOSPC, errno.EROFS, errno.EIO])
+def test_a_disk_that_fails_for_a_while_costs_nothing_that_still_waits(
+    fault: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
+    monkeypatch.setattr(recorder_module, "GrowingPauses", partial(GrowingPauses, 0.0, 0.0))
+    FailingDisk.fault = 0
+    recorder = Recorder(tmp_path, "uav_1", make_file=FailingDisk)
+    first = recorder.path
+    recorder.start()
+    put(recorder, 0)
+    until(lambda: numbers(first) == [0])
+    FailingDisk.fault = fault
+    put(recorder, 1)
+    until(lambda: recorder.trouble == os.strerror(fault))
+    assert not recorder.figures.is_running
+    put(recorder, 2)
+    FailingDisk.fault = 0
+    until(lambda: not recorder.trouble)
+    put(recorder, 3)
+    recorder.close()
+    assert (numbers(first), numbers(recorder.path)) == ([0], [1, 2, 3])
+    lines = [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR]
+    assert [line.partition(":")[0] for line in lines] == [
+        "THE RECORDING STANDS STILL",
+        "the recording has recovered",
+    ]
+    assert "nothing is missing" in lines[-1]
+
+
+def test_what_did_not_wait_is_missing_and_the_next_file_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
-    files: list[FullDisk] = []
-
-    def make(path: Path, metadata: Mapping[str, Mapping[str, str]]) -> FullDisk:
-        files.append(FullDisk(path, metadata))
-        return files[-1]
-
-    recorder = Recorder(tmp_path, "uav_1", make_file=make)
+    monkeypatch.setattr(recorder_module, "MOST_ENTRIES", 5)
+    monkeypatch.setattr(recorder_module, "GrowingPauses", partial(GrowingPauses, 0.0, 0.0))
+    FailingDisk.fault = errno.ENOSPC
+    recorder = Recorder(tmp_path, "uav_1", make_file=FailingDisk)
     recorder.start()
     put(recorder, 0)
-    empty_bytes = files[0].size_bytes
-    until(lambda: files[0].size_bytes > empty_bytes)
-    files[0].is_full = True
-    put(recorder, 1)
-    until(lambda: recorder.has_ended)
-    for number in range(2, 100):
+    until(lambda: bool(recorder.trouble))
+    for number in range(1, 21):
         put(recorder, number)
+    FailingDisk.fault = 0
+    until(lambda: not recorder.trouble)
     recorder.close()
-    lines = [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR]
-    assert lines == [f"THE RECORDING HAS ENDED: {recorder.path}: No space left on device; the flight goes on"]
-    assert numbers(recorder.path) == [0]
+    found = list(Recording(recorder.path).messages())
+    assert [int(each.data) for each in found if each.topic == TOPIC.name] == [0, 1, 2, 3, 4, 5]
+    assert [json.loads(each.data)["what"] for each in found if each.topic == "/untold"] == ["15 entries"]
+    assert "15 records are missing" in caplog.text
 
 
-def test_a_system_that_gives_no_more_room_ends_the_recording_only(tmp_path: Path) -> None:
+def test_a_disk_that_fails_until_the_end_is_told_once_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
+    FailingDisk.fault = errno.ENOSPC
+    recorder = Recorder(tmp_path, "uav_1", make_file=FailingDisk)
+    recorder.start()
+    put(recorder, 0)
+    until(lambda: bool(recorder.trouble))
+    put(recorder, 1)
+    recorder.close()
+    assert "THE RECORDING IS NOT COMPLETE: 2 records could not be written" in caplog.text
+    assert not list(tmp_path.iterdir())  # nothing that looks like a recording
+
+
+def test_files_go_on_past_a_limit_of_the_system_for_one(tmp_path: Path) -> None:
     program = f"""
 import logging, resource, signal, sys, time
 from pathlib import Path
@@ -119,21 +161,16 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 recorder = Recorder(Path({str(tmp_path)!r}), "uav_1")
 recorder.start()
 number = 0
-while not recorder.has_ended:
+while not recorder.trouble:
     for _ in range(1000):
         put(recorder, number * 7919 ** 20)
         number += 1
     time.sleep(0.01)
-recorder.close()
 print("the flight goes on")
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LIMIT_S)
     assert done.stdout == "the flight goes on\n", done.stderr
-    assert [line.partition(":")[0] for line in done.stderr.splitlines()] == ["THE RECORDING HAS ENDED"]
-    [path] = tmp_path.glob("*.mcap")
-    recording = Recording(path)
-    assert [m.log_ns for m in recording.messages()] == sorted(m.log_ns for m in recording.messages())
-    assert not recording.is_whole
+    assert [line.partition(":")[0] for line in done.stderr.splitlines()] == ["THE RECORDING STANDS STILL"]
 
 
 def test_a_disk_that_writes_nothing_delays_nobody_and_the_losses_are_counted(

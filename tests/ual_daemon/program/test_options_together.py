@@ -17,8 +17,9 @@ from tests.ports import free_port
 from tests.waiting import LIMIT_S, until_state
 from ual.access import tokens
 from ual.access.roles import Role
+from ual.shared import whole_file
 from ual.types import State
-from ual_tools.access import certificates, private_file
+from ual_tools.access import certificates
 
 pytest.importorskip("zenoh", reason="ZENOH IS MISSING, options are NOT TESTED together")
 pytest.importorskip("mcap", reason="MCAP IS MISSING, options are NOT TESTED together")
@@ -87,7 +88,7 @@ def team(tmp_path_factory: pytest.TempPathFactory) -> Path:
     certificates.make_authority(directory, "team", 10.0)
     certificates.make_daemon(directory, "uav_1", ["127.0.0.1"], 10.0)
     _, token = tokens.make("planner", Role.PILOT, None, datetime.now(timezone.utc))
-    private_file.create(directory / "tokens.json", tokens.write([token]))
+    whole_file.create(directory / "tokens.json", tokens.write([token]))
     (directory / "roles.yaml").write_text("tokens: {planner: observer}\n")
     (directory / "roles.yaml").chmod(0o600)
     return directory

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from ual.shared import whole_file
 from ual_daemon import logs
 from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, TOC_CHANNEL, TOC_INFO, TOC_ITEM, Packet
 from ual_daemon.backends.crazyflie.requests import Request
@@ -100,9 +101,7 @@ class TocCache:
         path = _path(self._directory, port, info)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            part = path.with_suffix(f".{os.getpid()}")
-            part.write_text(json.dumps(toc))
-            part.replace(path)
+            whole_file.write(path, json.dumps(toc), is_durable=False)
         except OSError as error:
             logs.event(_log, logging.WARNING, "toc_not_saved", path=path, why=str(error))
 

@@ -165,6 +165,16 @@ class Recording:
         """What waits to be written."""
         return self._recorder.figures
 
+    @property
+    def checks(self) -> tuple[str, ...]:
+        """What is to be told of it, human-readable: nothing while it records."""
+        trouble = self._recorder.trouble
+        return (f"the recording stands still: {trouble}",) if trouble else ()
+
+    def tell_changes(self, callback: Callable[[], object]) -> None:
+        """Calls back when `checks` has changed, on the recorder's thread."""
+        self._recorder.on_change = callback
+
     def observer(self, ns: str) -> Observer:
         """Returns what observes the calls for a UAV."""
         return self._uavs[ns]

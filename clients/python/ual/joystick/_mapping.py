@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ual.joystick._errors import MappingError
 from ual.joystick._state import Axis, Button
+from ual.shared import whole_file
 from ual.shared.text import decoded, lines_of
 
 _GUID = re.compile(r"[0-9a-f]{32}")
@@ -51,9 +52,7 @@ class Mapping:
         folder = mapping_directory() if directory is None else directory
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"{self.guid}.txt"
-        part = file.with_suffix(".part")
-        part.write_text(f"{self}\n", encoding="utf-8")
-        part.replace(file)
+        whole_file.write(file, f"{self}\n")
         return file
 
 

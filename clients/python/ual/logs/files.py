@@ -15,6 +15,7 @@ from typing_extensions import Self
 
 from ual.errors import InvalidArgumentError, UalError
 from ual.logs.values import Log, LogChunk
+from ual.shared import whole_file
 
 OVERLAP = 4096
 """So many bytes that are there already are read again and compared, where a download goes on."""
@@ -43,10 +44,17 @@ class PartialFile:
         self._about = file.with_name(f"{file.name}.part.json")
         try:
             self.size = self._size_before()
-            self._stream = self.part.open("r+b" if self.size else "w+b")
-            self._stream.seek(self.size)
-            self._about.write_text(json.dumps(asdict(log)), encoding="utf-8")
+            # Not buffered: what could not be written must not be tried again when the file is closed.
+            self._stream = self.part.open("r+b" if self.size else "w+b", buffering=0)
         except OSError as error:
+            raise _unwritable(self.part, error) from None
+        try:
+            self._stream.seek(self.size)
+            whole_file.write(self._about, json.dumps(asdict(log)))
+        except OSError as error:
+            self._stream.close()
+            if not self.size:
+                self.part.unlink(missing_ok=True)
             raise _unwritable(self.part, error) from None
         self._hash = hashlib.sha256()
         self._is_whole = False
@@ -76,10 +84,9 @@ class PartialFile:
         self._hash.update(chunk.data)
         data = self._compared(chunk)[: max(0, self.log.size_bytes - self.size)]
         try:
-            self._stream.write(data)
+            self._write(data)
         except OSError as error:
             raise _unwritable(self.part, error) from None
-        self.size += len(data)
         if chunk.sha256:
             self._end(chunk.sha256)
 
@@ -93,7 +100,6 @@ class PartialFile:
         if not self._is_whole or self.size != self.log.size_bytes:
             raise UalError(f"{self.log.id} is not whole: {self.size} of {self.log.size_bytes} bytes have come")
         try:
-            self._stream.flush()
             os.fsync(self._stream.fileno())
             self._stream.seek(0)
             digest = hashlib.sha256()
@@ -106,15 +112,29 @@ class PartialFile:
             raise _unwritable(self.file, error) from None
         return digest.hexdigest()
 
+    def _write(self, data: bytes) -> None:
+        written = 0
+        while written < len(data):
+            count = self._stream.write(data[written:])
+            written += count
+            self.size += count
+
     def _compared(self, chunk: LogChunk) -> bytes:
         """Returns what is new of a chunk. What is there already has to be the same."""
         known = min(self.size - chunk.offset, len(chunk.data))
         if known > 0:
             self._stream.seek(chunk.offset)
-            if self._stream.read(known) != chunk.data[:known]:
+            if self._read(known) != chunk.data[:known]:
                 raise UalError(f"{self.log.id} differs from what is in {self.part}: remove that and fetch it anew")
             self._stream.seek(self.size)
         return chunk.data[max(0, known) :]
+
+    def _read(self, count: int) -> bytes:
+        """Returns the next bytes; fewer at the end of the file."""
+        found = b""
+        while len(found) < count and (data := self._stream.read(count - len(found))):
+            found += data
+        return found
 
     def _end(self, sha256: str) -> None:
         if sha256 != self._hash.hexdigest():
@@ -174,4 +194,4 @@ def file_name(log: Log, ns: str) -> str:
 
 
 def _unwritable(file: Path, error: OSError) -> InvalidArgumentError:
-    return InvalidArgumentError(f"cannot write {file}: {error.strerror}", {"field": "file"})
+    return InvalidArgumentError(f"cannot write {file}: {error.strerror}; what has come stays", {"field": "file"})

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from ual.errors import InvalidArgumentError
 from ual.parameters.values import Parameter, ParameterType, is_equal, is_same
+from ual.shared import whole_file
 from ual.shared.numbers import parse_number, shown
 from ual.shared.text import lines_of, read_text
 
@@ -87,7 +88,7 @@ def write(parameters: Iterable[Parameter], path: Path, system_id: int = 1) -> in
         text = _HEAD.format(system_id=system_id) + "".join(lines)
     else:
         text = "".join(f"{each.name},{each.text}\n" for each in ordered)
-    path.write_text(text, encoding="ascii")
+    whole_file.write(path, text)
     return len(ordered)
 
 

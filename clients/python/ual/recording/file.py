@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ual.recording.topics import Schema, Topic
+from ual.shared import output_file
 
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP)
 """Some file systems cannot say when something is on the disk."""
@@ -30,19 +31,31 @@ class File:
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, Mapping[str, str]]) -> None:
-        from mcap.writer import CompressionType, Writer
-
         self.path = path
+        self._whole_bytes = self._first_bytes = 0
         self._raw = io.FileIO(path, "xb")
         self._stream = io.BufferedWriter(self._raw)
+        try:
+            self._begin(metadata)
+        except BaseException:
+            self.give_up()
+            raise
+
+    def _begin(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
+        from mcap.writer import CompressionType, Writer
+
         self._writer: Any = Writer(self._stream, _CHUNK_BYTES, CompressionType.LZ4)  # it has types in part only
         self._channels: dict[Topic, int] = {}
         self._schemas: dict[str, int] = {}
-        self._whole_bytes = 0
         self._writer.start(profile="", library="ual")
         for name, values in metadata.items():
             self._writer.add_metadata(name, dict(values))
         self.flush()
+        self._first_bytes = self._whole_bytes
+
+    def fileno(self) -> int:
+        """Returns the descriptor of the open file."""
+        return self._raw.fileno()
 
     @property
     def size_bytes(self) -> int:
@@ -70,7 +83,10 @@ class File:
         self._stream.close()
 
     def give_up(self) -> None:
-        """Closes the file without an index. It ends with the last chunk that is whole."""
+        """Closes the file without an index. It ends with the last whole chunk; one with none is removed."""
+        if self._whole_bytes == self._first_bytes and not output_file.loss_of(self.path, self._raw.fileno()):
+            with suppress(OSError):
+                self.path.unlink()
         with suppress(OSError, ValueError):
             os.ftruncate(self._raw.fileno(), self._whole_bytes)
         with suppress(OSError, ValueError):

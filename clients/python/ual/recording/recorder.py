@@ -17,7 +17,9 @@ from typing import Any, NamedTuple, Protocol
 from ual import __version__
 from ual.recording.file import File
 from ual.recording.topics import Topic, json_schema, of_json
+from ual.shared import output_file
 from ual.shared.guard import WorkGuard
+from ual.shared.pauses import GrowingPauses
 
 _log = logging.getLogger(__name__)
 
@@ -36,8 +38,8 @@ _UNTOLD = of_json(
     "/untold",
     json_schema(
         "UalUntold",
-        "An entry that could not be recorded.",
-        what={"type": "string", "description": "which kind of entry"},
+        "What could not be recorded.",
+        what={"type": "string", "description": "which kind of entry, or how many entries"},
         why={"type": "string"},
     ),
 )
@@ -81,7 +83,7 @@ class Turnover:
 
 
 class QueueFigures(NamedTuple):
-    """Whether a recorder records, what waits for the disk (about how many bytes), and how many entries were dropped."""
+    """Whether entries get to the disk, what waits for it (about how many bytes), and how many entries were lost."""
 
     is_running: bool
     entries_count: int
@@ -93,7 +95,8 @@ class Recorder:
     """Records entries into files of a directory until it is closed. `put` is for any thread, and never waits.
 
     Where the disk is too slow, the newest entries are dropped, and their number is logged. Where it cannot be written
-    to (it is full), the recording ends, with one line in the log.
+    to (it is full, gone, or there is no descriptor), entries wait, and it is tried again with growing pauses. The next
+    file then tells what is missing. A file that was removed or moved is followed by the next one.
     """
 
     def __init__(
@@ -124,20 +127,34 @@ class Recorder:
         self._closing = threading.Event()
         self._on_file: list[Callable[[], None]] = []
         self.has_ended = False
-        """Whether it records no more: it was closed, or the disk is full."""
-        directory.mkdir(parents=True, exist_ok=True)
+        """Whether it records no more: it was closed."""
+        self.on_change: Callable[[], object] = bool
+        """Called when `trouble` has changed, on the recorder's thread."""
+        self._trouble = ""
+        self._since = ""
+        self._lost_before_count = 0
+        self._pauses = GrowingPauses()
+        self._unflushed: list[Entry] = []  # of the present file: a fault of the disk may lose what it has of them
         self._file = self._open()
+        self._path = self._path_before = self._file.path
+        self._is_open = True
+        self._next_failure = ""
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
     @property
     def path(self) -> Path:
         """The file that is being written."""
-        return self._file.path
+        return self._path
+
+    @property
+    def trouble(self) -> str:
+        """Why nothing can be written now, human-readable; empty while the recording goes on."""
+        return self._trouble
 
     @property
     def figures(self) -> QueueFigures:
         """How the queue stands now."""
-        return QueueFigures(not self.has_ended, len(self._entries), self._bytes, self._lost_count)
+        return QueueFigures(not (self.has_ended or self._trouble), len(self._entries), self._bytes, self._lost_count)
 
     @property
     def lost_count(self) -> int:
@@ -174,24 +191,43 @@ class Recorder:
             _log.error("the recording was not written to the end: the disk of %s is too slow", self._directory)
 
     def _run(self) -> None:
-        try:
-            self._record()
-        except OSError as error:
-            self._end(error)
-        except Exception:  # noqa: BLE001  a defect concerns the recording only
-            _log.exception("the recorder failed; this is a defect of UAL, please report it")
-            self._end(None)
-
-    def _record(self) -> None:
         next_flush_s = time.monotonic() + FLUSH_S
         while not self._closing.wait(_TAKE_S):
-            self._take()
             now_s = time.monotonic()
-            if now_s >= next_flush_s:
-                self._flush(now_s)
+            is_due = now_s >= next_flush_s
+            self._contain(lambda is_due=is_due: self._turn(is_due=is_due))  # type: ignore[misc]
+            if is_due:
                 next_flush_s = time.monotonic() + FLUSH_S
         self.has_ended = True  # what is put from here on is not recorded
+        self._contain(self._finish)
+
+    def _contain(self, work: Callable[[], None]) -> None:
+        """Does a part of the work. A fault concerns the recording only, and lasts as long as its cause."""
+        try:
+            work()
+        except OSError as error:
+            self._fail(error.strerror or str(error))
+        except Exception as error:  # noqa: BLE001  a defect concerns the recording only
+            self._guard.note(error)
+            self._fail(self._guard.last_cause)
+
+    def _turn(self, *, is_due: bool) -> None:
+        """Writes the entries that wait now; where a flush is due, brings them to the disk."""
+        if self._is_open:
+            self._take()
+        if not is_due or not (self._is_open or self._pauses.is_due(time.monotonic())):
+            return
+        if not self._is_open:
+            self._begin_file()  # first what may be missing, before the queue: a disk that is full again takes no more
+        self._flush()
+
+    def _finish(self) -> None:
+        """Writes what is left, and ends the file."""
+        if not self._is_open:
+            self._begin_file()
         self._take()
+        self._file.flush()
+        self._on_flushed()
         self._log_lost()
         self._file.finish()
 
@@ -199,27 +235,108 @@ class Recorder:
         """Writes the entries that wait now."""
         for _ in range(len(self._entries)):
             entry = self._entries.popleft()
-            if not self._guard.contain(lambda entry=entry: entry.write(self._file, entry), passes=OSError):  # type: ignore[misc]
-                self._write_untold(entry)
+            self._unflushed.append(entry)
+            self._write(entry)
         if not self._entries:
             self._bytes = 0
 
-    def _write_untold(self, entry: Entry) -> None:
-        """Writes in place of an entry why it is missing."""
-        data = json.dumps({"what": entry.write.__qualname__, "why": self._guard.last_cause}).encode()
-        self._file.write(_UNTOLD, data, entry.log_ns, entry.log_ns)
+    def _write(self, entry: Entry) -> None:
+        if not self._guard.contain(lambda: entry.write(self._file, entry), passes=OSError):
+            self._write_untold(entry.write.__qualname__, self._guard.last_cause, entry.log_ns)
 
-    def _flush(self, now_s: float) -> None:
+    def _write_untold(self, what: str, why: str, log_ns: int) -> None:
+        """Writes what is missing, and why, in its place."""
+        self._file.write(_UNTOLD, json.dumps({"what": what, "why": why}).encode(), log_ns, log_ns)
+
+    def _flush(self) -> None:
         self._file.flush()
+        self._follow_loss()
+        self._on_flushed()
         self._log_lost()
-        if self._file.size_bytes >= self._turnover.size_bytes or now_s - self._opened_s >= self._turnover.age_s:
-            self._file.finish()
-            self._file = self._open()
-            for callback in self._on_file:
-                self._guard.contain(callback, passes=OSError)
+        age_s = time.monotonic() - self._opened_s
+        if self._file.size_bytes >= self._turnover.size_bytes or age_s >= self._turnover.age_s:
+            self._turn_over()
+
+    def _on_flushed(self) -> None:
+        self._unflushed.clear()
+        if self._trouble:
+            self._recover()
+
+    def _follow_loss(self) -> None:
+        """Goes on in the next file where the present one was removed, moved or replaced."""
+        loss = output_file.loss_of(self._file.path, self._file.fileno())
+        if loss and os.fstat(self._file.fileno()).st_nlink:
+            self._unflushed.clear()  # they are in it, elsewhere
+        if loss and self._turn_over():
+            _log.error("the recording %s %s: it goes on in %s", self._path_before, loss, self._path)
+            why = f"the file before, {self._path_before.name}, {loss}"
+            self._write_untold("the file before", why, self.clock.now_ns())
+
+    def _turn_over(self) -> bool:
+        """Begins the next file, and ends the last. Where there can be none now, the last one goes on.
+
+        Returns whether it was begun.
+        """
+        if not self._pauses.is_due(time.monotonic()):
+            return False
+        last = self._file
+        try:
+            file = self._open()
+        except OSError as error:
+            self._pauses.failed(time.monotonic())
+            if not self._next_failure:
+                _log.error("the next file of the recording cannot be made: %s; the last one goes on", error.strerror)
+            self._next_failure = error.strerror or str(error)
+            return False
+        self._next_failure = ""
+        try:
+            last.finish()
+        except OSError:  # what was flushed is in it
+            last.give_up()
+        self._begin(file)
+        return True
+
+    def _begin_file(self) -> None:
+        """Opens a file after a fault."""
+        self._begin(self._open())
+
+    def _begin(self, file: File) -> None:
+        """Goes on in a file, which begins with what is not certain to be in the last one."""
+        self._file, self._path_before, self._path, self._is_open = file, self._path, file.path, True
+        for callback in self._on_file:
+            self._guard.contain(callback, passes=OSError)
+        for entry in self._unflushed:
+            self._write(entry)
+
+    def _recover(self) -> None:
+        """Tells in the file and in the log that it records again, and what is missing."""
+        count = self._lost_count - self._lost_before_count
+        why, since, self._trouble = self._trouble, self._since, ""
+        missing = f"{count} records are missing" if count else "nothing is missing"
+        _log.error("the recording has recovered: %s; %s (%s, since %s)", self._path, missing, why, since)
+        self._logged_lost_count = self._lost_count
+        if count:
+            self._write_untold(f"{count} entries", f"{why}, since {since}", self.clock.now_ns())
+        self._guard.contain(self.on_change)
+
+    def _fail(self, why: str) -> None:
+        """Takes note that nothing can be written now. The flight goes on."""
+        if self._is_open:
+            self._is_open = False
+            self._file.give_up()
+        self._pauses.failed(time.monotonic())
+        is_new, self._trouble = not self._trouble, why
+        if self.has_ended:
+            count = len(self._unflushed) + len(self._entries)
+            _log.error("THE RECORDING IS NOT COMPLETE: %d records could not be written: %s", count, why)
+        elif is_new:
+            self._since, self._lost_before_count = utc_text(self.clock.now_ns()), self._logged_lost_count
+            _log.error("THE RECORDING STANDS STILL: %s: %s; it is tried again, and the flight goes on", self._path, why)
+            self._guard.contain(self.on_change)
 
     def _open(self) -> File:
         self._opened_s = time.monotonic()
+        self._directory.mkdir(parents=True, exist_ok=True)
         began = time.strftime("%Y%m%dT%H%M%S", time.gmtime(self.clock.now_ns() / 1e9))
         metadata = {"version": __version__, "name": self._name, "monotonic_offset_ns": str(self.clock.offset_ns)}
         for number in range(1000):  # several begin in one second
@@ -241,10 +358,7 @@ class Recorder:
             )
             self._logged_lost_count = lost_count
 
-    def _end(self, error: OSError | None) -> None:
-        """Ends the recording because of an error. The flight goes on."""
-        self.has_ended = True
-        self._entries.clear()
-        self._file.give_up()
-        if error is not None:
-            _log.error("THE RECORDING HAS ENDED: %s: %s; the flight goes on", self._file.path, error.strerror or error)
+
+def utc_text(time_ns: int) -> str:
+    """Returns a time as people read it."""
+    return time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(time_ns / 1e9))

@@ -16,12 +16,11 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from ual_tools.access import private_file
+from ual.shared import whole_file
 
 AUTHORITY = "authority"
 _CLOCKS_DIFFER = timedelta(days=1)
 """A field computer without a clock of its own may be late."""
-_READABLE = 0o644
 _KEY_USAGES = (
     "digital_signature",
     "content_commitment",
@@ -160,6 +159,10 @@ def _write(directory: Path, name: str, certificate: x509.Certificate, key: ec.El
     where = files(directory, name)
     unencrypted = serialization.NoEncryption()
     private = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, unencrypted)
-    private_file.create(where.key, private)
-    private_file.create(where.certificate, certificate.public_bytes(serialization.Encoding.PEM), _READABLE)
+    whole_file.create(where.key, private)
+    try:
+        whole_file.create(where.certificate, certificate.public_bytes(serialization.Encoding.PEM), whole_file.READABLE)
+    except OSError:
+        where.key.unlink()  # a key without its certificate would be in the way of the next try
+        raise
     return where

@@ -14,7 +14,8 @@ from pathlib import Path
 from ual.network import configuration
 from ual.network.keys import is_publisher
 from ual.network.settings import NetworkSettings
-from ual_tools.access import certificates, private_file
+from ual.shared import whole_file
+from ual_tools.access import certificates
 
 PORT = 7447
 
@@ -108,5 +109,5 @@ def _write_member(directory: Path, site: Site, name: str) -> Path:
 
 
 def _replace(path: Path, text: str) -> Path:
-    private_file.replace(path, text.encode())
+    whole_file.write(path, text, whole_file.OWN)
     return path

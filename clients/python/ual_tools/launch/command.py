@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from ual import discovery
-from ual.errors import NotSupportedError
+from ual.errors import InvalidArgumentError, NotSupportedError
+from ual.shared import whole_file
 from ual_tools.app import command
 from ual_tools.help import Section
 from ual_tools.session import Session, note, pass_session
@@ -78,8 +79,11 @@ def _write(team: Team, directory: Path | None, file: Path | None) -> None:
         note(f"ual: {team.file}: {error}")
         raise click.exceptions.Exit(WRONG_FILE) from None
     for path, text in texts.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            whole_file.write(path, text)
+        except OSError as error:
+            raise InvalidArgumentError(f"cannot write {path}: {error.strerror}", {"field": "file"}) from None
         click.echo(path)
 
 

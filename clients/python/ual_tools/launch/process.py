@@ -6,9 +6,11 @@ import asyncio
 import contextlib
 import os
 import signal
+from functools import partial
 from typing import IO
 
 from ual_tools.launch.log import Log
+from ual_tools.launch.log_file import LogFile
 from ual_tools.launch.ready import LogWatch
 from ual_tools.launch.team import Program
 
@@ -38,7 +40,8 @@ class Process:
         with contextlib.ExitStack() as opened:
             file = None
             if program.log_file is not None:
-                file = opened.enter_context(program.log_file.open("a", encoding="utf-8", buffering=1))
+                file = LogFile(program.log_file, partial(log.note, is_bad=True))
+                opened.callback(file.close)
             read, write = os.pipe()
             opened.callback(os.close, read)
             try:
@@ -93,11 +96,11 @@ class Process:
         self.signal(signal.SIGKILL)
         await self.wait()
 
-    async def _read(self, pipe: int, file: IO[str] | None) -> None:
+    async def _read(self, pipe: int, file: LogFile | None) -> None:
         """Passes its lines on. A line that is too long comes in parts."""
         reader = asyncio.StreamReader()
         loop = asyncio.get_running_loop()
-        with _stream(pipe) as stream, file or contextlib.nullcontext():
+        with _stream(pipe) as stream, contextlib.closing(file) if file else contextlib.nullcontext():
             transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), stream)
             rest = b""
             try:
@@ -112,16 +115,11 @@ class Process:
             finally:
                 transport.close()
 
-    def _line(self, line: bytes, file: IO[str] | None) -> None:
+    def _line(self, line: bytes, file: LogFile | None) -> None:
         text = line.decode(errors="replace").rstrip("\r")
         self.watch.see(text)
-        if file is None:
+        if file is None or not file.write(text):
             self._log.line(self.program.name, text)
-            return
-        try:
-            file.write(text + "\n")
-        except OSError as error:
-            self._log.line(self.program.name, f"{text} (not in its file: {error.strerror})")
 
 
 def _stream(pipe: int) -> IO[bytes]:

@@ -15,7 +15,7 @@ import click
 from ual.credentials import is_this_computer
 from ual.discovery import natural_order
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
-from ual_tools.access import private_file
+from ual.shared import whole_file
 from ual_tools.app import command
 from ual_tools.help import Section
 from ual_tools.session import Session, pass_session
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from ual.network import NetworkUav
 
 _LOOK_S = 0.5
-_READABLE = 0o644
 
 
 @command(
@@ -52,14 +51,31 @@ def gateway(session: Session, file: Path, pid_file: Path | None, once: bool) -> 
         raise InvalidArgumentError("a gateway learns its UAVs from the network: give --network or --network-config")
     network = session.joined.network()
     upstreams = Upstreams(session.tell)
+    has_changed, failure = once, ""
     while True:
-        if upstreams.update(network.uavs()) or once:
-            private_file.replace(file, upstreams.text().encode(), _READABLE)
+        has_changed = upstreams.update(network.uavs()) or has_changed
+        if has_changed:
+            before, failure = failure, _write(file, upstreams.text())
+            if failure and once:
+                raise InvalidArgumentError(failure, {"field": "file"})
+            if failure and not before:
+                session.tell(f"{failure}; it is tried again, and nginx has the UAVs of before")
+        if has_changed and not failure:
+            has_changed = False
             session.emit({"uavs": dict(upstreams.addresses)}, f"{file}: {len(upstreams.addresses)} UAVs")
             _tell_nginx(pid_file, session.tell)
         if once:
             return
         time.sleep(_LOOK_S)
+
+
+def _write(file: Path, text: str) -> str:
+    """Writes the list. Returns why it cannot be written now; empty if it is."""
+    try:
+        whole_file.write(file, text, whole_file.READABLE)
+    except OSError as error:
+        return f"cannot write {file}: {error.strerror}"
+    return ""
 
 
 class Upstreams:

@@ -60,9 +60,9 @@ class ClientRecording:
         return self._recorder.lost_count
 
     @property
-    def has_ended(self) -> bool:
-        """Whether it records no more, because the disk is full."""
-        return self._recorder.has_ended
+    def trouble(self) -> str:
+        """Why nothing can be written now, human-readable; empty while it records."""
+        return self._recorder.trouble
 
     def put(self, ns: str, sample: Telemetry) -> None:
         """Records a sample of a UAV."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from ual.geometry import Vector3
 from ual.recording.reader import Message
+from ual.shared import whole_file
 from ual.types import State, Telemetry
 from ual_tools import places
 from ual_tools.recording.autopilot_log import Track
@@ -165,7 +166,8 @@ def draw(drawn: list[Flight], file: Path, title: str, log: Track | None = None) 
     _draw_bands(axes["bands"], drawn)
     axes["speed"].sharex(axes["height"])
     axes["bands"].set_xlim(axes["height"].get_xlim())
-    figure.savefig(file, dpi=120)
+    with whole_file.writing(file) as part:
+        figure.savefig(part, dpi=120)
 
 
 def _draw_bands(axes: Any, drawn: list[Flight]) -> None:  # noqa: ANN401  matplotlib has no types

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ual.geometry import Pose
 from ual.recording.reader import Message
-from ual.shared import extras
+from ual.shared import extras, whole_file
 from ual.types import Telemetry
 
 Cell = str | float | int | bool | None
@@ -74,7 +74,7 @@ def rows(messages: Iterable[Message]) -> Iterator[list[Cell]]:
 def write_csv(path: Path, table: Iterable[list[Cell]]) -> int:
     """Writes a table as CSV. Returns the number of its rows."""
     count = 0
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with whole_file.writing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(HEADER)
         for row in table:
@@ -98,7 +98,7 @@ def write_parquet(path: Path, table: Iterable[list[Cell]]) -> int:
     kinds = [(name, pa.string() if name in texts else others.get(name, pa.float64())) for name in HEADER]
     schema = pa.schema(kinds)
     count = 0
-    with parquet.ParquetWriter(path, schema) as writer:
+    with whole_file.writing(path) as part, parquet.ParquetWriter(part, schema) as writer:
         for batch in _batches(table):
             count += len(batch)
             columns = [

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree as ET  # only written, never read
 
 from ual.recording.reader import Message
+from ual.shared import whole_file
 
 _LEAST_NS = 100_000_000
 """Ten points a second are enough for a map."""
@@ -80,4 +81,4 @@ def write_gpx(path: Path, found: Mapping[str, Sequence[Point]], title: str) -> N
 
 def _write(path: Path, root: ET.Element) -> None:
     ET.indent(root)
-    ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    whole_file.write(path, ET.tostring(root, encoding="utf-8", xml_declaration=True))

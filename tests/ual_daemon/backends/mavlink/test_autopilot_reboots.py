@@ -411,7 +411,7 @@ def test_the_file_of_another_user_or_a_link_is_not_read(tmp_path: Path, monkeypa
 
 def test_a_directory_that_cannot_be_written_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     HomeFile(tmp_path / "missing" / "uav_1.home").write("PX4 1 ab", None, None, 1)
-    assert [vars(record).get("ual_event") for record in caplog.records] == ["home_not_saved"]
+    assert [vars(record).get("ual_event") for record in caplog.records] == ["not_saved"]
 
 
 # --- In flight --------------------------------------------------------------------------------------------------------

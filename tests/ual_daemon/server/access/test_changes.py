@@ -14,11 +14,12 @@ import pytest
 from tests.ual_daemon.server.access.ways_in import Served, beyond_loopback, make_files, served, ways
 from tests.waiting import LIMIT_S
 from ual.access import tokens
+from ual.shared import whole_file
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon.server import calls
 from ual_daemon.server.transport.selection import Choice
-from ual_tools.access import certificates, private_file
+from ual_tools.access import certificates
 
 
 def run(tmp_path: Path, transport: Choice, check: Callable[[Served], object]) -> None:
@@ -54,7 +55,7 @@ def test_a_revoked_token_ends_its_streams(tmp_path: Path, transport: Choice, mon
             assert await stream.read() is not grpc.aio.EOF
             file = tmp_path / "tokens.json"
             left = [token for token in tokens.read(file.read_bytes()) if token.name != "observer"]
-            private_file.replace(file, tokens.write(left))
+            whole_file.write(file, tokens.write(left))
             assert await end_of(stream) is grpc.StatusCode.UNAUTHENTICATED
 
     run(tmp_path, transport, check)
@@ -71,7 +72,7 @@ def test_a_lowered_role_ends_its_streams(tmp_path: Path, transport: Choice, monk
             assert await watching.read() is not grpc.aio.EOF
             flying = stub.StreamExternalPoses(metadata=to.metadata(way))
             roles = tmp_path / "roles.yaml"
-            private_file.replace(roles, roles.read_bytes().replace(b"tokens:", b"tokens:\n  pilot: observer"))
+            whole_file.write(roles, roles.read_bytes().replace(b"tokens:", b"tokens:\n  pilot: observer"))
             assert await flying.code() is grpc.StatusCode.PERMISSION_DENIED
             assert await watching.read() is not grpc.aio.EOF  # an observer may go on reading
 

@@ -11,13 +11,13 @@ import pytest
 
 from ual.access import tokens
 from ual.access.roles import Role
+from ual.shared import whole_file
 from ual_daemon.program import access_files
 from ual_daemon.program.access_files import read_roles
 from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.server.access.policy import ANYBODY, Roles, is_this_computer
 from ual_daemon.server.access.watched_file import WatchedFile
 from ual_daemon.settings import ConfigError
-from ual_tools.access import private_file
 
 NOW = datetime(2026, 11, 23, tzinfo=timezone.utc)
 
@@ -70,7 +70,7 @@ def test_why_a_roles_file_is_refused_is_said(text: str, why: str) -> None:
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "number"
-    private_file.create(path, b"1")
+    whole_file.create(path, b"1")
     return path
 
 
@@ -81,7 +81,7 @@ def watched(path: Path, *, is_secret: bool = True) -> WatchedFile[int]:
 def test_a_file_is_read_anew_when_it_has_changed(file: Path) -> None:
     number = watched(file)
     assert number.value == 1
-    private_file.replace(file, b"22")
+    whole_file.write(file, b"22")
     assert number.value == 22
 
 
@@ -91,7 +91,7 @@ def test_a_change_that_cannot_be_read_is_told_and_changes_nothing(
 ) -> None:
     number = watched(file)
     if change == "wrong":
-        private_file.replace(file, b"no number")
+        whole_file.write(file, b"no number")
     elif change == "missing":
         file.unlink()
     else:
@@ -100,7 +100,7 @@ def test_a_change_that_cannot_be_read_is_told_and_changes_nothing(
     assert [number.value, number.value] == [1, 1]
     assert [(each.levelno, vars(each)["ual_event"]) for each in caplog.records] == [(logging.ERROR, "not_read_again")]
     file.unlink(missing_ok=True)
-    private_file.create(file, b"4444")
+    whole_file.create(file, b"4444")
     assert number.value == 4444
 
 
@@ -138,7 +138,7 @@ def test_without_files_and_with_insecure_everybody_is_a_commander(tmp_path: Path
     assert access_files.access(DaemonSettings(insecure=True)) is ANYBODY
     assert access_files.access(DaemonSettings()) is not ANYBODY
     made = tmp_path / "tokens.json"
-    private_file.create(made, tokens.write([tokens.make("a", Role.PILOT, NOW + timedelta(1), NOW)[1]]))
+    whole_file.create(made, tokens.write([tokens.make("a", Role.PILOT, NOW + timedelta(1), NOW)[1]]))
     assert access_files.access(DaemonSettings(insecure=True, tokens=str(made))) is not ANYBODY
 
 

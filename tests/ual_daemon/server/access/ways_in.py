@@ -16,6 +16,7 @@ import pytest
 
 from ual.access import tokens
 from ual.access.roles import Role
+from ual.shared import whole_file
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.program import access_files
@@ -24,7 +25,7 @@ from ual_daemon.server import addresses, tls
 from ual_daemon.server.server import Server
 from ual_daemon.server.transport import selection
 from ual_daemon.vehicle.vehicle import Vehicle
-from ual_tools.access import certificates, private_file
+from ual_tools.access import certificates
 
 ROLES = """
 certificates:
@@ -120,7 +121,7 @@ def make_files(directory: Path, host: str) -> Made:
     certificates.make_caller(directory, "expired", -0.1)
     certificates.make_authority(directory / "other", "others", 10.0)
     certificates.make_caller(directory / "other", "commander", 10.0)
-    private_file.create(directory / "roles.yaml", ROLES.encode())
+    whole_file.create(directory / "roles.yaml", ROLES.encode())
     now = datetime.now(timezone.utc)
     made = {
         "observer": tokens.make("observer", Role.OBSERVER, None, now),
@@ -131,7 +132,7 @@ def make_files(directory: Path, host: str) -> Made:
         "revoked": tokens.make("revoked", Role.COMMANDER, None, now),
     }
     stored = [token for name, (_, token) in made.items() if name != "revoked"]
-    private_file.create(directory / "tokens.json", tokens.write(stored))
+    whole_file.create(directory / "tokens.json", tokens.write(stored))
     return Made(directory, {name: secret for name, (secret, _) in made.items()})
 
 
