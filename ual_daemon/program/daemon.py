@@ -175,7 +175,8 @@ class Daemon:
         gc.enable()
         trimming = asyncio.create_task(heap.keep_trimmed())
         trimming.add_done_callback(_log_failure)
-        upkeep = Upkeep([file.keep for uav in self._uavs for file in uav.vehicle.kept_files])
+        kept = [file.keep for uav in self._uavs for file in uav.vehicle.kept_files]
+        upkeep = Upkeep([*(uav.namespace.keep for uav in self._uavs), *kept])
         upkeep.start()
         try:
             for each in served:

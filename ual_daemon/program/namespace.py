@@ -3,13 +3,21 @@
 All users of the computer share the directory (`ual.discovery.runtime_dir`), like ``/tmp``: everyone may add files, and
 only their owner may change or remove them. For safety no link in it is followed, and nothing is written to a file that
 another user may have put there.
+
+Files may be removed (a cleaner of ``/tmp``): so a namespace is held by the name of a socket, too, where the system has
+names that are no files (Linux). `Namespace.keep` writes the files again.
 """
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import hashlib
+import logging
 import os
+import socket
 import stat
+import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +26,11 @@ from typing_extensions import Self
 
 from ual import discovery
 from ual.discovery import Registration
+from ual.shared import output_file
+from ual.shared.pauses import GrowingPauses
+from ual_daemon import logs
+
+_log = logging.getLogger(__name__)
 
 _STICKY_FOR_ALL = 0o1777
 _READABLE = 0o644
@@ -41,7 +54,11 @@ class Namespace:
 
     def __init__(self, ns: str) -> None:
         self._ns = ns
-        self._is_registered = False
+        self._registration: Registration | None = None
+        self._registered: Path | None = None
+        self._written: tuple[int, int] | None = None  # device and inode
+        self._failure = ""
+        self._pauses = GrowingPauses()
         path = discovery.lock_file(ns)
         try:
             _make_directory(path.parent)
@@ -52,11 +69,14 @@ class Namespace:
             holder = _holder(ns, self._lock)
             os.close(self._lock)
             raise NamespaceError(f"{ns} is already flown by {holder}: stop that daemon, or choose another --ns")
+        try:
+            self._name = _take_name(path)
+        except NamespaceError:
+            os.close(self._lock)
+            raise
         with suppress(OSError):  # the registration of a killed daemon must not be taken for this one's
             discovery.registry_file(ns).unlink()
-        with suppress(OSError):  # another user's file can be locked, but not written
-            os.truncate(self._lock, 0)
-            os.pwrite(self._lock, f"{os.getpid()}\n".encode(), 0)
+        _write_pid(self._lock)
 
     def __enter__(self) -> Self:
         return self
@@ -70,17 +90,99 @@ class Namespace:
         Raises:
             NamespaceError: The registration cannot be written.
         """
+        self._registration = Registration(self._ns, os.getpid(), address, backend, time.time())
         try:
-            Registration(self._ns, os.getpid(), address, backend, time.time()).write()
+            self._write()
         except OSError as error:
-            raise NamespaceError(f"cannot write {discovery.registry_file(self._ns)}: {error.strerror}") from None
-        self._is_registered = True
+            raise NamespaceError(f"cannot write {error.filename}: {error.strerror}") from None
+
+    def keep(self, now_s: float) -> None:
+        """Locks and writes again what is gone, with growing pauses. To be called about each second."""
+        if not self._pauses.is_due(now_s):
+            return
+        before = self._failure
+        try:
+            has_changed = self._keep()
+        except (OSError, NamespaceError) as error:
+            self._failure = str(error)
+            self._pauses.failed(now_s)
+            if not before:
+                logs.event(_log, logging.ERROR, "registration_lost", ns=self._ns, why=self._failure)
+            return
+        self._failure = ""
+        if has_changed:
+            logs.event(_log, logging.WARNING, "registered_again", ns=self._ns, file=self._registered)
+
+    def _keep(self) -> bool:
+        has_changed = False
+        path = discovery.lock_file(self._ns)
+        if output_file.loss_of(path, self._lock):
+            _make_directory(path.parent)
+            lock = _open_lock(path)
+            if not _take(lock):
+                holder = _holder(self._ns, lock)
+                os.close(lock)
+                raise NamespaceError(f"{path} was removed, and {holder} has the new one")
+            os.close(self._lock)
+            self._lock, has_changed = lock, True
+            _write_pid(lock)
+        if self._registered is not None and _identity(self._registered) != self._written:
+            self._write()
+            has_changed = True
+        return has_changed
+
+    def _write(self) -> None:
+        assert self._registration is not None
+        self._registered = self._registration.write()
+        self._written = _identity(self._registered)
 
     def release(self) -> None:
         """Frees the namespace. Keeps the lock file: if it were removed, two daemons could lock two different files."""
-        if self._is_registered:
-            discovery.registry_file(self._ns).unlink(missing_ok=True)
+        if self._registered is not None:
+            with suppress(OSError):  # it is ignored from here on
+                self._registered.unlink()
         os.close(self._lock)
+        if self._name is not None:
+            self._name.close()
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    with suppress(OSError):
+        found = path.lstat()
+        return found.st_dev, found.st_ino
+    return None
+
+
+def _write_pid(lock: int) -> None:
+    with suppress(OSError):  # another user's file can be locked, but not written
+        os.truncate(lock, 0)
+        os.pwrite(lock, f"{os.getpid()}\n".encode(), 0)
+
+
+def _take_name(path: Path) -> socket.socket | None:
+    """Takes the name of a socket that stands for a lock file, also while that is gone; None where there is none.
+
+    The name holds the directory that the directory is in: two containers in one network may have a ``/tmp`` each.
+    """
+    if sys.platform != "linux":
+        return None
+    around = path.parent.parent.stat()
+    text = f"{around.st_dev} {around.st_ino} {path.parent.name}/{path.name}"
+    taken = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        taken.bind(f"\0ual/{hashlib.sha256(text.encode()).hexdigest()}")
+    except OSError as error:
+        taken.close()
+        if error.errno != errno.EADDRINUSE:
+            return None  # a system may forbid such names: the file holds it
+        ns, registration = path.stem, discovery.registered(path.stem)
+        where = (
+            f" at {registration.address}" if registration is not None else f", whose files in {path.parent} are gone"
+        )
+        raise NamespaceError(
+            f"{ns} is already flown by a daemon{where}: stop that daemon, or choose another --ns"
+        ) from None
+    return taken
 
 
 def _make_directory(directory: Path) -> None:

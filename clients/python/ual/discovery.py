@@ -93,19 +93,31 @@ class Registration:
     backend: str
     started_s: float
 
-    def write(self) -> None:
+    def write(self) -> Path:
         """Registers the daemon. A reader sees the old file or the new one, never a part of one.
+
+        Returns:
+            The file: one that also names the user, where another user's file has the name of the namespace.
 
         Raises:
             OSError: The file cannot be written.
         """
-        whole_file.replace(registry_file(self.ns), json.dumps(asdict(self)) + "\n", whole_file.READABLE)
+        text = json.dumps(asdict(self)) + "\n"
+        for file in (registry_file(self.ns), _file_of_user(self.ns, os.getuid())):
+            try:
+                whole_file.replace(file, text, whole_file.READABLE)
+            except PermissionError as error:  # a daemon of another user was killed: only that user may remove its file
+                refusal = error
+            else:
+                return file
+        raise refusal
 
     @classmethod
     def read(cls, file: Path) -> Registration | None:
         """Reads a file. Returns None if there is no file or it is not a registration."""
         try:
-            values = json.loads(_read_small(file))
+            text, user = _read_small(file)
+            values = json.loads(text)
             found = cls(
                 ns=str(values["ns"]),
                 pid=int(values["pid"]),
@@ -115,16 +127,18 @@ class Registration:
             )
         except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
             return None
-        # The file's name must be that of the namespace, and all text must be safe to print.
-        is_valid = found.ns == file.stem and (found.ns + found.address + found.backend).isprintable()
+        # The file's name must be that of the namespace, or of its owner; all text must be safe to print.
+        is_named = file in (registry_file(found.ns), _file_of_user(found.ns, user))
+        is_valid = is_named and (found.ns + found.address + found.backend).isprintable()
         return found if is_valid else None
 
     def is_alive(self) -> bool:
         """Whether its daemon runs: judged by the lock, and by its pid only if the lock file cannot be opened."""
         is_locked = _is_locked(lock_file(self.ns))
-        return self._has_process() if is_locked is None else is_locked
+        return self.has_process() if is_locked is None else is_locked
 
-    def _has_process(self) -> bool:
+    def has_process(self) -> bool:
+        """Whether the process is there that it names."""
         if self.pid <= 0:
             return False
         if os.name == "nt":  # there `os.kill` would end it; a call will tell
@@ -139,17 +153,23 @@ class Registration:
         return True
 
 
-def _read_small(file: Path) -> bytes:
+def _file_of_user(ns: str, user: int) -> Path:
+    return runtime_dir() / f"{ns}.{user}.json"
+
+
+def _read_small(file: Path) -> tuple[bytes, int]:
+    """Returns the content of a file, and whose it is."""
     handle = os.open(file, _UNTRUSTED)
     try:
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode):
             raise ValueError("not a regular file")
         text = os.read(handle, _LONGEST_FILE + 1)
     finally:
         os.close(handle)
     if len(text) > _LONGEST_FILE:
         raise ValueError("longer than any registration")
-    return text
+    return text, found.st_uid
 
 
 def _is_locked(file: Path) -> bool | None:
@@ -181,13 +201,17 @@ def _is_locked(file: Path) -> bool | None:
 def list_daemons() -> list[Registration]:
     """Returns the daemons that run on this computer, sorted by name and number."""
     found = (Registration.read(file) for file in runtime_dir().glob("*.json"))
-    return sorted((each for each in found if each is not None and each.is_alive()), key=_by_name)
+    names = {each.ns for each in found if each is not None}
+    return sorted((each for each in map(registered, names) if each is not None), key=_by_name)
 
 
 def registered(ns: str) -> Registration | None:
     """Returns the daemon of a namespace, if one runs on this computer."""
-    registration = Registration.read(registry_file(ns))
-    return registration if registration is not None and registration.is_alive() else None
+    files = (registry_file(ns), *sorted(runtime_dir().glob(f"{ns}.*.json")))
+    found = [each for each in map(Registration.read, files) if each is not None and each.ns == ns]
+    if len(found) > 1:  # one was left by a killed daemon of another user
+        found.sort(key=lambda each: not each.has_process())
+    return found[0] if found and found[0].is_alive() else None
 
 
 def only() -> Registration | None:

@@ -3,9 +3,11 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -31,10 +33,10 @@ def runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def hold(*registration: str) -> subprocess.Popen[str]:
+def hold(*registration: str, program: str = HOLD) -> subprocess.Popen[str]:
     """Another process that holds uav_1."""
     process = subprocess.Popen(
-        [sys.executable, "-c", HOLD, *registration], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", program, *registration], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "held\n"
@@ -178,3 +180,38 @@ def test_a_directory_that_cannot_be_made_is_one_line(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, "/proc/ual")
     with pytest.raises(NamespaceError, match=r"cannot open /proc/ual/uav_1\.lock: No such file"):
         Namespace("uav_1")
+
+
+def test_a_directory_that_was_removed_holds_the_namespace_and_is_written_again(runtime_dir: Path) -> None:
+    with Namespace("uav_1") as namespace:
+        namespace.register("127.0.0.1:50051", "light")
+        shutil.rmtree(runtime_dir)
+        with pytest.raises(NamespaceError, match="uav_1 is already flown by a daemon, whose files"):
+            Namespace("uav_1")
+        namespace.keep(0.0)
+        found = discovery.registered("uav_1")
+        assert found is not None
+        assert found.address == "127.0.0.1:50051"
+        with pytest.raises(NamespaceError, match=r"flown by pid \d+ at 127\.0\.0\.1:50051"):
+            Namespace("uav_1")
+    assert discovery.registered("uav_1") is None
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs files of two users")
+def test_what_a_killed_daemon_of_another_user_left_is_passed_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    as_other = HOLD.replace("import sys\n", "import os, sys\n").replace(
+        "namespace = ", "os.setuid(12345)\nnamespace = "
+    )
+    with tempfile.TemporaryDirectory() as folder:  # pytest's own is closed to other users
+        Path(folder).chmod(0o755)
+        monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, f"{folder}/ual")
+        end(hold("127.0.0.1:50051", "light"))
+        other = hold("127.0.0.1:50052", "light", program=as_other)
+        try:
+            found = discovery.registered("uav_1")
+            assert found is not None
+            assert (found.pid, found.address) == (other.pid, "127.0.0.1:50052")
+            assert [each.address for each in discovery.list_daemons()] == ["127.0.0.1:50052"]
+        finally:
+            end(other)
+        assert discovery.registered("uav_1") is None
