@@ -42,7 +42,7 @@ SETPOINTS = {
 SAMPLES = {
     "light": 422,
     "mavlink-px4": 1022,
-    "mavlink-ardupilot": 854,
+    "mavlink-ardupilot": 890,
     "mavros": 1198,
     "crazyflie": 560,
     "airsim": 700,
