@@ -24,6 +24,7 @@ from pathlib import Path
 from click.testing import CliRunner
 from typing_extensions import override
 
+from tests.waiting import until
 from ual import discovery
 from ual.access import audit
 from ual.discovery import Registration
@@ -52,7 +53,6 @@ from ual_tools.main import cli
 from ual_tools.recording import tables, tracks
 
 FULL, READ_ONLY, REMOVED, MOVED, NO_DESCRIPTOR = FAULTS = ("full", "read-only", "removed", "moved", "no descriptor")
-_LIMIT_S = 20.0
 _PAGES = "x" * 10000
 """More than what the last page of a file still takes on a full disk."""
 _TOPIC = Topic("/uav_1/numbers", JSON)
@@ -237,7 +237,7 @@ class Recorded(Written):
         self._began = self._count
         for _ in range(20):
             self._put()
-            time.sleep(0.02)
+            time.sleep(0.02)  # entries come during the whole fault
         if fault == FULL:
             assert self._recorder.trouble, "does not say that it stands still"
 
@@ -405,14 +405,6 @@ WHOLE: dict[str, Callable[[Path, int], object]] = {
     "registration": _registered,
     "toc": _saved_toc,
 }
-
-
-def until(holds: Callable[[], bool], what: str) -> None:
-    """Waits until a condition holds."""
-    end_s = time.monotonic() + _LIMIT_S
-    while not holds():
-        assert time.monotonic() < end_s, f"never: {what}"
-        time.sleep(0.01)
 
 
 def run(fault: str, mount: Path) -> dict[str, str]:

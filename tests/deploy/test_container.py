@@ -141,7 +141,7 @@ def test_an_answer_has_a_limit_however_often_the_daemon_says_something(monkeypat
             with server.accept()[0] as connection, suppress(ConnectionError):
                 while True:
                     connection.sendall(probe.frame(probe.PING, probe.ACKNOWLEDGED, 0, bytes(8)))
-                    time.sleep(0.02)
+                    time.sleep(0.02)  # the rate of a server that drips
 
         with ThreadPoolExecutor(1) as pool:
             pool.submit(say_nothing_new)

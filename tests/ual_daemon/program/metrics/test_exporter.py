@@ -213,7 +213,7 @@ def test_without_file_descriptors_it_says_so_once_and_waits(
             asking.connect(place_of(address))
             until(lambda: "connections_fail" in caplog.text, "the line")
             before_s = used_s(thread)
-            time.sleep(0.5)
+            time.sleep(0.5)  # in which it would spin
             assert used_s(thread) - before_s < 0.03
         until(lambda: "connections_recovered server=metrics" in caplog.text, "the connection")
     assert scraped(address)("ual_up") == 1.0

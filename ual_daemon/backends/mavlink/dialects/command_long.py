@@ -102,9 +102,13 @@ A rate that is no multiple of usual ones sees each phase of that.
 """
 
 
-def target_stream() -> LongCommand:
+SPARE_TARGET_HZ = 4.0
+"""On a link that carries no more: the pose goes first."""
+
+
+def target_stream(rate_hz: float = TARGET_HZ) -> LongCommand:
     """Requests the target that is flown."""
-    return set_message_interval(mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, TARGET_HZ)
+    return set_message_interval(mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, rate_hz)
 
 
 def slow_streams() -> list[LongCommand]:

@@ -27,6 +27,7 @@ from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.dialects.axes import ned_to_enu
 from ual_daemon.backends.mavlink.dialects.command_long import (
     LEAST_RATE_HZ,
+    SPARE_TARGET_HZ,
     CommandLong,
     LongCommand,
     default_interval,
@@ -34,6 +35,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
     set_message_interval,
     slow_streams,
     slower,
+    target_stream,
 )
 from ual_daemon.backends.mavlink.dialects.data_streams import request_group
 from ual_daemon.backends.mavlink.dialects.detection import Kind, dialect_of, kind_of
@@ -593,6 +595,9 @@ class Session:
         if not self._fit.level or not streams:
             return streams
         usual = {round(each.request.params[0]): each for each in (*slow_streams(), *streams)}
+        target = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED
+        if target in usual:
+            usual[target] = target_stream(SPARE_TARGET_HZ)
         return [slower(each, self._fit.share) for each in usual.values()]
 
     @property
