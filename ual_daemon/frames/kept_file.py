@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from ual.shared import whole_file
+from ual.shared import output_file, whole_file
 from ual.shared.pauses import GrowingPauses
 from ual_daemon import logs
 from ual_daemon.frames import small_file
@@ -67,18 +67,13 @@ class KeptFile:
     def keep(self, now_s: float) -> None:
         """Writes again what is not on the disk, with growing pauses. To be called about each second."""
         with self._lock:
-            if self._wanted is None or not self._pauses.is_due(now_s) or (not self._failure and self._is_there()):
+            if self._wanted is None or not self._pauses.is_due(now_s):
+                return
+            if not self._failure and output_file.identity_of(self.path) == self._written:
                 return
             self._write()
             if self._failure:
                 self._pauses.failed(now_s)
-
-    def _is_there(self) -> bool:
-        try:
-            found = self.path.lstat()
-        except OSError:
-            return False
-        return (found.st_dev, found.st_ino) == self._written
 
     def _write(self) -> None:
         assert self._wanted is not None

@@ -126,7 +126,7 @@ class Namespace:
             os.close(self._lock)
             self._lock, has_changed = lock, True
             _write_pid(lock)
-        if self._registered is not None and _identity(self._registered) != self._written:
+        if self._registered is not None and output_file.identity_of(self._registered) != self._written:
             self._write()
             has_changed = True
         return has_changed
@@ -134,7 +134,7 @@ class Namespace:
     def _write(self) -> None:
         assert self._registration is not None
         self._registered = self._registration.write()
-        self._written = _identity(self._registered)
+        self._written = output_file.identity_of(self._registered)
 
     def release(self) -> None:
         """Frees the namespace. Keeps the lock file: if it were removed, two daemons could lock two different files."""
@@ -144,13 +144,6 @@ class Namespace:
         os.close(self._lock)
         if self._name is not None:
             self._name.close()
-
-
-def _identity(path: Path) -> tuple[int, int] | None:
-    with suppress(OSError):
-        found = path.lstat()
-        return found.st_dev, found.st_ino
-    return None
 
 
 def _write_pid(lock: int) -> None:

@@ -8,6 +8,15 @@ from pathlib import Path
 _ROOT = 0
 
 
+def identity_of(path: Path) -> tuple[int, int] | None:
+    """Returns the device and the inode of what is at a path; None where nothing can be found."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
 def loss_of(path: Path, file: int) -> str:
     """Returns what has become of an open file that was at a path, human-readable; empty if it is there."""
     own = os.fstat(file)
