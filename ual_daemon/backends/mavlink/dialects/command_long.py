@@ -12,6 +12,9 @@ from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, message_
 _PARAMS_COUNT = 7
 LEAST_RATE_HZ = 4.0
 """No stream that is used is requested more slowly: a landed state counts for 1.5 s (`Freshness`), and some are lost."""
+TARGET_HZ = 37.0
+"""Rate of the target. A setpoint of another program lasts 10 ms of 50, until the next one of ours. A rate that is no
+multiple of usual ones sees each phase of that."""
 AGAIN = Repeat(every_s=0.25, most=20)
 """An unanswered command is sent again after this: an autopilot answers within 15 ms, over a bad radio within 200. It is
 sent so often within `COMMAND_PATIENCE_S` of `ual_daemon.flight`. On a link that loses 30 % each way and damages 10 % of
@@ -94,16 +97,6 @@ def pose_streams(rate_hz: float) -> list[LongCommand]:
         set_message_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, rate_hz),
         set_message_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, rate_hz),
     ]
-
-
-TARGET_HZ = 37.0
-"""How often the target is told. A setpoint of another program lasts 10 ms of 50, until the next one of ours.
-A rate that is no multiple of usual ones sees each phase of that.
-"""
-
-
-SPARE_TARGET_HZ = 4.0
-"""On a link that carries no more: the pose goes first."""
 
 
 def target_stream(rate_hz: float = TARGET_HZ) -> LongCommand:

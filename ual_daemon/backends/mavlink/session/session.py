@@ -27,7 +27,6 @@ from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.dialects.axes import ned_to_enu
 from ual_daemon.backends.mavlink.dialects.command_long import (
     LEAST_RATE_HZ,
-    SPARE_TARGET_HZ,
     CommandLong,
     LongCommand,
     default_interval,
@@ -597,7 +596,7 @@ class Session:
         usual = {round(each.request.params[0]): each for each in (*slow_streams(), *streams)}
         target = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED
         if target in usual:
-            usual[target] = target_stream(SPARE_TARGET_HZ)
+            usual[target] = target_stream(LEAST_RATE_HZ)  # the pose goes first
         return [slower(each, self._fit.share) for each in usual.values()]
 
     @property
