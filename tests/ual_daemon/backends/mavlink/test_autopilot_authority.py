@@ -209,7 +209,8 @@ def test_a_landing_by_hand_that_nobody_heard_leaves_the_ground_to_the_pilot(flig
         flight.uav.take_off(HEIGHT_M)
 
 
-def test_a_climb_that_the_pilot_ended_while_nobody_heard_leaves_the_ground_to_the_pilot(flight: Flight) -> None:
+def climb_unheard(flight: Flight) -> None:
+    """A take-off of UAL is under way, 1.5 s after the link fell silent."""
     flight.wait_for_state(State.LANDED_DISARMED)
     assert flight.autopilot.pilot_arm()
     flight.wait_for_state(State.LANDED_ARMED)
@@ -217,6 +218,10 @@ def test_a_climb_that_the_pilot_ended_while_nobody_heard_leaves_the_ground_to_th
     flight.wait_for(lambda: -flight.autopilot.position[2] > 1.0, "climbing")
     flight.link.down = flight.link.up = SILENT
     flight.let_pass(1.5)
+
+
+def test_a_climb_that_the_pilot_ended_while_nobody_heard_leaves_the_ground_to_the_pilot(flight: Flight) -> None:
+    climb_unheard(flight)
     land_by_hand(flight)
     flight.link.down = flight.link.up = GOOD
     flight.wait_for_state(State.LANDED_ARMED)
@@ -228,13 +233,7 @@ def test_a_climb_of_ual_that_goes_on_after_a_silence_was_taken_by_nobody() -> No
     """ArduCopter's own take-off went on without UAL, and "others took it" was told at its end."""
     flight = Flight("ardupilot")
     try:
-        flight.wait_for_state(State.LANDED_DISARMED)
-        assert flight.autopilot.pilot_arm()
-        flight.wait_for_state(State.LANDED_ARMED)
-        flight.uav.take_off(8.0, blocking=False)
-        flight.wait_for(lambda: -flight.autopilot.position[2] > 1.0, "climbing")
-        flight.link.down = flight.link.up = SILENT
-        flight.let_pass(1.5)
+        climb_unheard(flight)
         flight.link.down = flight.link.up = GOOD
         flight.wait_for_state(State.FLYING_AUTO)
         reason = flight.uav.telemetry().state_reason
