@@ -1,4 +1,4 @@
-"""What follows from the contract is derived from it, and what its options say holds together."""
+"""Generated sources are those of the contract, and its options agree with each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What counts as a handwritten line of the product."""
+"""Handwritten lines of the product, as `tools/lines.py` counts them."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ STILL_S = 13.0
 """A task ends that has made no way for 10 s; it may take a while to begin, and to notice."""
 STILL_M = 0.5
 ASIDE_M = {"px4": 0.4, "ardupilot": 0.3}
-"""So far PX4 moves where it holds its position."""
+"""Metres beside its line, in which an autopilot that holds its position still moves."""
 LONG_S = 3.0
 """A velocity that is flown for so long out of a held position is judged."""
 _HELD_M_S = 0.3

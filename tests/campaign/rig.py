@@ -209,7 +209,7 @@ class Rig:
         return places, tuple(value for each in geo for value in each)
 
     def _note_upload(self, outcome: str, places: list[Place]) -> None:
-        """What is refused leaves the mission before; of one that broke off nobody knows which is there."""
+        """A refused upload leaves the mission before it. After one that broke off the mission is not known."""
         if outcome not in REFUSED - _BROKEN_OFF:
             self._places = [] if outcome else places
 

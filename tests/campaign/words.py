@@ -24,7 +24,7 @@ _OTHERS = {
     "ground station": _STATION,
     _UNKNOWN: ("pilot", "stop", *_STATION),
 }
-"""Who else is named, and the faults and orders in which they act; a flight that is not UAL's is theirs anyhow."""
+"""Other holders that are named, and the faults and orders in which they act. A flight that is not UAL's is theirs."""
 _NAMES = (*_CAUSES, "safety pilot", "ground station", "position failsafe", "failsafe")
 _FAILSAFES = ("battery", "rc_loss", "fence", "wide_fence", "ekf")
 _HIDING = ("loss", "delay", "corruption", "silence", "cut", "busy", "kill_daemon", "reboot")

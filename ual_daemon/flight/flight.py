@@ -203,7 +203,7 @@ class Flight:
 
     @property
     def holder(self) -> Cause | None:
-        """Who holds the control, where the autopilot's data do not tell; None where they do, and where nobody does."""
+        """The holder of the control, where the autopilot's data do not tell; None where they do, or nobody holds it."""
         return self.authority.holder
 
     @property

@@ -27,6 +27,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _VELOCITY_PERIOD_S = 0.05
 _TOLD_S, _LOOK_S = 1.0, 0.02
+"""Patience for the sample after a new home, and the pause between two looks."""
 _SAME_HEIGHT_M = 0.5
 """An estimate of the ground wanders by as much."""
 _GOES_ON = "goes on if it has begun: only the safety pilot can abort it"

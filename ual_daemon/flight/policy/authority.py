@@ -42,7 +42,7 @@ class Authority:
         self.given_up = ""
         """Why UAL has given the flight up by itself, human-readable; empty if it has not."""
         self.taken = ""
-        """Who took the UAV from UAL in this flight, or that UAL left it, human-readable; empty if neither."""
+        """The taker of the UAV in this flight, or that UAL left it, human-readable; empty if neither."""
         self.holder: Cause | None = None
         """Who holds the control in the mode to which UAL led, where the autopilot's data do not tell. An attribute, as
         each sample looks.

@@ -1,1 +1,1 @@
-"""What the contract says of its methods, for all three distributions. It is no interface for programs."""
+"""The facts of the contract's methods, for all three distributions. It is no interface for programs."""

@@ -1,4 +1,4 @@
-"""What the contract says of a method: the options of ``ual/v1/options.proto``."""
+"""The facts of a method of the contract: the options of ``ual/v1/options.proto``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ QUICK_S = 10.0
 
 
 class Moves(Enum):
-    """What a method moves; see ``options.proto``."""
+    """A kind of motion that a method starts or continues; see ``options.proto``."""
 
     NOTHING = 0
     FLIGHT = 1

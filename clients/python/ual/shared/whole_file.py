@@ -21,7 +21,7 @@ _UMASKED = 0o666
 _LONGEST_NAME = 60
 """In characters: with its ending, the name beside the file must not be longer than a file system takes."""
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
-"""What file systems without hard links say (FAT)."""
+"""Errors of file systems without hard links (FAT)."""
 
 
 def write(path: Path, data: bytes | str, mode: int | None = None, *, is_durable: bool = True) -> None:

@@ -46,7 +46,7 @@ class Command:
 
     @property
     def facts(self) -> Method:
-        """What the contract says of it."""
+        """The facts of the method, from the contract."""
         words = self.name.rpartition("/")[2].split("_")
         return METHODS[self.method or "".join(each.capitalize() for each in words)]
 
