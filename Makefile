@@ -50,7 +50,7 @@ lock: | $(VENV)/.made  ## Renews constraints.txt: the versions that `make` insta
 		--no-emit-package ual-daemon --output-file $(LOCK) pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml \
 		benchmarks/requirements.txt
 
-dist: | $(VENV)/.made  ## The wheels of all three distributions into dist: docs/installation.md
+dist: | $(VENV)/.made  ## The wheels of all three distributions into dist: docs/how-to/installation.md
 	rm -rf dist
 	$(BIN)/python -m pip wheel --disable-pip-version-check --quiet --no-deps --wheel-dir dist $(CLIENT) $(TOOLS) .
 	@ls dist/*.whl

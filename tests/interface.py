@@ -24,9 +24,9 @@ INTERNAL = (
     *("ual.v1", "ual.wire", "ual.shared", "ual.access", "ual.recording", "ual.discovery", "ual.contract"),
     "ual.conformance.",  # its modules: the package is public
 )
-"""Rooms that the three distributions share, which are no interface for programs (docs/architecture.md)."""
+"""Rooms that the three distributions share, which are no interface for programs (docs/concepts/architecture.md)."""
 REMEDY = (
-    "Programs that are installed would fail. Undo it. What cannot stay is deprecated first (docs/compatibility.md); "
+    "Installed programs would fail. Undo it. What cannot stay is deprecated first (docs/reference/compatibility.md); "
     f"once it may go, delete its line in {RECORD.name}."
 )
 

@@ -115,7 +115,7 @@ def broken_links(page: Page) -> list[str]:
 
 def missing_paths(page: Page) -> list[str]:
     """Paths from the root, and names of our source files, that do not exist."""
-    paths = {path for path in _PATH.findall(page.text) if not _exists(path)}
+    paths = {path for path in _PATH.findall(_LINK.sub("", page.text)) if not _exists(path)}
     names = {span for span in page.spans if _FILE.fullmatch(span) and not _is_file_called(span)}
     return sorted(paths | names)
 

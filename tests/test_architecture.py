@@ -1,4 +1,4 @@
-"""docs/architecture.md answers a newcomer's questions: each by one path, which exists."""
+"""docs/concepts/architecture.md answers a newcomer's questions: each by one path, which exists."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "concepts" / "architecture.md").read_text(encoding="utf-8")
 
 
 def answers() -> dict[str, list[str]]:

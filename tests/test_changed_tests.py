@@ -32,7 +32,7 @@ def test_a_changed_test_is_run_itself(graph: grimp.ImportGraph) -> None:
 
 
 def test_a_file_is_seen_by_the_tests_that_name_it_or_all_of_its_kind(graph: grimp.ImportGraph) -> None:
-    assert "tests/test_docs.py" in seen_by(graph, ["docs/missions.md"], 2)
+    assert "tests/test_docs.py" in seen_by(graph, ["docs/how-to/missions.md"], 2)
     assert seen_by(graph, ["proto/" + "no_such" + ".unheard"], 2) == []
 
 

@@ -73,7 +73,7 @@ def test_links_names_and_commands_of_a_page_exist(path: Path) -> None:
 
 def test_the_pages_are_found() -> None:
     found = {path.relative_to(ROOT).as_posix() for path in pages()}
-    assert {"README.md", "docs/cli.md", "clients/go/README.md", "deploy/gateway/README.md"} <= found
+    assert {"README.md", "docs/reference/cli.md", "clients/go/README.md", "deploy/gateway/README.md"} <= found
     assert not any(name.startswith((".venv", "build")) or "node_modules" in name for name in found)
 
 
@@ -118,7 +118,7 @@ RIGHT = """# A heading, with `code`
 
 
 def test_what_is_right_is_not_called_a_mistake() -> None:
-    page = Page(DOCS / "right.md", RIGHT)
+    page = Page(DOCS / "reference" / "right.md", RIGHT)
     assert [check(page) for check in CHECKS] == [[]] * len(CHECKS)
 
 
@@ -132,7 +132,7 @@ def first_cells(page: Page) -> list[str]:
 
 
 def test_the_table_of_commands_is_complete() -> None:
-    table = read(DOCS / "cli.md")
+    table = read(DOCS / "reference" / "cli.md")
     listed = [code for code in first_cells(table) if code.split()[0] in cli.commands]
     assert {code.split()[0] for code in listed} == set(cli.commands)
     assert [
@@ -146,7 +146,11 @@ def test_the_table_of_faults_is_complete() -> None:
         assert isinstance(group, click.Group)
         group = group.commands[name]
     assert isinstance(group, click.Group)
-    listed = [code for code in first_cells(read(DOCS / "backends" / "light.md")) if code.split()[0] in group.commands]
+    listed = [
+        code
+        for code in first_cells(read(DOCS / "reference" / "backends" / "light.md"))
+        if code.split()[0] in group.commands
+    ]
     assert {code.split()[0] for code in listed} == set(group.commands)
     assert [why for code in listed if (why := why_wrong(f"ual sim fault begin {code}"))] == []
 
@@ -156,7 +160,7 @@ def typed(call: str) -> Result:
 
 
 def test_the_commands_of_the_light_backends_page_are_done_from_top_to_bottom(start_daemon: StartDaemon) -> None:
-    page = read(DOCS / "backends" / "light.md")
+    page = read(DOCS / "reference" / "backends" / "light.md")
     calls = [call for call, is_block in commands(page) if is_block and call.startswith("ual ")]
     assert len(calls) >= 20
     start_daemon("--set", "light.speed_factor=10").wait_for("state", new="LANDED_DISARMED")
@@ -166,7 +170,7 @@ def test_the_commands_of_the_light_backends_page_are_done_from_top_to_bottom(sta
 
 
 def test_the_answers_that_the_page_of_the_command_shows_are_what_comes(daemon: DaemonProcess) -> None:
-    answers = shown_answers(read(DOCS / "cli.md"))
+    answers = shown_answers(read(DOCS / "reference" / "cli.md"))
     assert len(answers) >= 4
     daemon.wait_for("state", new="LANDED_ARMED")
     assert typed("ual takeoff 3").exit_code == 0
@@ -237,7 +241,7 @@ def test_a_configuration_that_the_daemon_refuses_is_found() -> None:
 
 
 def test_the_daemon_accepts_the_file_that_the_page_shows(tmp_path: Path) -> None:
-    [text] = blocks(DOCS / "configuration.md", "yaml")
+    [text] = blocks(DOCS / "reference" / "configuration.md", "yaml")
     file = tmp_path / "uav.yaml"
     for name, ours in (("uav_2.pem", "certificate.pem"), ("uav_2.key", "key.pem")):
         assert f"/etc/ual/{name}" in text
@@ -257,26 +261,28 @@ def blocks(page: Path, language: str) -> list[str]:
 
 def test_the_excerpts_of_write_a_backend_are_the_example() -> None:
     code = "".join((HOVER / "ual_hover" / f"{name}.py").read_text(encoding="utf-8") for name in ("backend", "session"))
-    *excerpts, program = blocks(DOCS / "write-a-backend.md", "python")
+    *excerpts, program = blocks(DOCS / "how-to" / "write-a-backend.md", "python")
     assert len(excerpts) >= 5
     for excerpt in excerpts:
         assert excerpt in code
     assert "conformance.run" in program  # tests/examples runs it
-    [entry_point] = blocks(DOCS / "write-a-backend.md", "toml")
+    [entry_point] = blocks(DOCS / "how-to" / "write-a-backend.md", "toml")
     assert entry_point in (HOVER / "pyproject.toml").read_text(encoding="utf-8")
 
 
 def test_the_excerpts_of_write_an_extension_are_the_example() -> None:
     code = "".join((ARM / "ual_arm" / f"{name}.py").read_text(encoding="utf-8") for name in ("extension", "client"))
-    excerpts = blocks(DOCS / "write-an-extension.md", "python")
+    excerpts = blocks(DOCS / "how-to" / "write-an-extension.md", "python")
     assert len(excerpts) >= 4
     for excerpt in excerpts:
         assert excerpt in code
-    [entry_point] = blocks(DOCS / "write-an-extension.md", "toml")
+    [entry_point] = blocks(DOCS / "how-to" / "write-an-extension.md", "toml")
     assert entry_point in (ARM / "pyproject.toml").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("program", blocks(DOCS / "backends" / "light.md", "python"), ids=["stepped", "several"])
+@pytest.mark.parametrize(
+    "program", blocks(DOCS / "reference" / "backends" / "light.md", "python"), ids=["stepped", "several"]
+)
 def test_the_programs_of_the_light_backends_page_run(program: str) -> None:
     done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, timeout=100.0)
     assert done.returncode == 0, done.stderr
@@ -287,7 +293,7 @@ def run(program: str, **names: object) -> None:
 
 
 def test_the_programs_of_the_python_clients_page_run(daemon: DaemonProcess) -> None:
-    programs = blocks(DOCS / "clients" / "python.md", "python")
+    programs = blocks(DOCS / "reference" / "clients" / "python.md", "python")
     whole = [program for program in programs if "import ual" in program and "ual.Team" not in program]
     in_process = [program for program in programs if "import UAL" in program]
     parts = [program for program in programs if "import ual" not in program and program not in in_process]
@@ -311,7 +317,7 @@ def test_the_team_of_the_python_clients_page_flies(start_daemon: StartDaemon) ->
     fleet = start_daemon("--fleet", "2", "--auto-arm", "--set", "light.speed_factor=10")
     for name in ("uav_1", "uav_2"):
         fleet.wait_for("state", ns=name, new="LANDED_ARMED")
-    (program,) = (each for each in blocks(DOCS / "clients" / "python.md", "python") if "ual.Team" in each)
+    (program,) = (each for each in blocks(DOCS / "reference" / "clients" / "python.md", "python") if "ual.Team" in each)
     run(program)
 
 
@@ -319,13 +325,13 @@ def test_the_team_of_the_python_clients_page_flies(start_daemon: StartDaemon) ->
 
 
 def test_the_settings_of_the_light_backend_are_all_listed_with_their_defaults() -> None:
-    page = (DOCS / "backends" / "light.md").read_text(encoding="utf-8")
+    page = (DOCS / "reference" / "backends" / "light.md").read_text(encoding="utf-8")
     listed = dict(re.findall(r"^\| `(\w+)` \| (.+?) \| ", page.split("## Settings")[1], re.MULTILINE))
     defaults = msgspec.to_builtins(LightSettings())
     assert listed.pop("cameras") == "one that looks down"
-    del defaults["cameras"]  # docs/cameras.md lists their settings
+    del defaults["cameras"]  # docs/how-to/cameras.md lists their settings
     assert listed.pop("gimbals") == "one without a camera"
-    del defaults["gimbals"]  # docs/gimbals.md lists their settings
+    del defaults["gimbals"]  # docs/how-to/gimbals.md lists their settings
     assert listed == {
         name: str(list(value) if isinstance(value, (list, tuple)) else value) for name, value in defaults.items()
     }
@@ -342,12 +348,12 @@ def test_every_key_of_the_configuration_is_listed() -> None:
         PayloadSettings,
     )
     keys = {field for section in sections for field in section.__struct_fields__}
-    words = {word for span in read(DOCS / "configuration.md").spans for word in span.split()}
+    words = {word for span in read(DOCS / "reference" / "configuration.md").spans for word in span.split()}
     assert keys - words == set()
 
 
 def test_every_error_is_listed_with_its_reason() -> None:
-    text = (DOCS / "errors.md").read_text(encoding="utf-8")
+    text = (DOCS / "reference" / "errors.md").read_text(encoding="utf-8")
     listed = {name: reason for reason, name in re.findall(r"^\| (\w+) \| `(\w+)`", text, re.MULTILINE)}
     raised = {
         name: kind for name, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, errors.UalError)
@@ -357,7 +363,7 @@ def test_every_error_is_listed_with_its_reason() -> None:
 
 def test_who_or_what_ends_a_task_is_listed() -> None:
     """Commands that replace a task are listed by three of them."""
-    text = (DOCS / "errors.md").read_text(encoding="utf-8").split("| `by` |")[1].split("\n\n")[0]
+    text = (DOCS / "reference" / "errors.md").read_text(encoding="utf-8").split("| `by` |")[1].split("\n\n")[0]
     listed = {
         name for cell in re.findall(r"^\| (`.+?) \|", text, re.MULTILINE) for name in re.findall(r"`(.+?)`", cell)
     }
@@ -368,7 +374,7 @@ def test_who_or_what_ends_a_task_is_listed() -> None:
 
 
 def test_every_event_of_the_log_that_is_listed_exists() -> None:
-    text = (DOCS / "daemon.md").read_text(encoding="utf-8").split("| event |")[1]
+    text = (DOCS / "reference" / "daemon.md").read_text(encoding="utf-8").split("| event |")[1]
     listed = [
         name for cell in re.findall(r"^\| (`.+?) \|", text, re.MULTILINE) for name in re.findall(r"`(\w+)`", cell)
     ]
@@ -386,7 +392,7 @@ def test_every_test_that_a_page_names_exists() -> None:
 
 
 def test_every_decision_is_listed_with_its_title() -> None:
-    folder = DOCS / "decisions"
+    folder = DOCS / "evidence" / "decisions"
     text = (folder / "README.md").read_text(encoding="utf-8")
     titles = {path.name: path.read_text(encoding="utf-8").splitlines()[0] for path in folder.glob("0*.md")}
     assert {name: f"# {title}" for title, name in re.findall(r"^- \[(.+)\]\((.+)\)$", text, re.MULTILINE)} == titles

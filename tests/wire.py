@@ -1,7 +1,7 @@
 """Recorded bytes of the contract's messages, in tests/data/wire: what installed programs send, and will understand.
 
 ``python -m tests.wire`` (``make wire``) adds records of what is not recorded yet and never changes one that is there.
-See docs/compatibility.md.
+See docs/reference/compatibility.md.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ SERVICES = (
 
 REMEDY = (
     "Programs that are installed would be misunderstood. Undo it: a field keeps its number, name and type for ever; "
-    "a new one takes a new number, and the number and name of one that is deleted are reserved (docs/compatibility.md)."
+    "a new one takes a new number, and those of one that is deleted are reserved (docs/reference/compatibility.md)."
 )
 
 _WELL_KNOWN: dict[str, str] = {

@@ -1,6 +1,6 @@
 """The settings of a UAV that do not depend on its backend: types, ranges and defaults. Names end in the unit.
 
-The same names are keys of the configuration file (see ``docs/configuration.md``).
+The same names are keys of the configuration file (see ``docs/reference/configuration.md``).
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class ToleranceSettings(Settings, frozen=True, kw_only=True):
     """When a UAV counts as arrived, once its reference is at the goal: its mean over `dwell_s` is within these values.
 
     The defaults are for a satellite receiver without corrections: in PX4's simulator the estimate of a UAV that hovers
-    wanders by 0.3 to 0.5 m and 0.4 m/s (docs/backends/mavlink.md).
+    wanders by 0.3 to 0.5 m and 0.4 m/s (docs/reference/backends/mavlink.md).
     """
 
     position_m: Positive = 0.5

@@ -39,7 +39,9 @@ def main() -> int:
         if name not in parts:
             continue
         if autopilot.missing:
-            print(f"*** {autopilot.name} IS NOT FLOWN: set {autopilot.missing} (docs/backends/mavlink.md) ***\n")
+            print(
+                f"*** {autopilot.name} IS NOT FLOWN: set {autopilot.missing} (docs/reference/backends/mavlink.md) ***\n"
+            )
             continue
         lines += fly_autopilot(autopilot, name, arguments.flights, arguments.output)
     print(target_table(lines))

@@ -15,7 +15,7 @@ from ual.geometry import Vector3
 from ual.types import Limits
 
 RAMP_S = 0.4
-"""The jerk limit is the acceleration limit over this time (docs/architecture.md: a multirotor tilts within 0.3 s)."""
+"""The jerk limit is the acceleration limit over this time (docs/concepts/architecture.md: it tilts within 0.3 s)."""
 
 
 def line_s(way: Vector3, limits: Limits) -> float:

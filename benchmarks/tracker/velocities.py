@@ -212,7 +212,9 @@ def main() -> int:
     for name in arguments.only or _AUTOPILOTS:
         autopilot = _AUTOPILOTS[name]
         if autopilot.missing:
-            print(f"*** {autopilot.name} IS NOT FLOWN: set {autopilot.missing} (docs/backends/mavlink.md) ***\n")
+            print(
+                f"*** {autopilot.name} IS NOT FLOWN: set {autopilot.missing} (docs/reference/backends/mavlink.md) ***\n"
+            )
             continue
         print(_table(autopilot.name, _fly(autopilot, arguments.case or tuple(CASES), arguments.runs, arguments.raw)))
     return 0

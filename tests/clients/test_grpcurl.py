@@ -1,4 +1,4 @@
-"""docs/clients/grpcurl.md, run as it stands: each command against a daemon, each answer as the page shows it."""
+"""docs/reference/clients/grpcurl.md, run as it stands: each command against a daemon, each answer as shown."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from tests.clients.toolchains import ROOT
 from tests.conftest import DaemonProcess
 
-PAGE = ROOT / "docs" / "clients" / "grpcurl.md"
+PAGE = ROOT / "docs" / "reference" / "clients" / "grpcurl.md"
 ADDRESS = "127.0.0.1:50051"
 SEARCH_PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), str(ROOT / "tools" / "bin")])
 
@@ -36,7 +36,9 @@ def is_as_shown(answer: str, shown: str) -> bool:
 
 def test_the_page_is_so(daemon: DaemonProcess) -> None:
     if shutil.which("grpcurl", path=SEARCH_PATH) is None:
-        pytest.skip("NO GRPCURL: docs/clients/grpcurl.md is not tested. Get it: make tools/bin/grpcurl (needs Go)")
+        pytest.skip(
+            "NO GRPCURL: docs/reference/clients/grpcurl.md is not tested. Get it: make tools/bin/grpcurl (needs Go)"
+        )
     commands = commands_of_the_page()
     called = " ".join(command for command, _ in commands)
     assert all(each in called for each in (" list", " describe", "/TakeOff", "/RecoverFromManual", "/Land"))

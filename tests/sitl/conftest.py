@@ -1,4 +1,4 @@
-"""A real PX4 and a real ArduCopter that already run, and their safety pilots. See docs/backends/mavlink.md."""
+"""A real PX4 and a real ArduCopter that already run, and their safety pilots. docs/reference/backends/mavlink.md."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """A real AirSim that already runs: UAL_TEST_AIRSIM_URL (HOST:PORT), and UAL_TEST_AIRSIM_VEHICLE where it has several.
 
-Without Unreal, its RPC server and `simple_flight` do. See docs/backends/airsim.md.
+Without Unreal, its RPC server and `simple_flight` do. See docs/reference/backends/airsim.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A Crazyflie's real firmware in its simulator, which runs already: see docs/backends/crazyflie.md.
+"""A Crazyflie's real firmware in its simulator, which runs already: see docs/reference/backends/crazyflie.md.
 
 The conformance checks through the class and over gRPC, and a daemon that is killed in flight.
 """

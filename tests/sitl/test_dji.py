@@ -1,7 +1,7 @@
 """The simulated DJI aircraft in real time: dji_osdk_ros behind a real rosbridge, psdk_ros2 behind that of the tests.
 
 UAL_TEST_DJI_URL says where the real rosbridge is, whose ROS must have the messages of dji_osdk_ros. See
-docs/backends/dji.md.
+docs/reference/backends/dji.md.
 """
 
 from __future__ import annotations

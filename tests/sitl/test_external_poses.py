@@ -47,7 +47,9 @@ def poses_used(simulator: Simulator, pilot: Transmitter) -> Iterator[None]:
 def test_it_flies_on_and_lands_on_poses_from_outside(flight: Flight, simulator: Simulator) -> None:
     uav, pilot = flight.uav, flight.pilot
     if simulator.autopilot != "PX4" and not os.environ.get(_PREPARED):
-        pytest.skip(f"start it with VISO_TYPE 1 and EK3_SRC2_POSXY 6 (docs/backends/mavlink.md), and set {_PREPARED}=1")
+        pytest.skip(
+            f"start with VISO_TYPE 1 and EK3_SRC2_POSXY 6 (docs/reference/backends/mavlink.md), and set {_PREPARED}=1"
+        )
     source = Outside(uav, pilot, flight.position())
     ground_m = flight.position().z
     try:

@@ -1,6 +1,6 @@
 """Real autopilots through a real MAVROS: UAL_TEST_MAVROS_PX4_URL, UAL_TEST_MAVROS_ARDUPILOT_URL say where rosbridge is.
 
-The safety pilots have links of their own, as in the other tests here. See docs/backends/mavros.md.
+The safety pilots have links of their own, as in the other tests here. See docs/reference/backends/mavros.md.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from ual_tools.output import to_json
 from ual_tools.strict_yaml.loading import YamlFileError
 from ual_tools.strict_yaml.placeholders import PlaceholderError, fill
 
-PAGE = Path(__file__).parents[2] / "docs" / "launch.md"
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "launch.md"
 DEPLOYED = Path(__file__).parents[2] / "deploy" / "systemd" / "ual-daemon@.service"
 
 SURVEY = """\

@@ -21,7 +21,7 @@ def derived() -> dict[Path, str]:
     """Returns all that follows from the contract, by path."""
     contract = compiled()
     described = services(contract)
-    page = ROOT / "docs" / "security.md"
+    page = ROOT / "docs" / "evidence" / "security.md"
     return {
         **stubs(contract),
         CLIENT / "contract" / "methods.py": formatted(methods.source(described)),

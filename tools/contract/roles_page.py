@@ -1,4 +1,4 @@
-"""Writes the table of ``docs/security.md``: who may call each method, and which of them need the lease."""
+"""Writes the table of ``docs/evidence/security.md``: who may call each method, and which of them need the lease."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def page(text: str, services: Sequence[Service]) -> str:
     before, begin, rest = text.partition(_BEGIN)
     _, end, after = rest.partition(_END)
     if not begin or not end:
-        raise SystemExit(f"docs/security.md has no lines {_BEGIN.strip()} and {_END.strip()}")
+        raise SystemExit(f"docs/evidence/security.md has no lines {_BEGIN.strip()} and {_END.strip()}")
     return before + begin + _HEAD + "".join(map(_row, services)) + _STANDARD + end + after
 
 

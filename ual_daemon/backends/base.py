@@ -1,4 +1,4 @@
-"""The base class of backends. A backend is the driver of one kind of autopilot. See ``docs/write-a-backend.md``.
+"""The base class of backends. A backend is the driver of one kind of autopilot. See ``docs/how-to/write-a-backend.md``.
 
 A backend does only what depends on its autopilot: it converts the autopilot's data to snapshots, and sends setpoints
 and commands (`ual_daemon.backends.values`). States, validation, tasks and tracking are above it

@@ -1,4 +1,4 @@
-"""A command to the autopilot, judged by its effect (docs/decisions/0004)."""
+"""A command to the autopilot, judged by its effect (docs/evidence/decisions/0004)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class AutopilotCommand:
     """A command to the autopilot, judged by what the vehicle then does; the acknowledgement only shows refusals.
 
     It is the face of one command of the backend. Whether that leaves, first or again, only the backend's engine decides
-    (docs/decisions/0041): after it was withdrawn, in a silence, or over a mode that others chose, it does not.
+    (docs/evidence/decisions/0041): after it was withdrawn, in a silence, or over a mode that others chose, it does not.
     """
 
     def __init__(self, what: str) -> None:

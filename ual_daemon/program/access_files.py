@@ -15,7 +15,7 @@ from ual_daemon.settings import ConfigError, Settings, convert
 
 
 class _RolesFile(Settings, frozen=True, kw_only=True):
-    """What `docs/security.md` says of the file."""
+    """What `docs/evidence/security.md` says of the file."""
 
     certificates: Mapping[str, str] = {}
     tokens: Mapping[str, str] = {}

@@ -365,7 +365,7 @@ def _fly(
 
 
 def _choose_poller(configuration: Configuration) -> None:
-    """Lets one thread less be on the path of each message where only this computer calls: docs/decisions/0010, 0020."""
+    """Lets one thread less be on the path of each message where only this computer calls: decisions 10 and 20."""
     from ual_daemon.server import addresses
 
     if configuration.daemon.transport != "aio" and all(map(addresses.is_local, configuration.listen)):

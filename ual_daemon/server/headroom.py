@@ -121,7 +121,7 @@ class Headroom:
         error = ResourceExhaustedError(
             f"{method}: {free_bytes / 1e6:.0f} MB of memory are left to this daemon, which keeps "
             f"{RESERVE_BYTES / 1e6:.0f} MB of them for the flight, and this may need {needed_bytes / 1e6:.0f} MB. Give "
-            "the daemon more memory (docs/daemon.md), or send less at once",
+            "the daemon more memory (docs/reference/daemon.md), or send less at once",
             {"limit": str(RESERVE_BYTES), "free": f"{free_bytes:.0f}"},
         )
         logs.refused(_log, method, error)

@@ -1,6 +1,6 @@
 """Packs samples of telemetry as protobuf does, but without an object for each part of the message.
 
-Protobuf takes a tenth of the time from the vehicle to a reader for the objects that it makes (docs/decisions/0040).
+Protobuf takes a tenth of the time from the vehicle to a reader for the objects that it makes (decision 40).
 Most of a sample are numbers of 8 bytes in messages that have all of their fields, so that their encoding has a fixed
 form. See https://protobuf.dev/programming-guides/encoding. The rest changes rarely: protobuf packs it, and it is
 kept. All numbers of fields are those of the contract, by its descriptors.

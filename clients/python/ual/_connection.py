@@ -95,7 +95,7 @@ class Connection:
         if self._is_closed:
             raise _calls.closed()
         # The thread that reads waits on the socket itself, and is not woken by gRPC's polling thread:
-        # docs/decisions/0016.
+        # docs/evidence/decisions/0016.
         channel = self.target.open_channel(grpc, address, ((ChannelOptions.SingleThreadedUnaryStream, 1),))
         return TelemetryStream(channel, self.target, address, rate_hz)
 

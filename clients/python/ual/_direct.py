@@ -3,7 +3,7 @@
 gRPC's Python client takes messages from an iterator instead, on a thread of its own that has to be woken for each
 message. That takes 0.08 ms of the 0.5 ms that a setpoint takes. This module uses the layer below, gRPC's binding to its
 core. That layer is not a public interface and may change. If this gRPC does not have it in the known form, there is no
-direct way, and the caller uses the iterator (docs/decisions/0017).
+direct way, and the caller uses the iterator (docs/evidence/decisions/0017).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 This is the leader/follower pattern: the leader reads one sample, hands the lead to the next thread, and then calls back
 while the next thread reads. So the stream is read even while callbacks run. Otherwise gRPC's buffers would fill with
 old samples, and the subscriber would see the UAV as it was seconds ago. All subscriptions with the same rate share one
-stream, because each stream costs the daemon: docs/decisions/0011.
+stream, because each stream costs the daemon: docs/evidence/decisions/0011.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The cameras of a UAV, as values. `ual.Uav.cameras` takes pictures with them; the manual is ``docs/cameras.md``."""
+"""The cameras of a UAV, as values. `ual.Uav.cameras` takes pictures with them; see ``docs/how-to/cameras.md``."""
 
 from __future__ import annotations
 

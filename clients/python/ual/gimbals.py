@@ -1,4 +1,4 @@
-"""The gimbals of a UAV, as values. `ual.Uav.gimbals` points them; the manual is ``docs/gimbals.md``.
+"""The gimbals of a UAV, as values. `ual.Uav.gimbals` points them; the manual is ``docs/how-to/gimbals.md``.
 
 Angles follow REP 103, as all of UAL: a positive pitch looks down, a positive yaw is to the left.
 """

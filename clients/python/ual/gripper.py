@@ -1,4 +1,4 @@
-"""What a UAV carries to hold, drop and switch, as values. `ual.Uav.gripper` orders it; see ``docs/gripper.md``."""
+"""What a UAV carries to hold, drop and switch, as values. `ual.Uav.gripper` orders it: ``docs/how-to/gripper.md``."""
 
 from __future__ import annotations
 

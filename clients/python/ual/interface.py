@@ -230,7 +230,7 @@ def _not_offered(simulation: Simulation, part: SimulationPart) -> NotSupportedEr
 
 
 class Parameters(Protocol):
-    """The parameters of the autopilot, by its own names and in its own units. The manual is ``docs/parameters.md``.
+    """The parameters of the autopilot, by its own names and in its own units. See ``docs/how-to/parameters.md``.
 
     Raises:
         NotSupportedError: UAL reads and writes none of this autopilot.
@@ -280,7 +280,7 @@ class Parameters(Protocol):
 
 
 class Logs(Protocol):
-    """The logs that the autopilot has written. They are only read. The manual is ``docs/logs.md``.
+    """The logs that the autopilot has written. They are only read. The manual is ``docs/how-to/logs.md``.
 
     Raises:
         NotSupportedError: UAL reads none of this autopilot.
@@ -317,7 +317,7 @@ class Logs(Protocol):
 
 
 class Corrections(Protocol):
-    """Corrections for the satellite receiver of the UAV (RTK). The manual is ``docs/corrections.md``.
+    """Corrections for the satellite receiver of the UAV (RTK). The manual is ``docs/how-to/corrections.md``.
 
     Raises:
         NotSupportedError: They cannot be passed on to this autopilot.
@@ -344,7 +344,7 @@ class Corrections(Protocol):
 
 
 class Fence(Protocol):
-    """The fence and the rally points that the autopilot keeps, and applies by itself. The manual is ``docs/fence.md``.
+    """The fence and the rally points that the autopilot keeps, and applies by itself. See ``docs/how-to/fence.md``.
 
     UAL's own geofence is `Uav.geofence`.
 
@@ -431,7 +431,7 @@ class Fence(Protocol):
 
 
 class Camera(Protocol):
-    """One camera of a UAV. The manual is ``docs/cameras.md``.
+    """One camera of a UAV. The manual is ``docs/how-to/cameras.md``.
 
     Raises:
         InvalidArgumentError: There is no camera of this number, or a value cannot be meant.
@@ -528,7 +528,7 @@ class Cameras(Protocol):
 
 
 class Gripper(Protocol):
-    """What a UAV carries to hold, drop and switch, as its daemon is configured. The manual is ``docs/gripper.md``.
+    """What a UAV carries to hold, drop and switch, as its daemon is configured. See ``docs/how-to/gripper.md``.
 
     A name that is left out is the only one that there is. An order that may let a load go is sent once only; one that
     holds it is sent again until it is acknowledged.
@@ -594,7 +594,7 @@ class Gripper(Protocol):
 
 
 class Gimbal(Protocol):
-    """One gimbal of a UAV. The manual is ``docs/gimbals.md``.
+    """One gimbal of a UAV. The manual is ``docs/how-to/gimbals.md``.
 
     Each order replaces the one before. A gimbal that no program on the link controls is taken with the first order.
     Angles follow REP 103: a positive pitch looks down, a positive yaw is to the left.
@@ -693,7 +693,7 @@ class Gimbals(Protocol):
 
 
 class Mission(Protocol):
-    """The mission that the autopilot flies by itself. The manual is ``docs/missions.md``.
+    """The mission that the autopilot flies by itself. The manual is ``docs/how-to/missions.md``.
 
     It goes on where the link or the daemon is lost. `ual.missions` has the items, and reads them from files.
 

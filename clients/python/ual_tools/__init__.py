@@ -1,4 +1,4 @@
-"""The ``ual`` command, which flies a UAV from a terminal or a script. See ``docs/cli.md``."""
+"""The ``ual`` command, which flies a UAV from a terminal or a script. See ``docs/reference/cli.md``."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def test_each_name_is_that_of_a_check(reasons: dict[str, str]) -> None:
 
 
 def test_the_documentation_lists_the_same_checks_and_reasons(reasons: dict[str, str]) -> None:
-    section = SECTION.search((ROOT / "docs" / "clients" / "ros2.md").read_text())
+    section = SECTION.search((ROOT / "docs" / "reference" / "clients" / "ros2.md").read_text())
     assert section is not None
     rows = [line.strip("| ").split(" | ") for line in section[1].splitlines()[:-1] if " | `" in line]
     assert {name: why for why, names in rows for name in re.findall(r"`(\w+)`", names)} == reasons

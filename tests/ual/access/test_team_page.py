@@ -1,4 +1,4 @@
-"""docs/access.md, the team: each of its commands is run, with the addresses of this computer."""
+"""docs/how-to/access.md, the team: each of its commands is run, with the addresses of this computer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.conftest import LIMIT_S, daemon_environment
 from tests.ual_daemon.server.access.ways_in import beyond_loopback
 from tests.waiting import until
 
-PAGE = Path(__file__).parents[3] / "docs" / "access.md"
+PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "access.md"
 MOST_LINES = 15
 COPY = 'scp() { to="${@: -1}"; mkdir -p "${to%:}"; cp "${@:1:$#-1}" "${to%:}"; }\n'
 

@@ -44,7 +44,7 @@ def test_each_option_of_the_daemon_has_a_variable_that_is_known() -> None:
 
 
 def test_the_manual_lists_those_of_clients() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "configuration.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "configuration.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (`UAL_[^|]+) \|", page.partition("## Variables of clients")[2], re.MULTILINE)
     assert {name for row in rows for name in re.findall(r"`(\w+)`", row)} == set(environment.OF_CLIENTS)
 

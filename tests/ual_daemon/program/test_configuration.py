@@ -210,7 +210,7 @@ def test_a_bad_assignment_is_refused(text: str) -> None:
 
 
 def test_the_example_of_the_manual_is_a_configuration(file: Path) -> None:
-    manual = (Path(__file__).parents[3] / "docs" / "configuration.md").read_text()
+    manual = (Path(__file__).parents[3] / "docs" / "reference" / "configuration.md").read_text()
     example = manual.partition("```yaml\n")[2].partition("```")[0]
     found = load(file, example)
     assert found.listen == ("127.0.0.1:50052", "unix:/run/ual/uav_2.sock")

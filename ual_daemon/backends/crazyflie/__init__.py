@@ -1,4 +1,4 @@
-"""The Crazyflie backend: quadrotors of Bitcraze over CRTP. See ``docs/backends/crazyflie.md``.
+"""The Crazyflie backend: quadrotors of Bitcraze over CRTP. See ``docs/reference/backends/crazyflie.md``.
 
 The modules, from the top down (a contract in pyproject.toml checks it):
 

@@ -31,7 +31,7 @@ _ARMING_LIMIT_S = 5.0
 
 
 class CrazyflieBackend(Backend):
-    """Flies a Crazyflie over Crazyradio, USB, or UDP to its simulator. See ``docs/backends/crazyflie.md``."""
+    """Flies a Crazyflie over Crazyradio, USB, or UDP to its simulator. See ``docs/reference/backends/crazyflie.md``."""
 
     name = SECTION
     clock: MonotonicClock

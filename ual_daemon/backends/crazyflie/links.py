@@ -1,6 +1,6 @@
 """The links to Crazyflies: UDP to the firmware's simulator, Crazyradio and USB through the drivers of cflib.
 
-UDP needs no cflib, whose client cannot be used on it (docs/decisions/0023): it never repeats what is lost.
+UDP needs no cflib, whose client cannot be used on it (docs/evidence/decisions/0023): it never repeats what is lost.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The DJI backend: enterprise aircraft through the ROS wrappers of DJI's SDKs. See ``docs/backends/dji.md``.
+"""The DJI backend: enterprise aircraft through the ROS wrappers of DJI's SDKs. See ``docs/reference/backends/dji.md``.
 
 It has not flown a real aircraft yet. The modules, from the top down (a contract in pyproject.toml checks it):
 

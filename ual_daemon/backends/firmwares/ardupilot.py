@@ -1,4 +1,4 @@
-"""ArduCopter: flown in GUIDED mode. Measured with 4.6.3 (docs/backends/mavlink.md)."""
+"""ArduCopter: flown in GUIDED mode. Measured with 4.6.3 (docs/reference/backends/mavlink.md)."""
 
 from __future__ import annotations
 

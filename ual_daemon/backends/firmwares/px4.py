@@ -1,4 +1,4 @@
-"""PX4: flown in OFFBOARD mode. Measured with 1.17 (docs/backends/mavlink.md)."""
+"""PX4: flown in OFFBOARD mode. Measured with 1.17 (docs/reference/backends/mavlink.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The MAVLink backend: PX4 and ArduPilot multirotors. See ``docs/backends/mavlink.md``.
+"""The MAVLink backend: PX4 and ArduPilot multirotors. See ``docs/reference/backends/mavlink.md``.
 
 Data runs one way through the rooms, which import only downward (a contract in pyproject.toml checks it):
 

@@ -62,7 +62,7 @@ T = TypeVar("T")
 
 
 class MavlinkBackend(Backend):
-    """Flies a PX4 or an ArduCopter over MAVLink; only watches another autopilot. See ``docs/backends/mavlink.md``."""
+    """Flies a PX4 or an ArduCopter over MAVLink; only watches others. See ``docs/reference/backends/mavlink.md``."""
 
     name = SECTION
     clock: MonotonicClock

@@ -1,4 +1,4 @@
-"""The MAVROS backend: PX4 and ArduPilot multirotors through ROS 1 or ROS 2. See ``docs/backends/mavros.md``.
+"""The MAVROS backend: PX4 and ArduPilot multirotors through ROS 1 or ROS 2. See ``docs/reference/backends/mavros.md``.
 
 The modules, from the top down (a contract in pyproject.toml checks it):
 

@@ -45,7 +45,7 @@ T = TypeVar("T")
 
 
 class MavrosBackend(Backend):
-    """Flies a PX4 or an ArduCopter through MAVROS. See ``docs/backends/mavros.md``."""
+    """Flies a PX4 or an ArduCopter through MAVROS. See ``docs/reference/backends/mavros.md``."""
 
     name = SECTION
     clock: MonotonicClock

@@ -1,6 +1,6 @@
 """The link to ROS through rosbridge, which the backends of ROS share.
 
-See ``docs/decisions/0025-our-own-rosbridge-client.md`` for why it is our own.
+See ``docs/evidence/decisions/0025-our-own-rosbridge-client.md`` for why it is our own.
 
 The modules, from the top down (a contract in pyproject.toml checks it):
 

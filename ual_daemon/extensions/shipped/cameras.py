@@ -1,4 +1,4 @@
-"""The cameras of a UAV: what may be asked of them, and by whom. The manual is docs/cameras.md.
+"""The cameras of a UAV: what may be asked of them, and by whom. The manual is docs/how-to/cameras.md.
 
 None of it moves the UAV, so no lease is needed: what is filmed is often another program's than what is flown.
 """

@@ -1,4 +1,4 @@
-"""The autopilot's fence and rally points: what may be uploaded, and when. The manual is docs/fence.md."""
+"""The autopilot's fence and rally points: what may be uploaded, and when. The manual is docs/how-to/fence.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a UAV carries to hold, drop and switch: what may be ordered, and by whom. The manual is docs/gripper.md.
+"""What a UAV carries to hold, drop and switch: what may be ordered, and by whom. The manual is docs/how-to/gripper.md.
 
 A load that is dropped changes what flies, and what is below. So an order needs the lease, as a motion does.
 """

@@ -1,4 +1,4 @@
-"""The autopilot's logs: one download at a time, piece by piece. The manual is docs/logs.md."""
+"""The autopilot's logs: one download at a time, piece by piece. The manual is docs/how-to/logs.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The missions that the autopilot flies by itself: what may be done and when. The manual is docs/missions.md."""
+"""The missions that the autopilot flies by itself: what may be done and when. The manual is docs/how-to/missions.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The autopilot's parameters: what may be written, and when. The manual is docs/parameters.md."""
+"""The autopilot's parameters: what may be written, and when. The manual is docs/how-to/parameters.md."""
 
 from __future__ import annotations
 

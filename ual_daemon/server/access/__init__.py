@@ -1,1 +1,1 @@
-"""Who calls, and what the caller may do: docs/security.md."""
+"""Who calls, and what the caller may do: docs/evidence/security.md."""

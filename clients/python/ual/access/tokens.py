@@ -1,7 +1,7 @@
 """Bearer tokens, and the file that has their hashes.
 
 A token is 256 random bits, so a single SHA-256 of it cannot be reversed by trying. A slow password hash would protect
-nothing more, and would cost each call of a client milliseconds (docs/decisions/0034).
+nothing more, and would cost each call of a client milliseconds (docs/evidence/decisions/0034).
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ def require(condition: bool, otherwise: str) -> None:
 @dataclass(frozen=True)
 class Tolerances:
     """How exact a UAV must be. The defaults are for a real UAV outdoors, whose estimate wanders by up to a metre and by
-    0.8 m/s while it hovers (PX4 in its simulator: docs/backends/mavlink.md). `of_simulation` is for the light
+    0.8 m/s while it hovers (PX4 in its simulator: docs/reference/backends/mavlink.md). `of_simulation` is for the light
     simulation.
 
     `wander_m` is how far the estimate may drift within some seconds in which nothing corrects it; it is added when a

@@ -46,7 +46,7 @@ def _fastest_m_s(samples: Sequence[Telemetry]) -> float:
     """Returns the highest mean speed over a second, by the positions.
 
     An estimate of the velocity may be wrong for some seconds, and by more than the limit that is checked. PX4's was off
-    by 0.4 to 0.8 m/s in its simulator (docs/backends/mavros.md).
+    by 0.4 to 0.8 m/s in its simulator (docs/reference/backends/mavros.md).
     """
     fastest_m_s, begins = 0.0, iter(samples)
     begin = next(begins)

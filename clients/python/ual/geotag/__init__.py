@@ -1,6 +1,6 @@
 """Pictures as JPEG files that say where they were taken, for programs that make maps of them.
 
-Needs the extra `geotag`. The manual is ``docs/cameras.md``.
+Needs the extra `geotag`. The manual is ``docs/how-to/cameras.md``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The autopilot's logs: what `Uav.logs` returns, and how one gets into a file, whole. The manual is docs/logs.md."""
+"""The autopilot's logs: what `Uav.logs` returns, and how one gets into a file, whole. See docs/how-to/logs.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The items of a mission, in the form that PX4 and ArduPilot both execute. The manual is docs/missions.md.
+"""The items of a mission, in the form that PX4 and ArduPilot both execute. The manual is docs/how-to/missions.md.
 
 Altitudes count from home, or from mean sea level; above the terrain and the ellipsoid is not executed alike by both.
 Headings are those of REP 103: counter-clockwise from east.

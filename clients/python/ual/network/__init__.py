@@ -1,4 +1,4 @@
-"""The UAVs of many computers, found without a list: presence and a small telemetry over Zenoh (docs/network.md).
+"""The UAVs of many computers, found without a list: presence and a small telemetry over Zenoh (docs/how-to/network.md).
 
 Needs the package eclipse-zenoh: extra ``network``. Nothing here flies a UAV: that is `ual.Uav`, over gRPC.
 

@@ -26,7 +26,7 @@ if _version_not_supported:
 
 
 class CorrectionsServiceStub(object):
-    """Passes corrections on to the receiver of one autopilot: docs/corrections.md.
+    """Passes corrections on to the receiver of one autopilot: docs/how-to/corrections.md.
     """
 
     def __init__(self, channel):
@@ -48,7 +48,7 @@ class CorrectionsServiceStub(object):
 
 
 class CorrectionsServiceServicer(object):
-    """Passes corrections on to the receiver of one autopilot: docs/corrections.md.
+    """Passes corrections on to the receiver of one autopilot: docs/how-to/corrections.md.
     """
 
     def StreamCorrections(self, request_iterator, context):
@@ -90,7 +90,7 @@ def add_CorrectionsServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class CorrectionsService(object):
-    """Passes corrections on to the receiver of one autopilot: docs/corrections.md.
+    """Passes corrections on to the receiver of one autopilot: docs/how-to/corrections.md.
     """
 
     @staticmethod

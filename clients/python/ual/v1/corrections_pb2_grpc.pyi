@@ -60,7 +60,7 @@ _CorrectionsServiceGetCorrectionsStatusType = typing_extensions.TypeVar(
 )
 
 class CorrectionsServiceStub(typing.Generic[_CorrectionsServiceStreamCorrectionsType, _CorrectionsServiceGetCorrectionsStatusType]):
-    """Passes corrections on to the receiver of one autopilot: docs/corrections.md."""
+    """Passes corrections on to the receiver of one autopilot: docs/how-to/corrections.md."""
 
     @typing.overload
     def __init__(self: CorrectionsServiceStub[
@@ -108,7 +108,7 @@ CorrectionsServiceAsyncStub: typing_extensions.TypeAlias = CorrectionsServiceStu
 ]
 
 class CorrectionsServiceServicer(metaclass=abc.ABCMeta):
-    """Passes corrections on to the receiver of one autopilot: docs/corrections.md."""
+    """Passes corrections on to the receiver of one autopilot: docs/how-to/corrections.md."""
 
     @abc.abstractmethod
     def StreamCorrections(

@@ -26,7 +26,7 @@ if _version_not_supported:
 
 
 class FenceServiceStub(object):
-    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/fence.md.
+    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/how-to/fence.md.
     """
 
     def __init__(self, channel):
@@ -58,7 +58,7 @@ class FenceServiceStub(object):
 
 
 class FenceServiceServicer(object):
-    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/fence.md.
+    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/how-to/fence.md.
     """
 
     def GetFence(self, request, context):
@@ -126,7 +126,7 @@ def add_FenceServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class FenceService(object):
-    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/fence.md.
+    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/how-to/fence.md.
     """
 
     @staticmethod

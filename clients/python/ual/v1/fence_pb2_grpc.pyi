@@ -93,7 +93,7 @@ _FenceServiceEnableFenceType = typing_extensions.TypeVar(
 )
 
 class FenceServiceStub(typing.Generic[_FenceServiceGetFenceType, _FenceServiceUploadFenceType, _FenceServiceClearFenceType, _FenceServiceEnableFenceType]):
-    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/fence.md."""
+    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/how-to/fence.md."""
 
     @typing.overload
     def __init__(self: FenceServiceStub[
@@ -174,7 +174,7 @@ FenceServiceAsyncStub: typing_extensions.TypeAlias = FenceServiceStub[
 ]
 
 class FenceServiceServicer(metaclass=abc.ABCMeta):
-    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/fence.md."""
+    """Reads and uploads the fence of one autopilot. What may be uploaded, and when: docs/how-to/fence.md."""
 
     @abc.abstractmethod
     def GetFence(

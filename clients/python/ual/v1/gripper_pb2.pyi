@@ -3,7 +3,7 @@
 isort:skip_file
 What a UAV carries to hold, drop and switch: grippers, winches, servos and relays. Each is one that the configuration
 of the daemon names; what it does not name is never moved, as a channel may be a motor's. Offered beside `UalService`
-for every UAV. Errors as in ual.proto; docs/gripper.md has the rules.
+for every UAV. Errors as in ual.proto; docs/how-to/gripper.md has the rules.
 """
 
 import builtins

@@ -26,7 +26,7 @@ if _version_not_supported:
 
 
 class LogServiceStub(object):
-    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/logs.md.
+    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/how-to/logs.md.
     """
 
     def __init__(self, channel):
@@ -48,7 +48,7 @@ class LogServiceStub(object):
 
 
 class LogServiceServicer(object):
-    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/logs.md.
+    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/how-to/logs.md.
     """
 
     def ListLogs(self, request, context):
@@ -91,7 +91,7 @@ def add_LogServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class LogService(object):
-    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/logs.md.
+    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/how-to/logs.md.
     """
 
     @staticmethod

@@ -60,7 +60,7 @@ _LogServiceDownloadLogType = typing_extensions.TypeVar(
 )
 
 class LogServiceStub(typing.Generic[_LogServiceListLogsType, _LogServiceDownloadLogType]):
-    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/logs.md."""
+    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/how-to/logs.md."""
 
     @typing.overload
     def __init__(self: LogServiceStub[
@@ -110,7 +110,7 @@ LogServiceAsyncStub: typing_extensions.TypeAlias = LogServiceStub[
 ]
 
 class LogServiceServicer(metaclass=abc.ABCMeta):
-    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/logs.md."""
+    """Reads the logs of one autopilot. Nothing is written or erased. The manual is docs/how-to/logs.md."""
 
     @abc.abstractmethod
     def ListLogs(

@@ -26,7 +26,7 @@ if _version_not_supported:
 
 
 class MissionServiceStub(object):
-    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/missions.md.
+    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/how-to/missions.md.
     """
 
     def __init__(self, channel):
@@ -88,7 +88,7 @@ class MissionServiceStub(object):
 
 
 class MissionServiceServicer(object):
-    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/missions.md.
+    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/how-to/missions.md.
     """
 
     def PlanMission(self, request, context):
@@ -234,7 +234,7 @@ def add_MissionServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class MissionService(object):
-    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/missions.md.
+    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/how-to/missions.md.
     """
 
     @staticmethod

@@ -188,7 +188,7 @@ _MissionServiceWatchMissionType = typing_extensions.TypeVar(
 )
 
 class MissionServiceStub(typing.Generic[_MissionServicePlanMissionType, _MissionServiceUploadMissionType, _MissionServiceDownloadMissionType, _MissionServiceClearMissionType, _MissionServiceStartMissionType, _MissionServicePauseMissionType, _MissionServiceResumeMissionType, _MissionServiceJumpToItemType, _MissionServiceGetMissionProgressType, _MissionServiceWatchMissionType]):
-    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/missions.md."""
+    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/how-to/missions.md."""
 
     @typing.overload
     def __init__(self: MissionServiceStub[
@@ -368,7 +368,7 @@ MissionServiceAsyncStub: typing_extensions.TypeAlias = MissionServiceStub[
 ]
 
 class MissionServiceServicer(metaclass=abc.ABCMeta):
-    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/missions.md."""
+    """Brings a mission to one autopilot, and flies it. What each item means, and what is refused: docs/how-to/missions.md."""
 
     @abc.abstractmethod
     def PlanMission(

@@ -26,7 +26,7 @@ if _version_not_supported:
 
 
 class ParameterServiceStub(object):
-    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/parameters.md.
+    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/how-to/parameters.md.
     """
 
     def __init__(self, channel):
@@ -53,7 +53,7 @@ class ParameterServiceStub(object):
 
 
 class ParameterServiceServicer(object):
-    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/parameters.md.
+    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/how-to/parameters.md.
     """
 
     def GetParameter(self, request, context):
@@ -110,7 +110,7 @@ def add_ParameterServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class ParameterService(object):
-    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/parameters.md.
+    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/how-to/parameters.md.
     """
 
     @staticmethod

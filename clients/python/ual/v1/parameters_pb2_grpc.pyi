@@ -76,7 +76,7 @@ _ParameterServiceSetParameterType = typing_extensions.TypeVar(
 )
 
 class ParameterServiceStub(typing.Generic[_ParameterServiceGetParameterType, _ParameterServiceListParametersType, _ParameterServiceSetParameterType]):
-    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/parameters.md."""
+    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/how-to/parameters.md."""
 
     @typing.overload
     def __init__(self: ParameterServiceStub[
@@ -144,7 +144,7 @@ ParameterServiceAsyncStub: typing_extensions.TypeAlias = ParameterServiceStub[
 ]
 
 class ParameterServiceServicer(metaclass=abc.ABCMeta):
-    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/parameters.md."""
+    """Reads and writes the parameters of one autopilot. What may be written, and when: docs/how-to/parameters.md."""
 
     @abc.abstractmethod
     def GetParameter(

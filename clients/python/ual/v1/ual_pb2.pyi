@@ -27,7 +27,7 @@ check of the request without it, and is refused with the same error; else its re
 happen.
 
 ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of the reasons below, and metadata with the
-`state` and what was needed. Of TASK_ABORTED, `by` says who or what ended it; docs/errors.md lists that.
+`state` and what was needed. Of TASK_ABORTED, `by` says who or what ended it; docs/reference/errors.md lists that.
 
   reason                  gRPC status           when
   WRONG_STATE             FAILED_PRECONDITION   not allowed in the present state; the message names both

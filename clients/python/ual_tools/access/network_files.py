@@ -98,7 +98,7 @@ def _write_router(directory: Path, site: Site, number: int) -> Path:
 def _write_member(directory: Path, site: Site, name: str) -> Path:
     settings = _settings(site, name, site.routers)
     lines = (
-        f"# How {name} joins the network (docs/network.md).",
+        f"# How {name} joins the network (docs/how-to/network.md).",
         f"site: {settings.site}",
         f"connect: [{', '.join(settings.connect)}]",
         f"certificate: {settings.certificate}",

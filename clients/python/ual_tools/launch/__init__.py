@@ -1,4 +1,4 @@
-"""``ual launch``: a team of UAVs by one command. docs/launch.md describes it; docs/decisions/0031 says why it is so."""
+"""``ual launch``: a team of UAVs by one command. See docs/how-to/launch.md and docs/evidence/decisions/0031."""
 
 from ual_tools.launch.command import COMMANDS
 

@@ -207,7 +207,7 @@ def _daemon_program() -> str:
     beside = (Path(program).parent / "ual-daemon" for program in programs)
     found = next(filter(None, map(shutil.which, (*map(str, beside), "ual-daemon"))), None)
     if found is None:
-        raise YamlFileError("ual-daemon is not installed here: pip install ual-daemon (docs/installation.md)")
+        raise YamlFileError("ual-daemon is not installed here: pip install ual-daemon (docs/how-to/installation.md)")
     return found
 
 

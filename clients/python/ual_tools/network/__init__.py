@@ -1,1 +1,1 @@
-"""The UAVs of many computers: what `ual --network` finds, lists, watches and passes to a gateway (docs/network.md)."""
+"""The UAVs of many computers: what `ual --network` finds, lists, watches, gives a gateway (docs/how-to/network.md)."""

@@ -1,1 +1,1 @@
-"""``ual view``: the UAVs in a page of the browser. docs/view.md describes it; docs/decisions/0035 says why it is so."""
+"""``ual view``: the UAVs in a page of the browser. See docs/how-to/view.md and docs/evidence/decisions/0035."""

@@ -1,6 +1,6 @@
 """The conformance checks that cannot be done over ROS, each with its reason. It needs no ROS.
 
-docs/clients/ros2.md lists them, too; a test compares both.
+docs/reference/clients/ros2.md lists them, too; a test compares both.
 """
 
 from __future__ import annotations

@@ -215,7 +215,7 @@ def record_modes(flight: Flight) -> list[tuple[float, Message]]:
 
 
 def test_services_that_never_answer_leave_the_state_true(px4: Flight) -> None:
-    px4.backend.bridge.calls_in_new_thread = True  # as docs/backends/mavros.md starts it
+    px4.backend.bridge.calls_in_new_thread = True  # as docs/reference/backends/mavros.md starts it
     px4.fly()
     names = ("cmd/command", "set_mode", "vehicle_info_get", "param/get_parameters", "set_message_interval")
     px4.backend.bridge.faults.dead_services |= {f"/mavros/{name}" for name in names}

@@ -1,4 +1,4 @@
-"""Every method, by every way in: what a caller may do is what docs/security.md says, and nothing else."""
+"""Every method, by every way in: what a caller may do is what docs/evidence/security.md says, and nothing else."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ual.v1 import corrections_pb2, fence_pb2, gripper_pb2, mission_pb2, paramet
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.transport.selection import Choice
 
-PAGE = Path(__file__).parents[4] / "docs" / "security.md"
+PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "security.md"
 DESCRIPTORS = (
     ual_pb2.DESCRIPTOR,
     simulation_pb2.DESCRIPTOR,

@@ -1,5 +1,5 @@
 """ArduCopter over MAVLink: flown in GUIDED mode with setpoints in its local NED frame. Measured with 4.6.3
-(docs/backends/mavlink.md).
+(docs/reference/backends/mavlink.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""PX4 over MAVLink: flown with setpoints in its local NED frame. Measured with 1.17 (docs/backends/mavlink.md)."""
+"""PX4 over MAVLink: setpoints in its local NED frame. Measured with 1.17 (docs/reference/backends/mavlink.md)."""
 
 from __future__ import annotations
 
