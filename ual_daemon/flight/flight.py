@@ -614,7 +614,7 @@ class Flight:
             # A take-off watches its way by itself: on the ground the estimate is not the place.
             current = None if manoeuvre is None or is_taking_off else manoeuvre.current_reference
             self.following.observe(snapshot, raw, current)
-        if self.following.why:
+        if self.following.why and snapshot.control.held_by is not Cause.OPEN:  # who took it is told within a moment
             self._stand_by(snapshot, raw)
         self._stepper.update(snapshot, raw)
         if self._unstopped is not None and self.authority.is_ours:
@@ -634,6 +634,7 @@ class Flight:
 
         What UAL flies by references ends in the present pose. Where the autopilot flies for UAL by itself (a mission, a
         take-off, a landing), it is to land on the spot. What was commanded since is left: a landing, or taking control.
+        So is a mode that others have chosen: a pilot who stops the motors takes over with the same gesture.
         """
         following, old = self.following, self._flown.manoeuvre
         if self._stood_by != following.count:
@@ -641,6 +642,8 @@ class Flight:
         elif isinstance(old, StandBy | Landing | Recover) or (old is None and not self._has_references(raw)):
             return
         self._stood_by = following.count
+        if old is not None and old.is_overtaken(snapshot):
+            return  # the step ends it: the mode that others have chosen is left alone
         # A flight that UAL's arming has begun is no task, and climbs on all the same.
         if old is not None or raw.state is State.FLYING_AUTO or self._begun_by_arming(raw):
             self._withdraw(old, snapshot, raw)
@@ -671,7 +674,7 @@ class Flight:
     def _end_own_flight(self, snapshot: Snapshot, state: State) -> Handover | None:
         """Returns what ends what the autopilot flies by itself; None where it takes no other mode."""
         mode = snapshot.control.mode
-        if snapshot.control.held_by is Cause.TERMINATION:
+        if snapshot.control.held_by in (Cause.TERMINATION, Cause.SAFETY_PILOT):
             return None
         if mode is None or mode.value.control is Control.REFERENCES:  # ArduPilot takes off in the mode for references
             return self.land_here(snapshot)

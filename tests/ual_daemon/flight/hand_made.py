@@ -45,6 +45,7 @@ class Autopilot:
     status_text: str = ""
     mode: str = ""
     held_by: Cause | None = None
+    failsafe: Cause | None = None
 
     def now_s(self) -> float:
         return self.time_s
@@ -58,6 +59,7 @@ class Autopilot:
                 armed=Sample(self.armed, heard_s),
                 landed=Sample(self.landed, heard_s),
                 mode=Sample(Mode(self.mode or self.control.name, self.control), heard_s),
+                failsafe=self.failsafe,
                 held_by=self.held_by,
             ),
             motion=MotionState(

@@ -158,6 +158,34 @@ def test_a_pilot_who_takes_it_while_its_position_or_mode_is_lost_keeps_it_though
     assert world.state is State.FLYING_MANUAL
 
 
+@pytest.mark.parametrize("is_known_late", [False, True])
+@pytest.mark.parametrize("by", [None, Cause.SAFETY_PILOT])
+def test_a_pilot_who_stops_the_motors_and_takes_over_at_once_is_not_overruled(
+    world: World, by: Cause | None, is_known_late: bool
+) -> None:
+    """PX4 goes to POSCTL by the gesture that stops the motors; UAL asked for OFFBOARD 0.06 s later, and streamed."""
+    take_over(world)
+    world.autopilot.failsafe, world.autopilot.climb_m_s = Cause.TERMINATION, -3.0
+    if is_known_late:
+        world.autopilot.held_by = Cause.OPEN
+        world.run(0.4)
+    world.autopilot.held_by = by
+    world.run(3.0)
+    assert world.wire.asked == []
+    error = world.mission.future.exception(0.0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "safety pilot"
+    assert "stopped its motors" in world.reason
+
+
+def test_motors_that_are_stopped_in_the_mode_of_our_mission_are_answered_by_taking_it_out_of_that(
+    world: World,
+) -> None:
+    world.autopilot.failsafe, world.autopilot.climb_m_s = Cause.TERMINATION, -3.0
+    world.run(1.0)
+    assert world.wire.asked == ["take"]
+
+
 @pytest.mark.parametrize("by", [None, Cause.SAFETY_PILOT, Cause.GROUND_STATION])
 @pytest.mark.parametrize("is_paused", [False, True])
 def test_who_takes_it_while_its_position_is_lost_ends_the_task_at_once(

@@ -112,7 +112,7 @@ class TakeToStandBy(Recover):
             return self._hold(snapshot)
         step = super().step(snapshot, estimate)
         is_seen = estimate.is_link_up and estimate.state in (self._out_of, State.FLYING_MANUAL, State.LANDING)
-        if step.error is None or step.is_taken or not is_seen:
+        if step.error is None or step.is_taken or not is_seen or self.is_overtaken(snapshot):
             return step
         landing = self._land(snapshot)
         return step if landing is None else Step(handover=landing)
