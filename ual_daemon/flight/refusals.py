@@ -48,11 +48,11 @@ def stopping_mission(command: str) -> WrongStateError:
 
 
 def just_taken(command: str, snapshot: Snapshot) -> WrongStateError:
-    """The refusal of a command while the autopilot flew a mission until others chose another mode just now."""
+    """The refusal of a command while the autopilot flew for UAL until others chose another mode just now."""
     mode = snapshot.control.mode_text
     return WrongStateError(
-        f"{command}: others have just chosen mode {mode} over the mission (the safety pilot, a ground station, or a "
-        "failsafe); the state tells within half a second which, and what is possible then",
+        f"{command}: others have just chosen mode {mode} over its flight for UAL (the safety pilot, a ground "
+        "station, or a failsafe); the state tells within half a second which, and what is possible then",
         {"command": command, "mode": mode},
     )
 

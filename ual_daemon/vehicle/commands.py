@@ -34,7 +34,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import Handover
 from ual_daemon.flight.manoeuvres.recover import Recover
 from ual_daemon.flight.manoeuvres.take_off import TakeOff
 from ual_daemon.flight.policy.lease import NOBODY
-from ual_daemon.flight.refusals import on_mission
+from ual_daemon.flight.refusals import just_taken, on_mission
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
@@ -387,6 +387,8 @@ class Commands:
     def _take_back(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
         """Takes the control back from the autopilot's own landing or take-off, or from what our arming has begun."""
         if self._flight.arming.is_ours_to_end:
+            if self._flight.arming.is_taken(snapshot):  # in a snapshot that no update has judged yet
+                raise just_taken(name, snapshot)
             self._preconditions.require_no_failsafe(name, snapshot, force=False)
         command = AutopilotCommand("take our references")
         state = self._flight.raw_estimate(snapshot).state

@@ -18,6 +18,7 @@ from ual.types import State, TaskKind
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.offers.missions import KeptMission, MissionReport
+from ual_daemon.backends.offers.parameters import UndecidedError
 from ual_daemon.backends.values import Cause, Control, LandedState, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight, Order
@@ -176,6 +177,35 @@ def test_a_pilot_who_stops_the_motors_and_takes_over_at_once_is_not_overruled(
     assert isinstance(error, TaskAbortedError)
     assert error.metadata["by"] == "safety pilot"
     assert "stopped its motors" in world.reason
+
+
+def test_no_item_is_chosen_again_once_others_have_chosen_a_mode(world: World) -> None:
+    """PX4, a ground station's LAND: MISSION_SET_CURRENT was repeated 0.16 s later, as no step judges an open cause."""
+    world.mission.jump(2, lambda: None)
+    assert world.offer.why_not() is None
+    world.autopilot.mode, world.autopilot.held_by = "LAND", Cause.OPEN
+    assert isinstance(world.offer.why_not(), UndecidedError)
+    world.run(0.3)
+    assert isinstance(world.offer.why_not(), UndecidedError)
+    world.autopilot.held_by = Cause.GROUND_STATION  # told in a moment in which no step has judged it
+    error = world.offer.why_not()
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "ground station"
+    world.run(0.1)
+    assert "has ended" in str(world.offer.why_not())
+
+
+@pytest.mark.parametrize("stage", [MissionStage.COMPLETE, MissionStage.ACTIVE])
+def test_a_switch_to_the_mode_in_which_a_mission_ends_is_the_pilots(world: World, stage: MissionStage) -> None:
+    """PX4 holds in one mode after a mission and by the pilot's switch: UAL must not take the control out of his."""
+    last = len(KEPT.items)
+    world.offer.told = MissionReport(stage, last, last, world.autopilot.time_s + 0.1, 5, world.autopilot.time_s + 0.1)
+    world.autopilot.mode, world.autopilot.held_by = world.offer.done_mode, Cause.SAFETY_PILOT
+    world.run(3.0)
+    assert world.wire.asked == []
+    error = world.mission.future.exception(0.0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "safety pilot"
 
 
 def test_motors_that_are_stopped_in_the_mode_of_our_mission_are_answered_by_taking_it_out_of_that(

@@ -136,7 +136,8 @@ class AutopilotMissions(ABC):
     def set_current(self, items: Sequence[Item], item: int, refusal: Refusal, *, anew: bool) -> Future[None]:
         """Makes an item, counted from 1, the next one to fly.
 
-        `items` is the mission that the autopilot has. `anew`: it also begins to count its jumps again.
+        `items` is the mission that the autopilot has. `anew`: it also begins to count its jumps again. `refusal`: see
+        `AutopilotParameters.write`. While it returns an `UndecidedError`, nothing is sent, and it is called again.
 
         The future ends once the autopilot says that it is the current one.
         """

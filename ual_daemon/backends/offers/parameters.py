@@ -6,11 +6,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 
-from ual.errors import UalError
+from ual.errors import UalError, WrongStateError
 from ual.parameters.values import Description, Parameter
 
 Refusal = Callable[[], UalError | None]
 """Why a value may not be written now: the UAV may have been armed meanwhile. None while it may."""
+
+
+class UndecidedError(WrongStateError):
+    """A refusal that may pass within a moment: it is not known yet who has taken the UAV. Nothing is sent meanwhile."""
 
 
 class AutopilotParameters(ABC):

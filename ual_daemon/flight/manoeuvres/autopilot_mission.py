@@ -23,6 +23,7 @@ from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport
+from ual_daemon.backends.offers.parameters import UndecidedError
 from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import (
@@ -32,6 +33,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     Step,
     failed,
     taken,
+    taken_over,
     with_advice,
 )
 from ual_daemon.flight.manoeuvres.mission_watch import MissionWatch
@@ -234,12 +236,7 @@ class AutopilotMission(Manoeuvre):
                 {"needed": "FLYING"},
             )
 
-        def why_not() -> UalError | None:
-            if self.future.done():
-                return TaskAbortedError(f"{NAME}: it has ended", {"by": NAME})
-            return refusal()
-
-        return self._offer.set_current(self._kept.items, item, why_not, anew=False)
+        return self._offer.set_current(self._kept.items, item, lambda: self._why_not() or refusal(), anew=False)
 
     @override
     def led_to(self, snapshot: Snapshot) -> bool | None:
@@ -431,7 +428,7 @@ class AutopilotMission(Manoeuvre):
     def _flying(self, snapshot: Snapshot) -> Step:
         is_complete = self._is_complete(snapshot, self._offer.report())
         if self._is_ending and _mode(snapshot) in (self._offer.mode, self._offer.done_mode):
-            is_complete = not _is_by_failsafe(snapshot)  # MAVROS forgets the end as the mission is read again
+            is_complete = not _is_by_others(snapshot)  # MAVROS forgets the end as the mission is read again
         self._is_ending = is_complete
         if (step := self._unless_another(snapshot, is_end=is_complete)) is not None:
             return step
@@ -451,7 +448,7 @@ class AutopilotMission(Manoeuvre):
         """Whether the autopilot has ended the mission in the air."""
         if report is None or report.time_s <= self._entered_s or self._ends_by(Land, ReturnToLaunch):
             return False
-        if _is_by_failsafe(snapshot) and _mode(snapshot) != self._offer.mode:  # it may hold in the mode that follows
+        if _is_by_others(snapshot) and _mode(snapshot) != self._offer.mode:  # they may hold in the mode that follows
             return False
         has_reached = (
             report.reached == self._last_moving
@@ -465,7 +462,7 @@ class AutopilotMission(Manoeuvre):
     def _may_be_complete(self, snapshot: Snapshot) -> bool:
         """Whether it has entered the mode in which it holds after a mission, and may still tell its end."""
         is_done = _mode(snapshot) == self._offer.done_mode != self._offer.mode
-        is_done = is_done and not _is_by_failsafe(snapshot)
+        is_done = is_done and not _is_by_others(snapshot)
         if not is_done or self._item < self._last_moving or self._ends_by(Land, ReturnToLaunch):
             self._done_s = None
             return False
@@ -564,7 +561,16 @@ class AutopilotMission(Manoeuvre):
         return Step() if is_led is None else taken(snapshot, NAME)
 
     def _why_not(self) -> UalError | None:
-        return TaskAbortedError(f"{NAME}: it has ended", {"by": NAME}) if self.future.done() else None
+        """Returns why nothing more of it may be sent, first or again; None where it may. On the thread of the updates.
+
+        Others may have chosen the mode since the last step: no step is made until it is known who has.
+        """
+        if self.future.done():
+            return TaskAbortedError(f"{NAME}: it has ended", {"by": NAME})
+        snapshot = self._backend.snapshot()
+        if snapshot.control.held_by is Cause.OPEN:
+            return UndecidedError(f"{NAME}: it is not known yet who has chosen mode {snapshot.control.mode_text}")
+        return taken_over(snapshot, NAME) if self.is_overtaken(snapshot) else None
 
     def _referring(self, snapshot: Snapshot) -> Step:
         return Step() if self._reference is None else Step(self._reference.setpoint(snapshot))
@@ -601,6 +607,11 @@ def _mode(snapshot: Snapshot) -> str:
 def _is_by_failsafe(snapshot: Snapshot) -> bool:
     cause = snapshot.control.held_by
     return cause is not None and cause.is_failsafe
+
+
+def _is_by_others(snapshot: Snapshot) -> bool:
+    """Whether a failsafe, or the pilot's switch, has chosen the mode. That is also the one in which a mission ends."""
+    return _is_by_failsafe(snapshot) or snapshot.control.held_by is Cause.SAFETY_PILOT
 
 
 _STEPS: dict[_Phase, Callable[[AutopilotMission, Snapshot], Step]] = {

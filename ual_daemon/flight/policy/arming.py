@@ -49,7 +49,7 @@ class Arming:
             self._judge(snapshot)
         elif is_idle and self._has_stood and self.is_ours and not self._armed_in and _is_selected_by_others(snapshot):
             self._begins(mode.value, is_selected=True)
-        elif self.is_ours_to_end and self._is_taken(snapshot):
+        elif self.is_ours_to_end and self.is_taken(snapshot):
             self.is_ours_to_end = False
         stands = self._has_stood or (bool(snapshot.control.settled_mode) and not _begins_a_flight(mode.value))
         self._has_stood = armed.value and snapshot.control.is_on_ground and stands
@@ -62,6 +62,17 @@ class Arming:
             return found
         ours = _SELECTED if self._is_selected else _OURS
         return replace(found, why=found.why + (ours if self.is_ours else _THEIRS).format(self._armed_in))
+
+    def is_taken(self, snapshot: Snapshot) -> bool:
+        """Returns whether UAL or others have led it to another mode. The autopilot itself ends in the one in which it
+        holds. A snapshot may be newer than the last update.
+        """
+        mode, by = snapshot.control.mode, snapshot.control.held_by
+        assert mode is not None
+        if by is Cause.SAFETY_PILOT or mode.value.control is Control.REFERENCES:
+            return True
+        holds = mode.value.is_autonomous and mode.value.on_arming is OnArming.STANDS
+        return by is Cause.GROUND_STATION and mode.value.text != self._armed_in and not holds
 
     def _changed(self, *, is_armed: bool) -> None:
         was_armed, self._is_armed = self._is_armed, is_armed
@@ -81,15 +92,6 @@ class Arming:
         self._armed_in, self._is_selected, self.is_ours_to_end = mode.text, is_selected, self.is_ours
         who = "UAL" if self.is_ours else "the safety pilot or a ground station"
         logs.event(_log, logging.WARNING, "armed_in_flying_mode", by=who, mode=mode.text, selected_after=is_selected)
-
-    def _is_taken(self, snapshot: Snapshot) -> bool:
-        """Whether UAL or others have led it to another mode. The autopilot itself ends in the one in which it holds."""
-        mode, by = snapshot.control.mode, snapshot.control.held_by
-        assert mode is not None
-        if by is Cause.SAFETY_PILOT or mode.value.control is Control.REFERENCES:
-            return True
-        holds = mode.value.is_autonomous and mode.value.on_arming is OnArming.STANDS
-        return by is Cause.GROUND_STATION and mode.value.text != self._armed_in and not holds
 
 
 def _begins_a_flight(mode: Mode) -> bool:

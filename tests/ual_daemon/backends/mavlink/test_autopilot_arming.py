@@ -20,7 +20,7 @@ from ual.errors import LeaseHeldError, WrongStateError
 from ual.missions import TakeOff
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
-from ual_daemon.backends.values import Cause
+from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.server.telemetry_stream import Updates
 
@@ -240,6 +240,32 @@ def test_what_the_pilot_takes_of_it_is_his(px4: Flight) -> None:
     assert px4_of(px4).mode == POSCTL
     with pytest.raises(WrongStateError):
         px4.uav.abort()
+
+
+def test_an_abort_in_the_moment_in_which_the_pilot_takes_it_is_refused(
+    px4: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a snapshot with his mode that no update had judged yet, the abort asked for OFFBOARD."""
+    armed_into_a_flight(px4)
+    px4.wait_for_state(State.FLYING_MANUAL)
+    flight, refused = px4.uav.vehicle.commands._flight, list[str]()
+    step = flight.step
+
+    def aborted_first(snapshot: Snapshot) -> None:
+        if snapshot.control.mode_name == "POSCTL" and not refused:
+            with pytest.raises(WrongStateError) as refusal:
+                px4.uav.abort()
+            refused.append(str(refusal.value))
+        step(snapshot)
+
+    monkeypatch.setattr(flight, "step", aborted_first)
+    since_s = px4.now_s
+    px4.autopilot.pilot_take_over()
+    px4.wait_for(lambda: bool(refused), "the refusal")
+    px4.let_pass(2.0)
+    assert "have just chosen mode POSCTL" in refused[0]
+    assert px4.commands_since(since_s) == set()
+    assert px4_of(px4).mode == POSCTL
 
 
 def test_a_mission_of_ours_is_not_told_as_selected_by_others(flight: Flight) -> None:

@@ -36,6 +36,8 @@ class Missions(AutopilotMissions):
         self.read: Future[KeptMission] = Future()
         self.told: MissionReport | None = None
         self.chosen = done(None)
+        self.why_not: Callable[[], UalError | None] = lambda: None
+        """That of the last choice of an item."""
 
     def require(self, items: Sequence[Item]) -> None:
         """Takes any."""
@@ -58,6 +60,7 @@ class Missions(AutopilotMissions):
         self, items: Sequence[Item], item: int, refusal: Callable[[], UalError | None], *, anew: bool
     ) -> Future[None]:
         self.asked.append("set_current")
+        self.why_not = refusal
         return self.chosen
 
     def fly(self) -> Future[None]:

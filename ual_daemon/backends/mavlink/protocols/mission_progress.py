@@ -21,7 +21,7 @@ from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.offers.parameters import Refusal
+from ual_daemon.backends.offers.parameters import Refusal, UndecidedError
 
 RETRY_S = 0.5
 TRIES_COUNT = 10
@@ -76,6 +76,8 @@ class SetCurrent(Exchange[None]):
         if self._tries_count and now_s < self._next_s:
             return
         error = self._refusal()
+        if isinstance(error, UndecidedError):
+            return
         if error is not None:
             self.fail(error)
         elif self._tries_count >= TRIES_COUNT:

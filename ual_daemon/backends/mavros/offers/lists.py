@@ -26,7 +26,7 @@ from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.missions import HeardList, MissionTopics, waypoint_of
 from ual_daemon.backends.mavros.offers.services import BUSY_S, Services
 from ual_daemon.backends.mavros.session import Session
-from ual_daemon.backends.offers.parameters import Refusal
+from ual_daemon.backends.offers.parameters import Refusal, UndecidedError
 from ual_daemon.backends.rosbridge import Message
 
 TRANSFER_S = 35.0
@@ -102,6 +102,9 @@ class MavrosLists(ItemLists):
     # --- The current item ---------------------------------------------------------------------------------------------
 
     def _choose(self, seq: int, shown_by: frozenset[int], refusal: Refusal, choices_count: int) -> Future[None]:
+        if isinstance(refusal(), UndecidedError):
+            pause = self._services.pause(SHOWN_S)
+            return then_wait(pause, lambda _: self._choose(seq, shown_by, refusal, choices_count))
         before_count = self._heard(MissionType.MISSION).messages_count
         chosen = self._services.call_free(topics.SET_CURRENT, {"wp_seq": seq}, CHOOSE_S, _CHOOSE, refusal=refusal)
 

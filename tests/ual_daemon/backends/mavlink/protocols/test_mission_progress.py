@@ -15,6 +15,7 @@ from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.mission_progress import RETRY_S, TRIES_COUNT, Heard, MissionProgress
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.offers.parameters import UndecidedError
 
 ACTIVE = mavlink.MISSION_STATE_ACTIVE
 CURRENT, REACHED = mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, mavlink.MAVLINK_MSG_ID_MISSION_ITEM_REACHED
@@ -129,6 +130,18 @@ def test_without_a_link_it_says_so() -> None:
     bench.is_up = False
     bench.pass_tries(TRIES_COUNT)
     assert isinstance(future.exception(timeout=0), LinkLostError)
+
+
+def test_nothing_is_sent_while_it_is_not_known_who_has_taken_the_uav() -> None:
+    bench = Bench()
+    future = bench.choose(4)
+    bench.refusal = UndecidedError("the mode has changed")
+    bench.pass_tries(TRIES_COUNT + 5)
+    assert len(bench.sent) == 1
+    assert not future.done()
+    bench.refusal = None
+    bench.pass_tries(1)
+    assert len(bench.sent) == 2
 
 
 def test_what_may_not_be_chosen_any_more_is_not_sent_again() -> None:
