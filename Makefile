@@ -176,8 +176,9 @@ proto-baseline: tools/node_modules wire interface  ## At a release: the contract
 	tools/node_modules/.bin/buf breaking --against proto/baseline.binpb
 	tools/node_modules/.bin/buf build --exclude-source-info --output proto/baseline.binpb
 
-wire: $(DEV)  ## Records bytes of what is new in the contract, in tests/data/wire
+wire: $(DEV)  ## Records bytes of what is new in the contract, in tests/data/wire, and what is new in ROS
 	$(BIN)/python -m tests.wire
+	$(BIN)/python -m tests.clients.ros2.record
 
 interface: $(DEV)  ## Records the public names of Python that are new, in tests/data/interface.txt
 	$(BIN)/python -m tests.interface

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import asyncio
 import importlib
-import sys
 import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
@@ -19,48 +17,20 @@ from xml.etree import ElementTree as ET
 import pytest
 
 import ual
+from tests.clients.ros2.record import modules_of_ros, without_ros
 from tests.waiting import until_async
 from ual.cameras import CameraAbility, CameraInfo, ImageKind
 from ual_ros2 import health
 from ual_ros2.settings import DEFAULTS, settings_of
 
 PACKAGE = Path(__file__).parents[3] / "clients" / "ros2" / "ual_ros2"
-OURS = frozenset({"ual", "ual_ros2"})
 LANDING = ual.Telemetry(ual.State.LANDING)
 
 
-class Base:
-    """A class of ROS of which the node derives."""
-
-    def __init__(self, *_: object, **__: object) -> None:
-        """Takes what rclpy takes."""
-
-
-def imported(file: Path) -> Iterator[str]:
-    """The modules that a file imports."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (each.name for each in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield str(node.module)
-
-
-def of_ros() -> set[str]:
-    """The modules of others that the node and its launch file import."""
-    files = (*PACKAGE.glob("ual_ros2/**/*.py"), *PACKAGE.glob("launch/*.py"))
-    found = {name for file in files for name in imported(file)}
-    return {name for name in found if name.partition(".")[0] not in OURS | sys.stdlib_module_names}
-
-
 @pytest.fixture
-def ros(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    before = set(sys.modules)
-    for name in of_ros():
-        fake = MagicMock(name=name, ActionServer=Base, CallbackGroup=Base)
-        monkeypatch.setitem(sys.modules, name, fake)
-    yield
-    for name in [name for name in sys.modules.keys() - before if name.startswith("ual_ros2.")]:
-        del sys.modules[name]
+def ros() -> Iterator[None]:
+    with without_ros():
+        yield
 
 
 def part(name: str) -> ModuleType:
@@ -74,7 +44,7 @@ def part(name: str) -> ModuleType:
 def test_each_package_that_is_imported_is_installed_with_it() -> None:
     manifest = ET.parse(PACKAGE / "package.xml")
     named = {each.text for each in manifest.getroot().iter("exec_depend")}
-    assert {name.partition(".")[0] for name in of_ros()} - named == set()
+    assert {name.partition(".")[0] for name in modules_of_ros()} - named == set()
 
 
 # --- Leases -----------------------------------------------------------------------------------------------------------
