@@ -17,13 +17,23 @@ from ual.credentials import is_this_computer
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, PermissionDeniedError, UnauthenticatedError
 from ual.v1 import ual_pb2, ual_pb2_grpc
 from ual_tools.access import certificates
+from ual_tools.app import UalGroup, command
 from ual_tools.main import cli
+from ual_tools.session import Session, pass_session
 
 
 @pytest.fixture(autouse=True)
 def nothing_from_outside(monkeypatch: pytest.MonkeyPatch, runtime_dir: Path) -> None:
     del runtime_dir
-    for name in ("UAL_NS", "UAL_ADDRESS", "UAL_TOKEN", "UAL_TOKEN_FILE", "UAL_TLS_CERTIFICATE", "UAL_TLS_KEY"):
+    for name in (
+        "UAL_NS",
+        "UAL_ADDRESS",
+        "UAL_TOKEN",
+        "UAL_TOKEN_FILE",
+        "UAL_TLS_CA",
+        "UAL_TLS_CERTIFICATE",
+        "UAL_TLS_KEY",
+    ):
         monkeypatch.delenv(name, raising=False)
 
 
@@ -103,7 +113,31 @@ def test_a_missing_file_is_named() -> None:
         ual.Uav(address="127.0.0.1:1", tls_ca="none.pem", credentials=shown)
 
 
-def test_a_team_on_a_network(start_daemon: StartDaemon, tmp_path: Path) -> None:
+@pytest.mark.parametrize("typed", [(), ("--tls-certificate", "c.pem", "--tls-key", "k.pem")])
+def test_the_command_shows_all_that_the_environment_has(
+    typed: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A certificate must not make it forget the token, whichever of both was typed."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("c.pem", "k.pem"):
+        (tmp_path / name).touch()
+    shown: list[Credentials] = []
+
+    @command("shown")
+    @pass_session
+    def show(session: Session) -> None:
+        shown.append(session.credentials)
+
+    group = UalGroup(commands={"shown": show})
+    environment = {"UAL_TOKEN": "ual_x", "UAL_TLS_CERTIFICATE": "c.pem", "UAL_TLS_KEY": "k.pem"}
+    result = CliRunner().invoke(group, ["shown", *typed], env=environment)
+    assert result.exit_code == 0, result.output
+    assert [(each.token, str(each.tls_certificate), str(each.tls_key)) for each in shown] == [
+        ("ual_x", "c.pem", "k.pem")
+    ]
+
+
+def test_a_team_on_a_network(start_daemon: StartDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     host = beyond_loopback()
     made = make_files(tmp_path, host)
     pair = certificates.files(tmp_path, "uav_1")
@@ -125,6 +159,11 @@ def test_a_team_on_a_network(start_daemon: StartDaemon, tmp_path: Path) -> None:
         assert uav.info().namespace == "uav_1"
         with pytest.raises(PermissionDeniedError, match="Abort needs the role pilot, and observer is an observer"):
             uav.abort()
+    monkeypatch.setenv("UAL_TLS_CA", str(made.authority))
+    with ual.Uav(address=by_token.address, credentials=observer) as uav:
+        assert uav.info().namespace == "uav_1"
+    with ual.Uav(address=by_token.address, tls_ca="") as plain, pytest.raises(DaemonUnreachableError):
+        plain.info()
     laptop = certificates.files(tmp_path, "commander")
     shown = Credentials(tls_certificate=laptop.certificate, tls_key=laptop.key)
     with ual.Uav(address=by_certificate.address, tls_ca=made.authority, credentials=shown) as uav:

@@ -25,7 +25,7 @@ from ual.shared.uncopied import Uncopied
 from ual.types import Info, Plan, TaskRequest, Telemetry
 
 if TYPE_CHECKING:
-    from ual.network import Network
+    from ual.network import Network, NetworkSettings
 
 T = TypeVar("T")
 
@@ -39,9 +39,12 @@ class Uav(Uncopied, UavMembers):
         ns: The namespace of a daemon on this computer, such as ``uav_2``. Default: ``$UAL_NS``.
         address: Where the daemon is, ``host:50051`` or ``unix:/run/ual/uav_2.sock``. Default: ``$UAL_ADDRESS``. Where
             neither is given, it is the only UAV of this computer.
-        tls_ca: A file with the certificates to trust, for a daemon that uses TLS.
+        tls_ca: A file with the certificates to trust, for a daemon that uses TLS. Default: ``$UAL_TLS_CA``; empty: no
+            TLS, whatever that says.
         credentials: What shows the daemon who calls. Default: the environment's (`Credentials.from_environment`).
-        network: Where `ns` is looked for instead of on this computer (`ual.network.Network`); it stays open meanwhile.
+        network: Where `ns` is looked for instead of on this computer: a `ual.network.Network`, which stays open
+            meanwhile, or the name or file that `ual --network-config` takes. Default: ``$UAL_NETWORK``; empty: this
+            computer, whatever that says.
 
     Example:
         >>> with ual.Uav("uav_1") as uav:
@@ -58,7 +61,7 @@ class Uav(Uncopied, UavMembers):
         address: str | None = None,
         tls_ca: str | Path | None = None,
         credentials: Credentials | None = None,
-        network: Network | None = None,
+        network: Network | NetworkSettings | str | Path | None = None,
     ) -> None:
         self._connection = Connection(Target(ns, address, tls_ca, credentials, network))
         self._lease: Lease | None = None

@@ -154,6 +154,7 @@ class Connection:
             self._route = None
         for route in routes:
             route.channel.close()
+        self.target.close()
 
     def _run_once(self, call: Call[T], limit_s: float | None) -> T:
         with _calls.traced(call) as metadata:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import grpc
 
@@ -30,8 +29,11 @@ from ual.v1 import (
     ual_pb2_grpc,
 )
 
-ADDRESS_VARIABLE = "UAL_ADDRESS"
-NS_VARIABLE = "UAL_NS"
+if TYPE_CHECKING:
+    from ual.network import Network, NetworkSettings
+
+    NetworkChoice: TypeAlias = Network | NetworkSettings | str | Path
+
 NS_METADATA_KEY = "ual-ns"
 LEASE_METADATA_KEY = "ual-lease"
 
@@ -116,15 +118,15 @@ class Followed(Protocol):
     def is_settled(self) -> bool:
         """Whether the address can be asked for."""
 
+    @property
+    def ns(self) -> str:
+        """Its name; where none was given, that of the only one, once `address` was asked for."""
+
     def address(self) -> str:
         """Returns where the UAV is now."""
 
-
-class Directory(Protocol):
-    """See `ual.network.Network`."""
-
-    def follow(self, ns: str) -> Followed:
-        """Returns what says where a UAV is, at any time."""
+    def close(self) -> None:
+        """Leaves the network, where it was joined for this client."""
 
 
 class Target:
@@ -136,16 +138,17 @@ class Target:
         address: str | None,
         tls_ca: str | Path | None,
         credentials: Credentials | None = None,
-        network: Directory | None = None,
+        network: NetworkChoice | None = None,
     ) -> None:
-        if mistake := environment.mistake_in(os.environ):
-            raise InvalidArgumentError(mistake, {"field": "environment"})
-        self.ns = _name(ns) or os.environ.get(NS_VARIABLE, "")
-        self._followed = None if network is None else _follow(network, self.ns, address)
-        given = address or (os.environ.get(ADDRESS_VARIABLE) if network is None else None) or None
+        environment.require_known()
+        self.ns = _name(ns) or environment.value(environment.NS_VARIABLE) or ""
+        place: tuple[str | None, NetworkChoice | None] = environment.place(address, network)
+        given, on = place
         self._fixed_address = None if given is None else _checked(given)
         self._shown = Credentials.from_environment() if credentials is None else _credentials(credentials)
-        self._credentials = None if tls_ca is None else _read_tls(tls_ca, self._shown)
+        trusted = environment.value(environment.CA_VARIABLE) if tls_ca is None else tls_ca
+        self._credentials = _read_tls(trusted, self._shown) if trusted else None
+        self._followed = None if on is None else _follow(on, self.ns)
         self.lease_id = ""
         """The lease with which its commands are given; empty where it has none."""
         self._address: str | None = self._fixed_address
@@ -176,6 +179,16 @@ class Target:
     def is_settled(self) -> bool:
         """Whether `address` can be asked for. Just after the network was joined, the UAV may not have been heard."""
         return self._followed is None or self._followed.is_settled
+
+    @property
+    def is_followed(self) -> bool:
+        """Whether it is found on the network."""
+        return self._followed is not None
+
+    def close(self) -> None:
+        """Leaves the network, where it was joined for this client."""
+        if self._followed is not None:
+            self._followed.close()
 
     def settle(self) -> None:
         """Blocks until `address` can be asked for: up to 3 s after the network was joined."""
@@ -212,6 +225,7 @@ class Target:
             return self._fixed_address
         if self._followed is not None:
             self._address = self._followed.address()
+            self.ns = self._followed.ns
             return self._address
         if not self.ns:
             daemon = discovery.only()
@@ -227,12 +241,10 @@ class Target:
         return self._address or discovery.default_address(self.ns)
 
 
-def _follow(network: Directory, ns: str, address: str | None) -> Followed:
-    if not ns:
-        raise InvalidArgumentError("ns: a UAV of the network is found by its name", {"field": "ns"})
-    if address is not None:
-        raise InvalidArgumentError("address: the network says where it is: leave one of both out", {"field": "address"})
-    return network.follow(ns)
+def _follow(network: NetworkChoice, ns: str) -> Followed:
+    from ual.network import membership  # imported late: few clients need it
+
+    return membership.follow(network, ns)
 
 
 def _name(ns: str | None) -> str:

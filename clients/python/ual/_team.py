@@ -22,7 +22,8 @@ from ual.shared.uncopied import Uncopied
 from ual.types import MotionRequest, Plan, TaskInfo, TaskKind, TaskRequest
 
 if TYPE_CHECKING:
-    from ual.network import Network
+    from ual._target import NetworkChoice
+    from ual.network import Network, NetworkSettings
 
 T = TypeVar("T")
 
@@ -40,9 +41,9 @@ class Team(Uncopied, TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
     Args:
         uavs: The namespaces of daemons on this computer, or addresses (``host:50051``, ``unix:/run/ual/uav_2.sock``).
             These are the names of the results.
-        tls_ca: A file with the certificates to trust, for daemons that use TLS.
+        tls_ca: A file with the certificates to trust, for daemons that use TLS. Default: ``$UAL_TLS_CA``.
         credentials: What shows the daemons who calls. Default: the environment's (`Credentials.from_environment`).
-        network: Where names are looked for instead of on this computer (`ual.network.Network`), open meanwhile.
+        network: Where names are looked for instead of on this computer; see `ual.Uav`.
 
     Raises:
         InvalidArgumentError: There is no UAV, or one is named twice.
@@ -62,7 +63,7 @@ class Team(Uncopied, TeamMembers, TaskCommands[dict[str, "TeamTask"]]):
         *,
         tls_ca: str | Path | None = None,
         credentials: Credentials | None = None,
-        network: Network | None = None,
+        network: Network | NetworkSettings | str | Path | None = None,
     ) -> None:
         self._loop = _Loop()
         try:
@@ -322,7 +323,10 @@ async def _cancel_others() -> None:
 
 
 async def _made(
-    uavs: Iterable[str], tls_ca: str | Path | None, credentials: Credentials | None, network: Network | None
+    uavs: Iterable[str],
+    tls_ca: str | Path | None,
+    credentials: Credentials | None,
+    network: NetworkChoice | None,
 ) -> aio.Team:
     """Makes the team on its loop."""
     return aio.Team(uavs, tls_ca=tls_ca, credentials=credentials, network=network)

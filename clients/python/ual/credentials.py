@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ipaddress
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ual.errors import InvalidArgumentError
+from ual.shared import environment
 from ual.shared.text import decoded
 
 TOKEN_VARIABLE = "UAL_TOKEN"  # noqa: S105  a name
@@ -48,19 +48,32 @@ class Credentials:
             )
 
     @classmethod
-    def from_environment(cls) -> Credentials:
+    def from_environment(
+        cls,
+        token_file: str | Path | None = None,
+        tls_certificate: str | Path | None = None,
+        tls_key: str | Path | None = None,
+    ) -> Credentials:
         """Returns those of the environment: UAL_TOKEN or UAL_TOKEN_FILE, UAL_TLS_CERTIFICATE and UAL_TLS_KEY.
+
+        Args:
+            token_file: A file with a token, instead of that of the environment.
+            tls_certificate: A certificate, instead of that of the environment.
+            tls_key: Its private key.
 
         Raises:
             InvalidArgumentError: A file cannot be read.
 
         """
-        token = os.environ.get(TOKEN_VARIABLE) or None
-        file = os.environ.get(TOKEN_FILE_VARIABLE)
-        if token is None and file:
+        if token_file is not None:
+            token: str | None = read_token(token_file, "--token-file")
+        elif (token := environment.value(TOKEN_VARIABLE)) is None and (file := environment.value(TOKEN_FILE_VARIABLE)):
             token = read_token(file, TOKEN_FILE_VARIABLE)
-        certificate, key = (os.environ.get(name) or None for name in (CERTIFICATE_VARIABLE, KEY_VARIABLE))
-        return cls(token, certificate, key)
+        return cls(
+            token,
+            tls_certificate or environment.value(CERTIFICATE_VARIABLE),
+            tls_key or environment.value(KEY_VARIABLE),
+        )
 
     def metadata(self, address: str, *, has_tls: bool) -> tuple[tuple[str, str], ...]:
         """Returns what each request to an address carries.

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ual.errors import InvalidArgumentError
-from ual.shared import whole_file
+from ual.shared import environment, whole_file
 
 RUNTIME_DIR_VARIABLE = "UAL_RUNTIME_DIR"
 LOOPBACK = "127.0.0.1"
@@ -33,7 +33,7 @@ def runtime_dir() -> Path:
     """Returns where the daemons of this computer register: ``$UAL_RUNTIME_DIR``, else ``ual`` in the directory of
     temporary files.
     """
-    configured = os.environ.get(RUNTIME_DIR_VARIABLE)
+    configured = environment.value(RUNTIME_DIR_VARIABLE)
     if configured:
         return Path(configured)
     from tempfile import gettempdir  # imported late: it loads a dozen modules, 1 MiB

@@ -93,6 +93,7 @@ class UalCommand(_SharedOptions):
 
     @override
     def invoke(self, ctx: click.Context) -> Any:
+        session(ctx).settle()
         if self._multi is Multi.ITSELF or (names := multi.names(session(ctx))) is None:
             return super().invoke(ctx)
         if self._multi is Multi.REFUSED:

@@ -19,11 +19,14 @@ _PATIENCE_S = 1.0
 """A shell waits for the completion, so a daemon that does not answer by then is left out."""
 
 
-def namespaces(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Completes the names of the UAVs of this computer."""
-    from ual import discovery
-
-    return _items((each.ns for each in discovery.list_daemons()), incomplete)
+def namespaces(context: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Completes the names of the UAVs of this computer, or of the network."""
+    chosen = session(context)
+    try:
+        chosen.settle()
+        return _items((each.ns for each in chosen.daemons()), incomplete)
+    except UalError:
+        return []
 
 
 def frames(context: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -45,11 +48,10 @@ def checks(_: click.Context, __: click.Parameter, incomplete: str) -> list[Compl
 
 def _asked(context: click.Context, ask: Callable[[Uav], list[str]]) -> list[str]:
     """Returns the answer of the chosen UAV; nothing where there is none in time."""
-    from ual import Uav
-
     chosen = session(context)
     try:
-        with Uav(chosen.ns, address=chosen.address, tls_ca=chosen.tls_ca, credentials=chosen.credentials) as uav:
+        chosen.settle()
+        with chosen.connect(with_lease=False) as uav:
             end = threading.Timer(_PATIENCE_S, uav.close)
             end.start()
             try:

@@ -7,6 +7,7 @@ import signal
 
 import click
 
+from ual.errors import InvalidArgumentError
 from ual.shared import environment
 from ual_tools import (
     __version__,
@@ -63,8 +64,10 @@ def cli() -> None:
     Without --ns and --address this is the only UAV of this computer. The options below may also stand behind the
     command. Exit status: 0 done, 1 refused or failed (the reason is on stderr), 2 wrong usage, 130 interrupted.
     """
-    if mistake := environment.mistake_in(os.environ):
-        raise click.UsageError(mistake)
+    try:
+        environment.require_known()
+    except InvalidArgumentError as error:
+        raise click.UsageError(error.message) from None
 
 
 for command in (

@@ -11,6 +11,8 @@ import click
 from click.shell_completion import CompletionItem
 from typing_extensions import override
 
+from ual import credentials
+from ual.shared import environment
 from ual_tools import complete, start, values
 from ual_tools.session import session
 
@@ -55,7 +57,14 @@ class Option:
 
 SHARED = (
     Option(
-        "--ns", "ns", "Which UAV, or several: uav_1,uav_3.", click.STRING, "NAME", "UAL_NS", None, complete.namespaces
+        "--ns",
+        "ns",
+        "Which UAV, or several: uav_1,uav_3.",
+        click.STRING,
+        "NAME",
+        environment.NS_VARIABLE,
+        None,
+        complete.namespaces,
     ),
     Option("--all", "is_all", "All UAVs of this computer, or of the network."),
     Option("--network", "uses_network", "Look for UAVs on the network, not only on this computer."),
@@ -65,7 +74,7 @@ SHARED = (
         "The same, on the network of this YAML file; loopback: this computer's.",
         click.STRING,
         "FILE",
-        "UAL_NETWORK",
+        environment.NETWORK_VARIABLE,
     ),
     Option(
         "--at",
@@ -80,16 +89,18 @@ SHARED = (
         "Where its daemon is, if not on this computer.",
         click.STRING,
         "HOST:PORT|unix:PATH",
-        "UAL_ADDRESS",
+        environment.ADDRESS_VARIABLE,
     ),
-    Option("--tls-ca", "tls_ca", "Certificates to trust, for a daemon that uses TLS.", _FILE, None, "UAL_TLS_CA"),
+    Option(
+        "--tls-ca", "tls_ca", "Certificates to trust, for a daemon that uses TLS.", _FILE, None, environment.CA_VARIABLE
+    ),
     Option(
         "--token-file",
         "token_file",
         "A token, where the daemon wants to know who calls.",
         _FILE,
         None,
-        "UAL_TOKEN_FILE",
+        credentials.TOKEN_FILE_VARIABLE,
     ),
     Option(
         "--tls-certificate",
@@ -97,9 +108,9 @@ SHARED = (
         "Your certificate, for a daemon that wants one.",
         _FILE,
         None,
-        "UAL_TLS_CERTIFICATE",
+        credentials.CERTIFICATE_VARIABLE,
     ),
-    Option("--tls-key", "tls_key", "Its private key.", _FILE, None, "UAL_TLS_KEY"),
+    Option("--tls-key", "tls_key", "Its private key.", _FILE, None, credentials.KEY_VARIABLE),
     Option("--lease", "has_lease", "Let nobody else fly it meanwhile."),
     Option("--take", "takes_lease", "The same, and take that from who has it."),
     Option(
@@ -177,6 +188,10 @@ class _SharedOption(click.Option):
     """An option of `Session`. Only the help of `ual` itself describes it."""
 
     @override
+    def resolve_envvar_value(self, ctx: click.Context) -> str | None:
+        return environment.value(self.envvar) if isinstance(self.envvar, str) else None
+
+    @override
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
         return super().get_help_record(ctx) if ctx.parent is None else None
 
@@ -189,5 +204,7 @@ def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:
             held = session(context)
             if source is click.core.ParameterSource.COMMANDLINE or getattr(held, field) in (None, False):
                 setattr(held, field, value)
+                if source is click.core.ParameterSource.COMMANDLINE:
+                    held.typed.add(field)
 
     return store

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ual.errors import InvalidArgumentError, UalError
+from ual.shared import environment
 from ual.types import TaskInfo
 from ual_tools import start
 from ual_tools.help import as_typed
@@ -22,10 +23,11 @@ if TYPE_CHECKING:
     from ual import Uav
     from ual.credentials import Credentials
     from ual.discovery import Registration
-    from ual.network import Network
     from ual_tools.network.joined import Joined
     from ual_tools.start import Member
 
+LOOPBACK = "loopback"
+"""The network of this computer; as in `ual.network.settings`, which only commands of the network load."""
 REFUSED = 1
 """The exit status of a command that was refused or failed."""
 INTERRUPTED = 130
@@ -53,11 +55,13 @@ class Session:
     timeout_s: float | None = None
     as_json: bool = False
     network_config: str | None = None
-    """A file of the network's settings, or ``loopback``."""
+    """A file of the network's settings, or ``loopback``; after `settle`, None where no network is meant."""
     uses_network: bool = False
     is_all: bool = False
     begin_utc_s: float | None = None
     """When its command is to begin, in seconds since the epoch; None: now."""
+    typed: set[str] = field(default_factory=set)
+    """The names of the fields above that come from the command line, and not from the environment."""
     member: Member | None = None
     """Its place among several UAVs that get the same command."""
     _shared: _Shared = field(default_factory=_Shared)
@@ -69,8 +73,8 @@ class Session:
         """
         from ual import Uav
 
-        network, ns = self._network_and_name()
-        uav = Uav(ns, address=self.address, tls_ca=self.tls_ca, credentials=self.credentials, network=network)
+        network = "" if self.joined is None else self.joined.network()
+        uav = Uav(self.ns, address=self.address, tls_ca=self.tls_ca, credentials=self.credentials, network=network)
         if self.member is not None:
             self.member.meet(uav)
         elif self.begin_utc_s is not None:
@@ -83,15 +87,25 @@ class Session:
     @property
     def joined(self) -> Joined | None:
         """The network, if UAVs are looked for there; it is joined when it is asked first."""
-        if self.uses_network and self.address is not None:
-            raise InvalidArgumentError("--network says where UAVs are: leave out --address (UAL_ADDRESS)")
-        if self.address is not None or not (self.uses_network or self.network_config):
+        if self.network_config is None:
             return None
         if self._shared.joined is None:
             from ual_tools.network.joined import Joined
 
-            self._shared.joined = Joined(self.network_config or "loopback", self.note)
+            self._shared.joined = Joined(self.network_config, self.note)
         return self._shared.joined
+
+    def settle(self) -> None:
+        """Decides where UAVs are looked for: as a client of the library does, by what was typed and the environment.
+
+        Raises:
+            InvalidArgumentError: Both an address and a network are said.
+
+        """
+        network = self.network_config if "network_config" in self.typed else None
+        if self.uses_network:
+            network = self.network_config or LOOPBACK
+        self.address, self.network_config = environment.place(self._if_typed("address"), network)
 
     def daemons(self) -> list[Registration]:
         """Returns the daemons of this computer, or those of the network that can be reached from here."""
@@ -104,16 +118,6 @@ class Session:
         """Where UAVs are looked for, as the end of a sentence."""
         return "runs on this computer" if self.joined is None else "is on the network"
 
-    def _network_and_name(self) -> tuple[Network | None, str | None]:
-        """Returns where the UAV is looked for, and its name: where none is given, that of the only one."""
-        if self.joined is None:
-            return None, self.ns
-        network = self.joined.network()
-        names = {uav.ns for uav in network.uavs() if uav.gone_s is None}
-        if self.ns or len(names) == 1:
-            return network, self.ns or names.pop()
-        raise InvalidArgumentError(f"ns: {len(names)} UAVs are on the network: choose one by --ns", {"field": "ns"})
-
     def connect_to(self, daemon: Registration) -> Uav:
         """Returns the UAV of a daemon of this computer."""
         from ual import Uav
@@ -123,12 +127,15 @@ class Session:
     @property
     def credentials(self) -> Credentials:
         """What shows a daemon who calls: the options, and the environment where there are none."""
-        from ual.credentials import Credentials, read_token
+        from ual.credentials import Credentials
 
-        if self.token_file is None and self.tls_certificate is None and self.tls_key is None:
-            return Credentials.from_environment()
-        token = None if self.token_file is None else read_token(self.token_file, "--token-file")
-        return Credentials(token, self.tls_certificate, self.tls_key)
+        return Credentials.from_environment(
+            *(self._if_typed(name) for name in ("token_file", "tls_certificate", "tls_key"))
+        )
+
+    def _if_typed(self, name: str) -> Any:  # noqa: ANN401 (an option's value)
+        """Returns the value of an option that was typed; None for one of the environment, which the library reads."""
+        return getattr(self, name) if name in self.typed else None
 
     def _lease(self, uav: Uav) -> None:
         try:

@@ -188,3 +188,82 @@ print(network.described)
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LIMIT_S)
     assert (done.returncode, done.stdout) == (0, f"site {net.site}, {net.endpoint}\n"), done.stderr
+
+
+FORKED = """
+import os, sys, ual
+from ual.network import Network, NetworkSettings
+from ual.errors import ClientUnusableError
+settings = NetworkSettings(site={site!r}, connect=({endpoint!r},))
+network = Network(settings, timeout_s={limit})
+assert network.wait_for(lambda it: it.uavs(), {limit})
+clients = [ual.Uav("uav_1", network=network), ual.Uav("uav_1", network=settings)]
+found = clients[1].address
+def refused(call):
+    try:
+        call()
+    except ClientUnusableError as error:
+        return "joined before this process was forked" in str(error)
+def child():
+    assert [each.address for each in clients] == [found, found]
+    assert ual.Uav("uav_1", network=settings).address == found
+    assert not network.is_connected
+    calls = [network.uavs, network.wait_until_complete, lambda: network.find("uav_1"), lambda: Network(settings)]
+    calls += [lambda: ual.Uav("uav_9", network=settings).address]
+    assert all(refused(each) for each in calls)
+    {end}
+sys.stdout.flush()
+if not os.fork():
+    child()
+    sys.exit(0)  # with all that an end does
+print(os.waitstatus_to_exitcode(os.wait()[1]), flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
+@pytest.mark.parametrize(
+    "end",
+    ["pass", "network.close(); [each.close() for each in clients]", "globals().update(network=None, clients=None)"],
+)
+def test_a_forked_child_flies_on_and_ends(net: ZenohNet, end: str) -> None:
+    """Zenoh's threads are missing there: whatever waits for them waits forever."""
+    net.router()
+    told, ended = net.publication(), threading.Event()
+
+    def tell() -> None:
+        while not ended.wait(0.02):
+            told.put(report())
+
+    telling = threading.Thread(target=tell)
+    telling.start()
+    program = FORKED.format(site=net.site, endpoint=net.endpoint, limit=LIMIT_S, end=end)
+    try:
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LIMIT_S)
+    finally:
+        ended.set()
+        telling.join()
+    assert (done.returncode, done.stdout) == (0, "0\n"), done.stderr
+
+
+FORKED_AFTERWARDS = """
+import os, sys
+from ual.network import Network, NetworkSettings
+from ual.errors import ClientUnusableError
+settings = NetworkSettings(site={site!r}, connect=({endpoint!r},))
+Network(settings, timeout_s={limit}).close()
+if not os.fork():
+    try:
+        Network(settings)
+    except ClientUnusableError:
+        sys.exit(0)
+    sys.exit(1)
+print(os.waitstatus_to_exitcode(os.wait()[1]), flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
+def test_a_child_of_a_program_that_has_left_the_network_says_that_it_cannot_join(net: ZenohNet) -> None:
+    net.router()
+    program = FORKED_AFTERWARDS.format(site=net.site, endpoint=net.endpoint, limit=LIMIT_S)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LIMIT_S)
+    assert (done.returncode, done.stdout) == (0, "0\n"), done.stderr

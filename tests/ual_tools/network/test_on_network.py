@@ -123,7 +123,41 @@ def test_a_name_that_is_not_there_is_told(net: ZenohNet, config: str) -> None:
 def test_network_and_address_cannot_both_say_where_it_is() -> None:
     result = run("--network", "--address", "127.0.0.1:1", "state")
     assert result.exit_code == 1
-    assert "leave out --address" in result.stderr
+    assert "leave out the address, or the network" in result.stderr
+
+
+@pytest.mark.parametrize("typed", [["--network-config", "{config}"], []], ids=["typed", "named by a variable"])
+def test_what_is_typed_goes_before_the_environment(
+    net: ZenohNet, config: str, telling: ExitStack, monkeypatch: pytest.MonkeyPatch, typed: list[str]
+) -> None:
+    """Of two places one must not win without a word: another UAV of this name would be flown."""
+    Telling(telling, [(net.publication(), report())])
+    monkeypatch.setenv("UAL_ADDRESS", "127.0.0.1:1")
+    if not typed:
+        monkeypatch.setenv("UAL_NETWORK", config)
+    result = run(*(each.format(config=config) for each in typed), "watch", "--once")
+    if typed:
+        assert result.stdout.startswith("uav_1\tFLYING_AUTO"), result.output
+    else:
+        assert result.exit_code == 1
+        assert "UAL_ADDRESS and UAL_NETWORK both say where the UAV is: unset one of them" in result.stderr
+
+
+def test_a_node_of_ros_is_not_started_for_uavs_of_the_network(config: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("UAL_NETWORK", config)
+    result = run("ros2", "--variables")
+    assert result.exit_code == 2
+    assert "the node does not look on the network" in result.stderr
+
+
+def test_completion_names_the_uavs_of_the_network(
+    net: ZenohNet, config: str, telling: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Telling(telling, [(net.publication("uav_7"), report(uav("uav_7")))])
+    monkeypatch.setenv("UAL_NETWORK", config)
+    environment = {"_UAL_COMPLETE": "bash_complete", "COMP_WORDS": "ual --ns ", "COMP_CWORD": "2"}
+    found = CliRunner().invoke(cli, [], env=environment, prog_name="ual").stdout
+    assert found == "plain,uav_7\n"
 
 
 def test_without_a_router_a_command_says_so(net: ZenohNet, tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ from ual.shared.waiting import ends_within
 from ual.types import Info, MotionRequest, Plan, State, TaskRequest
 
 if TYPE_CHECKING:
-    from ual.network import Network
+    from ual.network import Network, NetworkSettings
 
 T = TypeVar("T")
 
@@ -59,7 +59,7 @@ class Uav(Uncopied, UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         address: str | None = None,
         tls_ca: str | Path | None = None,
         credentials: Credentials | None = None,
-        network: Network | None = None,
+        network: Network | NetworkSettings | str | Path | None = None,
     ) -> None:
         self._connection = Connection(Target(ns, address, tls_ca, credentials, network))
         self._lease: Lease | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar
@@ -133,6 +134,14 @@ class Connection:
             await route.channel.close()
         if self._closing:
             await asyncio.wait(self._closing)
+        if self.target.is_followed:
+            await self._leave_network()
+
+    async def _leave_network(self) -> None:
+        leaving = threading.Thread(target=self.target.close, name="ual network")
+        leaving.start()
+        while leaving.is_alive():  # noqa: ASYNC110  the network's threads set no event of this loop
+            await asyncio.sleep(SETTLING_S)
 
     def _enter(self) -> Route:
         if self._is_closed:

@@ -23,7 +23,8 @@ from ual.types import LandRequest, MotionRequest, Plan, ReturnToLaunchRequest, T
 _ENDS_A_FLIGHT = (LandRequest, ReturnToLaunchRequest)
 
 if TYPE_CHECKING:
-    from ual.network import Network
+    from ual._target import NetworkChoice
+    from ual.network import Network, NetworkSettings
 
 T = TypeVar("T")
 All = Coroutine[Any, Any, dict[str, T]]
@@ -42,9 +43,9 @@ class Team(Uncopied, TeamMembers, TaskCommands[All[Task]]):
     Args:
         uavs: The namespaces of daemons on this computer, or addresses (``host:50051``, ``unix:/run/ual/uav_2.sock``).
             These are the names of the results.
-        tls_ca: A file with the certificates to trust, for daemons that use TLS.
+        tls_ca: A file with the certificates to trust, for daemons that use TLS. Default: ``$UAL_TLS_CA``.
         credentials: What shows the daemons who calls. Default: the environment's (`Credentials.from_environment`).
-        network: Where names are looked for instead of on this computer (`ual.network.Network`), open meanwhile.
+        network: Where names are looked for instead of on this computer; see `ual.Uav`.
 
     Raises:
         InvalidArgumentError: There is no UAV, or one is named twice.
@@ -64,7 +65,7 @@ class Team(Uncopied, TeamMembers, TaskCommands[All[Task]]):
         *,
         tls_ca: str | Path | None = None,
         credentials: Credentials | None = None,
-        network: Network | None = None,
+        network: Network | NetworkSettings | str | Path | None = None,
     ) -> None:
         names = _checked(uavs)
         self._uavs = {name: _uav(name, tls_ca, credentials, network) for name in names}
@@ -204,7 +205,12 @@ def _awaitable(call: Coroutine[Any, Any, T]) -> Coroutine[Any, Any, T]:
     return call
 
 
-def _uav(name: str, tls_ca: str | Path | None, credentials: Credentials | None, network: Network | None) -> Uav:
+def _uav(
+    name: str,
+    tls_ca: str | Path | None,
+    credentials: Credentials | None,
+    network: NetworkChoice | None,
+) -> Uav:
     if ":" in name:
         return Uav(address=name, tls_ca=tls_ca, credentials=credentials)
     return Uav(name, tls_ca=tls_ca, credentials=credentials, network=network)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from ual.credentials import is_this_computer
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
@@ -14,11 +14,12 @@ class Followed:
     """The address of one UAV, as it is now. Any thread may ask.
 
     Args:
-        ns: Its name.
+        ns: Its name; empty where it is the only one of the network.
         called: Returns the UAVs of a name that are known now.
         where: The network, for errors.
         is_settled: Returns whether all that are there have told of themselves. Shortly after the network was joined
             they may not have.
+        names: Returns the names of the UAVs that are there.
 
     """
 
@@ -28,8 +29,11 @@ class Followed:
         called: Callable[[str], Sequence[NetworkUav]],
         where: str,
         is_settled: Callable[[], bool] = lambda: True,
+        names: Callable[[], Collection[str]] = tuple,
     ) -> None:
-        self._ns = ns
+        self.ns = ns
+        """Its name; where none was given, that of the only one, once `address` was asked for."""
+        self._names = names
         self._called = called
         self._where = where
         self._is_settled = is_settled
@@ -45,12 +49,27 @@ class Followed:
 
         Raises:
             DaemonUnreachableError: The network does not know it, or it can be reached on its own computer only.
-            InvalidArgumentError: Several UAVs have this name, or it is another one than before.
+            InvalidArgumentError: Several UAVs have this name, it is another one than before, or no name was given and
+                there are several.
 
         """
-        found = self._choose(self._called(self._ns))
+        self.ns = self.ns or self._only()
+        found = self._choose(self._called(self.ns))
         self._last = found
         return best_address(found)
+
+    def close(self) -> None:
+        """Does nothing: the network is another's."""
+
+    def _only(self) -> str:
+        names = self._names()
+        if not names:
+            raise DaemonUnreachableError(f"no UAV is on the network ({self._where})")
+        if len(names) > 1:
+            raise InvalidArgumentError(
+                f"ns: {len(names)} UAVs are on the network: choose one by its name (ns, --ns)", {"field": "ns"}
+            )
+        return next(iter(names))
 
     def _choose(self, found: Sequence[NetworkUav]) -> NetworkUav:
         same = [each for each in found if self._last is not None and each.instance == self._last.instance]
@@ -61,10 +80,10 @@ class Followed:
         if not found:
             if self._last is not None:  # it is gone for long: its daemon, not the network, says whether it is there
                 return self._last
-            raise DaemonUnreachableError(f"no UAV {self._ns} is on the network ({self._where}): `ual list --network`")
+            raise DaemonUnreachableError(f"no UAV {self.ns} is on the network ({self._where}): `ual list --network`")
         if self._last is not None and found[0].teller.host != self._last.teller.host:
             raise InvalidArgumentError(
-                f"ns: {self._ns} was on {self._last.teller.host} and is now told by {found[0].teller.host}: that is "
+                f"ns: {self.ns} was on {self._last.teller.host} and is now told by {found[0].teller.host}: that is "
                 "another UAV. Make a new client if it is meant",
                 {"field": "ns"},
             )

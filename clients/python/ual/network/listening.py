@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 from typing_extensions import Self
 
+from ual import _forks
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.network import keys, settings
 from ual.network.followed import Followed, conflict
 from ual.network.lost_links import LostLinks
 from ual.network.roster import Roster
-from ual.network.session import close_session, has_router, open_session, queue, require, ring
+from ual.network.session import close_session, forked, has_router, open_session, queue, require, ring
 from ual.network.settings import LOOPBACK, NetworkSettings
 from ual.network.values import NetworkUav
 from ual.shared.guard import WorkGuard
@@ -39,6 +40,9 @@ _MOST_PROBLEMS = 100
 class Network:
     """The UAVs of a site, from the construction until `close`. Any thread may call.
 
+    In a forked process nothing is heard any more: clients go on with the addresses that were known, and all else raises
+    `ClientUnusableError`.
+
     Args:
         config: A file (`ual.network.settings`), the settings themselves, or ``loopback``: this computer only.
         timeout_s: How long to wait for a router.
@@ -48,6 +52,7 @@ class Network:
         DaemonUnreachableError: No router answers in time.
         InvalidArgumentError: The settings are not valid.
         NotSupportedError: The extra ``network`` is not installed.
+        ClientUnusableError: This process was forked from one that had used the network.
 
     Example:
         >>> with ual.network.Network("farm.yaml") as farm:
@@ -71,12 +76,14 @@ class Network:
         self._changed = threading.Condition()
         self._roster = Roster(self._drop)
         self._is_closed = False
+        self._is_parents = False
         self._closing = threading.Event()
         self._guard = WorkGuard("listener")
         self._readers: list[threading.Thread] = []
         self._session = open_session(self.settings, timeout_s)
         self._since_s = time.monotonic()
         atexit.register(self.close)
+        _forks.renew_in_child(self)
         try:
             site = self.settings.site
             samples = self._session.declare_subscriber(keys.all_telemetry(site), ring())
@@ -92,6 +99,12 @@ class Network:
         self._readers.append(threading.Thread(target=self._keep_asking, name="ual network", daemon=True))
         for reader in self._readers:
             reader.start()
+
+    def begin_anew(self) -> None:
+        """Leaves what listens to the parent in a forked process, and keeps what was known."""
+        self._changed = threading.Condition()
+        self._is_closed = self._is_parents = True
+        atexit.unregister(self.close)
 
     def __enter__(self) -> Self:
         return self
@@ -109,6 +122,7 @@ class Network:
 
         A name is there more than once where several daemons tell of it: these are contested.
         """
+        self._require_own()
         with self._changed:
             return self._roster.uavs()
 
@@ -120,6 +134,7 @@ class Network:
             InvalidArgumentError: Several UAVs have this name.
 
         """
+        self._require_own()
         found = self._called(ns)
         if not found:
             raise DaemonUnreachableError(f"no UAV {ns} is on the network ({self.described})")
@@ -128,8 +143,11 @@ class Network:
         return found[0]
 
     def follow(self, ns: str) -> Followed:
-        """Returns what says where a UAV is now, at any time; `ual.Uav` and `ual.aio.Uav` use it."""
-        return Followed(ns, self._called, self.described, self._is_settled)
+        """Returns what says where a UAV is now, at any time; `ual.Uav` and `ual.aio.Uav` use it.
+
+        Where `ns` is empty, it is the only one of the network.
+        """
+        return Followed(ns, self._called, self.described, self._is_settled, self._names)
 
     @property
     def problems(self) -> Mapping[str, int]:
@@ -154,6 +172,7 @@ class Network:
 
     def wait_for(self, is_so: Callable[[Self], bool], timeout_s: float) -> bool:
         """Waits until something holds, which is asked after each change. Returns whether it did in time."""
+        self._require_own()
         end_s = time.monotonic() + timeout_s
         with self._changed:
             while not is_so(self):
@@ -177,6 +196,8 @@ class Network:
 
     def _is_settled(self) -> bool:
         """Whether all that are there have told of themselves, or have had the time for it."""
+        if self._is_parents:
+            return True
         looked_s = time.monotonic() - self._since_s
         return looked_s >= _JOIN_S or (looked_s >= _LEAST_LOOK_S and self._is_complete)
 
@@ -186,7 +207,19 @@ class Network:
 
     def _called(self, ns: str) -> tuple[NetworkUav, ...]:
         with self._changed:
-            return self._roster.called(ns)
+            found = self._roster.called(ns)
+        if not found:
+            self._require_own()
+        return found
+
+    def _names(self) -> frozenset[str]:
+        """Returns the names of those that are there."""
+        with self._changed:
+            return frozenset(uav.ns for uav in self._roster.uavs() if uav.gone_s is None)
+
+    def _require_own(self) -> None:
+        if self._is_parents:
+            raise forked()
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         import zenoh

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import time
 from collections.abc import Sequence
@@ -10,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from typing_extensions import Self
 
-from ual.errors import DaemonUnreachableError, InvalidArgumentError
+from ual import _forks
+from ual.errors import ClientUnusableError, DaemonUnreachableError, InvalidArgumentError
 from ual.network import configuration
 from ual.network.lost_links import LostLinks
 from ual.network.settings import NetworkSettings
@@ -23,6 +25,51 @@ _MOST_SIGNS, _MOST_REPORTS = 1024, 512
 _LOOK_S = 0.5
 _AGAIN_S = 0.2
 """The pause after all routers were tried."""
+
+
+class _Sessions:
+    """The sessions of this process. In a forked one Zenoh's threads are missing.
+
+    There a session can be neither closed, nor freed, nor opened: each would wait for these threads without an end.
+    """
+
+    def __init__(self) -> None:
+        self._open: list[zenoh.Session] = []
+        self._is_used = False
+        self._is_lost = False
+        _forks.renew_in_child(self)
+
+    def open(self, config: zenoh.Config) -> zenoh.Session:
+        import zenoh
+
+        if self._is_lost:
+            raise forked()
+        self._is_used = True
+        session = zenoh.open(config)
+        self._open.append(session)
+        return session
+
+    def close(self, session: zenoh.Session) -> None:
+        if self._is_lost or session not in self._open:
+            return
+        self._open.remove(session)
+        session.close()  # type: ignore[no-untyped-call]  # Zenoh's stub says nothing of it
+
+    def begin_anew(self) -> None:
+        self._is_lost = self._is_used
+        for session in self._open:
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(session))  # nothing frees it any more
+
+
+_sessions = _Sessions()
+
+
+def forked() -> ClientUnusableError:
+    """Returns the error of the network of a parent."""
+    return ClientUnusableError(
+        "the network was joined before this process was forked, which Zenoh does not survive: begin the process by "
+        "multiprocessing's 'spawn', or before the network is first used"
+    )
 
 
 def require(what: str, extra: str) -> None:
@@ -45,6 +92,7 @@ def open_session(settings: NetworkSettings, timeout_s: float) -> zenoh.Session:
     Raises:
         DaemonUnreachableError: No router answers in time.
         InvalidArgumentError: Zenoh refuses the settings, as where a certificate cannot be read.
+        ClientUnusableError: This process was forked from one that had used the network.
 
     """
     import zenoh
@@ -55,7 +103,7 @@ def open_session(settings: NetworkSettings, timeout_s: float) -> zenoh.Session:
     until_s = time.monotonic() + timeout_s
     while True:
         try:
-            return zenoh.open(zenoh.Config.from_json5(text))
+            return _sessions.open(zenoh.Config.from_json5(text))
         except zenoh.ZError as error:
             if not settings.connect:
                 raise InvalidArgumentError(f"network: {error}", {"field": "network"}) from None
@@ -83,8 +131,8 @@ def ring() -> zenoh.handlers.RingChannel[zenoh.Sample]:
 
 
 def close_session(session: zenoh.Session) -> None:
-    """Leaves the network."""
-    session.close()  # type: ignore[no-untyped-call]  # Zenoh's stub says nothing of it
+    """Leaves the network. That of a parent stays open, and is the parent's."""
+    _sessions.close(session)
 
 
 def has_router(session: zenoh.Session, settings: NetworkSettings) -> bool:
@@ -115,7 +163,7 @@ class RouterSession:
         zenoh.try_init_log_from_env()  # type: ignore[no-untyped-call]  # RUST_LOG shows what is refused, as in zenohd
         try:
             config = zenoh.Config.from_file(file)
-            self._session = zenoh.open(config)
+            self._session = _sessions.open(config)
         except zenoh.ZError as error:
             raise InvalidArgumentError(f"{file}: the router cannot run: {error}", {"field": "file"}) from None
         self._links = LostLinks(self._session.info.links)

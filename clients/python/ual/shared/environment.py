@@ -1,9 +1,22 @@
-"""The environment variables that UAL reads. One with a misspelled name would be ignored, and another UAV flown."""
+"""The environment variables that UAL reads, for the command and the library alike.
+
+One that is ignored, or has a misspelled name, would have another UAV flown.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from typing import TypeVar
 
+from ual.errors import InvalidArgumentError
+
+N = TypeVar("N")
+
+ADDRESS_VARIABLE = "UAL_ADDRESS"
+NETWORK_VARIABLE = "UAL_NETWORK"
+NS_VARIABLE = "UAL_NS"
+CA_VARIABLE = "UAL_TLS_CA"
 _PREFIX = "UAL_"
 _OF_TESTS = "UAL_TEST_"
 _LEAST_ALIKE = 0.75
@@ -11,14 +24,14 @@ _LEAST_ALIKE = 0.75
 OTHERS_VARIABLE = "UAL_OTHER_VARIABLES"
 """Names, separated by commas, of variables ``UAL_...`` that belong to programs beside UAL."""
 OF_CLIENTS = (
-    "UAL_ADDRESS",
-    "UAL_NETWORK",
-    "UAL_NS",
+    ADDRESS_VARIABLE,
+    NETWORK_VARIABLE,
+    NS_VARIABLE,
     "UAL_NTRIP_PASSWORD",
     "UAL_NTRIP_USER",
     OTHERS_VARIABLE,
     "UAL_RUNTIME_DIR",
-    "UAL_TLS_CA",
+    CA_VARIABLE,
     "UAL_TLS_CERTIFICATE",
     "UAL_TLS_KEY",
     "UAL_TOKEN",
@@ -57,6 +70,50 @@ OF_DAEMON = (
     "UAL_WORKERS",
 )
 """Those of `ual-daemon`, which may be started from the same shell."""
+
+
+def value(name: str) -> str | None:
+    """Returns what a variable says; None where it is not set, or empty."""
+    return os.environ.get(name) or None
+
+
+def place(address: str | None, network: N | None) -> tuple[str | None, N | str | None]:
+    """Returns the address at which, or else the network on which, a UAV is looked for; neither: on this computer.
+
+    What a program says goes before the environment. An empty text says that neither is meant.
+
+    Args:
+        address: The address that the program gives.
+        network: The network that it gives.
+
+    Raises:
+        InvalidArgumentError: Both are said, by the program or by the environment.
+
+    """
+    if address is None and network is None:
+        address, network_named = value(ADDRESS_VARIABLE), value(NETWORK_VARIABLE)
+        if address and network_named:
+            raise InvalidArgumentError(
+                f"{ADDRESS_VARIABLE} and {NETWORK_VARIABLE} both say where the UAV is: unset one of them",
+                {"field": "environment"},
+            )
+        return address, network_named
+    if address and network:
+        raise InvalidArgumentError(
+            "address: the network says where it is: leave out the address, or the network", {"field": "address"}
+        )
+    return address or None, network or None
+
+
+def require_known() -> None:
+    """Refuses an environment with a variable ``UAL_...`` that nothing reads.
+
+    Raises:
+        InvalidArgumentError: There is one. The message asks which was meant.
+
+    """
+    if mistake := mistake_in(os.environ):
+        raise InvalidArgumentError(mistake, {"field": "environment"})
 
 
 def mistake_in(given: Mapping[str, str]) -> str:

@@ -39,7 +39,7 @@ class Watched:
     async def follow(self, address: str) -> None:
         """Follows the telemetry of a daemon until it ends."""
         try:
-            async with aio.Uav(self.ns, address=address) as uav, uav.subscribe(_RATE_HZ) as samples:
+            async with _client(self.ns, address) as uav, uav.subscribe(_RATE_HZ) as samples:
                 async for telemetry in samples:
                     self.see(telemetry)
         except UalError:
@@ -55,7 +55,7 @@ class Watched:
     async def look(self, address: str) -> None:
         """Takes one sample now: the last one of `follow` may be older than a command."""
         with contextlib.suppress(UalError):
-            async with aio.Uav(self.ns, address=address) as uav:
+            async with _client(self.ns, address) as uav:
                 self.see(await uav.telemetry())
 
     def see(self, telemetry: Telemetry) -> None:
@@ -70,6 +70,11 @@ class Watched:
             self._on_state(state)
 
 
+def _client(ns: str, address: str) -> aio.Uav:
+    """Returns a client of a daemon of the team, which the environment's certificates are not for."""
+    return aio.Uav(ns, address=address, tls_ca="")
+
+
 async def land(watched: Watched, address: Callable[[], str | None], limit_s: float) -> str | None:
     """Lands a UAV that UAL flies, and returns None when it stands; else why it does not.
 
@@ -80,7 +85,7 @@ async def land(watched: Watched, address: Callable[[], str | None], limit_s: flo
         where = address()
         if where is not None:
             try:
-                async with aio.Uav(watched.ns, address=where) as uav:
+                async with _client(watched.ns, where) as uav:
                     if await uav.wait_for(*_DECIDED, timeout_s=left_s) in _ON_GROUND:
                         return None
                     async with uav.lease(_HOLDER, take=True):  # the team's programs may have it
@@ -98,7 +103,7 @@ async def land(watched: Watched, address: Callable[[], str | None], limit_s: flo
 async def abort(ns: str, address: str) -> str | None:
     """Stops a UAV, so that it holds its position. Returns why it cannot."""
     try:
-        async with aio.Uav(ns, address=address) as uav, uav.lease(_HOLDER, take=True):
+        async with _client(ns, address) as uav, uav.lease(_HOLDER, take=True):
             await uav.abort()
     except UalError as error:
         return error_text(error)

@@ -37,7 +37,7 @@ def ros2(session: Session, is_printing: bool, arguments: tuple[str, ...]) -> Non
     ARGUMENTS after `--` go to the node, as those of `ros2 run`. The first time this builds ual_msgs, where no workspace
     has it.
     """
-    if session.uses_network:
+    if session.network_config is not None:
         text = "the node does not look on the network: say where the UAVs are, --ns uav_1,uav_2 --address HOST:PORT"
         raise click.UsageError(f"{text} (a gateway), or by its parameters ns and address")
     variables = _variables(session)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import threading
 import time
 from collections.abc import Callable, Generator
@@ -14,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 from typing_extensions import Self, override
 
 from ual.errors import InvalidArgumentError
-from ual.shared import extras
+from ual.shared import environment, extras
 from ual.types import GeoPoint
 from ual_tools.rtcm.source import EXTRA, SILENCE_S, WAIT_S, Source, SourceError
 
@@ -190,6 +189,6 @@ def parse_caster(text: str) -> Caster:
         # What was given is not repeated: it may have a password.
         text = "ntrip: this is no address of a mount point, as ntrip://user@caster.example.org:2101/MOUNT"
         raise InvalidArgumentError(text, {"field": "ntrip"})
-    user = unquote(url.username) if url.username else os.environ.get(USER_VARIABLE, "anon")
-    password = unquote(url.password) if url.password else os.environ.get(PASSWORD_VARIABLE, "password")
+    user = unquote(url.username) if url.username else environment.value(USER_VARIABLE) or "anon"
+    password = unquote(url.password) if url.password else environment.value(PASSWORD_VARIABLE) or "password"
     return Caster(url.hostname, port or _PORTS[url.scheme], mountpoint, user, password, url.scheme == "ntrips")

@@ -71,7 +71,9 @@ class UavInterface:
         self._ns = ns
         self._loop = shared.loop
         settings = shared.settings
-        self._uav = ual.aio.Uav(ns, address=address or None, tls_ca=settings.tls_ca, credentials=settings.credentials)
+        self._uav = ual.aio.Uav(
+            ns, address=address or None, tls_ca=settings.tls_ca, credentials=settings.credentials, network=""
+        )
         self._said = Said()
         self._lateness = Lateness(settings.refuses_late, is_time_simulated=lambda: shared.time.is_simulated)
         self._pulse = Pulse()

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import ual
-from ual.credentials import read_token
+from ual.shared import environment
 from ual_ros2.messages import Entity
 
 DEFAULTS: dict[str, tuple[Any, str]] = {
@@ -164,16 +164,16 @@ def _pairs(names: list[str], addresses: list[str]) -> tuple[tuple[str, str], ...
     if names and addresses and len(names) != len(addresses):
         text = f"there are {len(addresses)} addresses for {len(names)} namespaces; give one for each, or a gateway's"
         raise _invalid("address", text)
+    if not addresses and (network := environment.value(environment.NETWORK_VARIABLE)):
+        text = f"the node does not look on the network ({environment.NETWORK_VARIABLE}={network})"
+        raise _invalid("address", f"{text}: unset that, or say where the UAVs are")
     return tuple(zip_longest(names, addresses, fillvalue=""))
 
 
 def _credentials(given: Mapping[str, Any]) -> ual.Credentials:
-    """Those of the parameters, or where none is given those of the environment, as for every client."""
+    """Those of the parameters, and of the environment where one is not given, as for every client."""
     names = ("token_file", "tls_certificate", "tls_key")
-    if not any(given[name] for name in names):
-        return ual.Credentials.from_environment()
-    token_file, certificate, key = (given[name] or None for name in names)
-    return ual.Credentials(token_file and read_token(token_file, "token_file"), certificate, key)
+    return ual.Credentials.from_environment(*(given[name] or None for name in names))
 
 
 def _directory(path: str) -> Path | None:
