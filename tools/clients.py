@@ -22,12 +22,12 @@ from ual import (
     _fence_calls,
     _gimbal_calls,
     _gimbals_calls,
-    _gripper_calls,
     _log_calls,
     _mission_calls,
     _parameter_calls,
 )
 from ual._calls import MEMBERS
+from ual._service_calls import gripper as _gripper_calls
 from ual.contract.method import Kind
 from ual.shared import views
 
@@ -129,7 +129,7 @@ def sources() -> dict[Path, str]:
         "aio/_derived_team.py": (_AIO_TEAM_HEAD, [_AIO_TEAM, *map(_aio_team_member, of_team)]),
     }
     parts = [(owner, calls, _members_of_part(tree, owner, calls)) for owner, calls in PARTS.items()]
-    imports = "".join(f"from ual import {_name(calls)}\n" for calls in PARTS.values())
+    imports = "".join(map(_import, PARTS.values()))
     for name, head, part in (
         ("_derived_parts.py", _PARTS, _sync_part),
         ("aio/_derived_parts.py", _AIO_PARTS, _aio_part),
@@ -146,7 +146,13 @@ def _members_of_part(tree: ast.Module, owner: str, calls: ModuleType) -> list[_M
 
 
 def _name(calls: ModuleType) -> str:
-    return calls.__name__.rpartition(".")[2]
+    room, _, name = calls.__name__.rpartition(".")
+    return f"_{name}_calls" if room == "ual._service_calls" else name
+
+
+def _import(calls: ModuleType) -> str:
+    room, _, name = calls.__name__.rpartition(".")
+    return f"from {room} import {name}" + f" as {_name(calls)}" * (name != _name(calls)) + "\n"
 
 
 def _part_call(calls: ModuleType, member: _Member) -> str:

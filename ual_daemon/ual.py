@@ -56,9 +56,9 @@ from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
 from ual_daemon.extensions.shipped.cameras import Cameras
 from ual_daemon.extensions.shipped.corrections import Corrections
+from ual_daemon.extensions.shipped.derived import Gripper
 from ual_daemon.extensions.shipped.fence import Fence
 from ual_daemon.extensions.shipped.gimbals import Gimbals
-from ual_daemon.extensions.shipped.gripper import Gripper
 from ual_daemon.extensions.shipped.logs import Logs
 from ual_daemon.extensions.shipped.missions import Mission
 from ual_daemon.extensions.shipped.parameters import Parameters

@@ -6,15 +6,26 @@ With ``--check`` it writes nothing, and fails where something is out of date.
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
-from tools.contract import methods, roles_page
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+from tools.contract import (
+    calls_source,
+    faces_source,
+    methods,
+    roles_page,
+    servicers_source,
+    values_source,
+    wire_source,
+)
 from tools.contract.compiled import ROOT, compiled
 from tools.contract.description import services
 from tools.contract.formatting import formatted
+from tools.contract.parts import CLIENT, parts
 from tools.contract.stubs import stubs
-
-CLIENT = ROOT / "clients" / "python" / "ual"
+from tools.contract.values import Values, all_values
 
 
 def derived() -> dict[Path, str]:
@@ -22,11 +33,29 @@ def derived() -> dict[Path, str]:
     contract = compiled()
     described = services(contract)
     page = ROOT / "docs" / "evidence" / "security.md"
+    values = all_values(contract)
     return {
         **stubs(contract),
+        **{CLIENT / "contract" / f"{name}.py": formatted(values_source.source(each)) for name, each in values.items()},
+        **{CLIENT / "wire" / f"{name}.py": formatted(wire_source.source(each)) for name, each in values.items()},
         CLIENT / "contract" / "methods.py": formatted(methods.source(described)),
+        **_services(contract, values),
         page: roles_page.page(page.read_text(encoding="utf-8"), described),
     }
+
+
+def _services(contract: FileDescriptorSet, values: Mapping[str, Values]) -> dict[Path, str]:
+    """Returns the calls, the servicers and the members of the class, of the services beside that of the UAV."""
+    derivable = parts(contract)
+    found = {
+        CLIENT / "_service_calls" / f"{each.module}.py": calls_source.source(values[each.file], each)
+        for each in derivable
+    }
+    for file in sorted({each.file for each in derivable}):
+        of_file = [each for each in derivable if each.file == file]
+        found[servicers_source.ROOM / f"{file}.py"] = servicers_source.source(values[file], of_file)
+    found[faces_source.PATH] = faces_source.source(derivable)
+    return {path: formatted(source) for path, source in found.items()}
 
 
 def out_of_date() -> list[Path]:

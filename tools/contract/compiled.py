@@ -48,19 +48,24 @@ def _remove_options(file: FileDescriptorProto) -> None:
     if OPTIONS in file.dependency:
         file.dependency.remove(OPTIONS)
     for message in file.message_type:
-        _remove_json_names(message)
+        _remove_options_of(message)
+    for enum in file.enum_type:
+        enum.ClearField("options")
     for service in file.service:
         service.ClearField("options")
         for method in service.method:
             method.ClearField("options")
 
 
-def _remove_json_names(message: DescriptorProto) -> None:
-    """Removes what protoc adds to each field; the contract names none."""
+def _remove_options_of(message: DescriptorProto) -> None:
+    """Removes those of a message, and the names that protoc adds to each field; the contract names none."""
+    if not message.options.map_entry:  # which is no option of ours, but what makes a map of it
+        message.ClearField("options")
     for field in message.field:
         field.ClearField("json_name")
+        field.ClearField("options")
     for nested in message.nested_type:
-        _remove_json_names(nested)
+        _remove_options_of(nested)
 
 
 def run_protoc(*arguments: str) -> None:

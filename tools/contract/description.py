@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.descriptor_pb2 import FileDescriptorSet, MethodDescriptorProto, ServiceDescriptorProto
-from google.protobuf.message import Message
 
+from tools.contract.options import Options
 from ual.access.roles import Role
 from ual.contract.method import QUICK_S, Kind, Method, Moves
 
@@ -31,20 +30,20 @@ def services(contract: FileDescriptorSet) -> list[Service]:
         SystemExit: A method does not say who may call it, or two have one name.
 
     """
-    options = _Options(contract)
+    options = Options(contract)
     found = [_service(options, each) for file in contract.file for each in file.service]
     _require_distinct([each.name for service in found for each in service.methods])
     return sorted(found, key=lambda each: (each.name != "UalService", each.name))
 
 
-def _service(options: _Options, service: ServiceDescriptorProto) -> Service:
-    facts = options.read("google.protobuf.ServiceOptions", "ual.v1.service_facts", service.options)
+def _service(options: Options, service: ServiceDescriptorProto) -> Service:
+    facts = options.read("Service", "service_facts", service.options)
     methods = tuple(_method(options, service.name, each, facts.at_timeout) for each in service.method)
     return Service(service.name, Role(facts.role), methods)
 
 
-def _method(options: _Options, service: str, method: MethodDescriptorProto, at_timeout: str) -> Method:
-    facts = options.read("google.protobuf.MethodOptions", "ual.v1.facts", method.options)
+def _method(options: Options, service: str, method: MethodDescriptorProto, at_timeout: str) -> Method:
+    facts = options.read("Method", "facts", method.options)
     role = Role(facts.role)
     if role is Role.NONE:
         raise SystemExit(f"{service}.{method.name} does not say who may call it: option (facts) = {{role: …}}")
@@ -79,18 +78,3 @@ def _caller_limit_s(facts: Any) -> float | None:  # noqa: ANN401 (a message that
 def _require_distinct(names: Sequence[str]) -> None:
     if twice := sorted({each for each in names if names.count(each) > 1}):
         raise SystemExit(f"two methods of the contract are called {', '.join(twice)}")
-
-
-class _Options:
-    """Reads the options, whose types are in the contract itself."""
-
-    def __init__(self, contract: FileDescriptorSet) -> None:
-        self._pool = descriptor_pool.DescriptorPool()
-        for file in contract.file:
-            self._pool.AddSerializedFile(file.SerializeToString())  # type: ignore[no-untyped-call]
-
-    def read(self, kind: str, name: str, options: Message) -> Any:  # noqa: ANN401 (a message that is made at run time)
-        """Returns an option of the contract's own."""
-        make: Any = message_factory.GetMessageClass(self._pool.FindMessageTypeByName(kind))  # type: ignore[no-untyped-call]
-        extension = self._pool.FindExtensionByName(name)  # type: ignore[no-untyped-call]
-        return make.FromString(options.SerializeToString()).Extensions[extension]

@@ -162,8 +162,26 @@ def of(method: str, request: Message, read: Callable[[Any], T], is_stream: bool 
     return Call(Service(facts.service), method, request, read, facts.caller_limit_s, facts.at_timeout, is_stream)
 
 
-def _nothing(_: Message) -> None:
-    return None
+def nothing(_: object) -> None:
+    """Reads a response that says no more than that it is one."""
+    return
+
+
+def request(kind: Callable[..., Any], **fields: object) -> Any:  # noqa: ANN401 (the request of a method)
+    """Makes a request. Raises `InvalidArgumentError` that names a field whose value protobuf refuses."""
+    try:
+        return kind(**fields)
+    except _UNFIT as error:
+        at_fault = next((name for name, value in fields.items() if not _takes(kind, name, value)), next(iter(fields)))
+        raise InvalidArgumentError(f"{at_fault}: {error}", {"field": at_fault}) from None
+
+
+def _takes(kind: Callable[..., Any], field: str, value: object) -> bool:
+    try:
+        kind(**{field: value})
+    except _UNFIT:
+        return False
+    return True
 
 
 _UNFIT = (TypeError, ValueError, AttributeError, OverflowError)
@@ -236,50 +254,50 @@ def route() -> Call[Route | None]:
 def add_frame(transform: Transform) -> Call[None]:
     checked_transform(transform)
     request = built(lambda: pb.AddFrameRequest(transform=convert.transform_to_proto(transform)), "transform", transform)
-    return of("AddFrame", request, _nothing)
+    return of("AddFrame", request, nothing)
 
 
 @member("RemoveFrame")
 def remove_frame(frame_id: str) -> Call[None]:
     require(frame_id, str, "frame_id")
     request = built(lambda: pb.RemoveFrameRequest(frame_id=frame_id), "frame_id")
-    return of("RemoveFrame", request, _nothing)
+    return of("RemoveFrame", request, nothing)
 
 
 @member("Arm")
 def arm() -> Call[None]:
-    return of("Arm", pb.ArmRequest(), _nothing)
+    return of("Arm", pb.ArmRequest(), nothing)
 
 
 @member("Disarm")
 def disarm() -> Call[None]:
-    return of("Disarm", pb.DisarmRequest(), _nothing)
+    return of("Disarm", pb.DisarmRequest(), nothing)
 
 
 @member("RecoverFromManual")
 def recover_from_manual(force: bool = False) -> Call[None]:
     request = pb.RecoverFromManualRequest(force=flag(force, "force"))
-    return of("RecoverFromManual", request, _nothing)
+    return of("RecoverFromManual", request, nothing)
 
 
 @member("SetHome")
 def set_home(set_z: bool) -> Call[None]:
-    return of("SetHome", pb.SetHomeRequest(set_z=flag(set_z, "set_z")), _nothing)
+    return of("SetHome", pb.SetHomeRequest(set_z=flag(set_z, "set_z")), nothing)
 
 
 @member("Abort")
 def abort(freeze: bool = False, task_id: str = "") -> Call[None]:
-    return of("Abort", pb.AbortRequest(freeze=flag(freeze, "freeze"), task_id=task_id), _nothing)
+    return of("Abort", pb.AbortRequest(freeze=flag(freeze, "freeze"), task_id=task_id), nothing)
 
 
 @member("Pause")
 def pause(task_id: str = "") -> Call[None]:
-    return of("Pause", pb.PauseRequest(task_id=task_id), _nothing)
+    return of("Pause", pb.PauseRequest(task_id=task_id), nothing)
 
 
 @member("Resume")
 def resume(task_id: str = "") -> Call[None]:
-    return of("Resume", pb.ResumeRequest(task_id=task_id), _nothing)
+    return of("Resume", pb.ResumeRequest(task_id=task_id), nothing)
 
 
 def acquire_lease(holder: str, take: bool) -> Call[str]:
@@ -293,11 +311,11 @@ def acquire_lease(holder: str, take: bool) -> Call[str]:
 
 
 def keep_lease(lease_id: str) -> Call[None]:
-    return of("KeepLease", pb.KeepLeaseRequest(lease_id=lease_id), _nothing)
+    return of("KeepLease", pb.KeepLeaseRequest(lease_id=lease_id), nothing)
 
 
 def release_lease(lease_id: str) -> Call[None]:
-    return of("ReleaseLease", pb.ReleaseLeaseRequest(lease_id=lease_id), _nothing)
+    return of("ReleaseLease", pb.ReleaseLeaseRequest(lease_id=lease_id), nothing)
 
 
 @member("GetLease")
@@ -395,8 +413,8 @@ def setpoint(reference: Setpoint, field: str) -> pb.StreamSetpointsRequest:
 def single_setpoint(element: pb.StreamSetpointsRequest) -> Call[None]:
     """One element of the stream as a call that is answered."""
     if element.HasField("velocity"):
-        return of("SetVelocity", pb.SetVelocityRequest(velocity=element.velocity), _nothing)
-    return of("SetPose", pb.SetPoseRequest(pose=element.pose), _nothing)
+        return of("SetVelocity", pb.SetVelocityRequest(velocity=element.velocity), nothing)
+    return of("SetPose", pb.SetPoseRequest(pose=element.pose), nothing)
 
 
 # Poses from outside
@@ -418,7 +436,7 @@ def set_external_pose(
 def single_external_pose(element: pb.StreamExternalPosesRequest) -> Call[None]:
     """One element of the stream as a call that is answered."""
     request = pb.SetExternalPoseRequest(external_pose=element.external_pose)
-    return of("SetExternalPose", request, _nothing)
+    return of("SetExternalPose", request, nothing)
 
 
 # Simulation
@@ -431,28 +449,28 @@ def parts() -> Call[frozenset[SimulationPart]]:
 
 @member("PilotArm")
 def pilot_arm() -> Call[None]:
-    return of("PilotArm", sim_pb.PilotArmRequest(), _nothing)
+    return of("PilotArm", sim_pb.PilotArmRequest(), nothing)
 
 
 @member("PilotDisarm")
 def pilot_disarm() -> Call[None]:
-    return of("PilotDisarm", sim_pb.PilotDisarmRequest(), _nothing)
+    return of("PilotDisarm", sim_pb.PilotDisarmRequest(), nothing)
 
 
 @member("PilotTakeOver")
 def pilot_take_over() -> Call[None]:
-    return of("PilotTakeOver", sim_pb.PilotTakeOverRequest(), _nothing)
+    return of("PilotTakeOver", sim_pb.PilotTakeOverRequest(), nothing)
 
 
 @member("PilotMoveSticks")
 def pilot_move_sticks(forward: float, left: float, up: float, turn: float) -> Call[None]:
     request = built(lambda: sim_pb.PilotMoveSticksRequest(forward=forward, left=left, up=up, turn=turn), "sticks")
-    return of("PilotMoveSticks", request, _nothing)
+    return of("PilotMoveSticks", request, nothing)
 
 
 @member("PilotGiveBack")
 def pilot_give_back() -> Call[None]:
-    return of("PilotGiveBack", sim_pb.PilotGiveBackRequest(), _nothing)
+    return of("PilotGiveBack", sim_pb.PilotGiveBackRequest(), nothing)
 
 
 @member("BeginFault")
@@ -468,7 +486,7 @@ def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
 
 @member("EndFault")
 def end_fault(fault_id: str) -> Call[None]:
-    return of("EndFault", sim_pb.EndFaultRequest(fault_id=fault_id), _nothing)
+    return of("EndFault", sim_pb.EndFaultRequest(fault_id=fault_id), nothing)
 
 
 @member("ListFaults")
@@ -482,26 +500,26 @@ def faults() -> Call[dict[str, Fault]]:
 @member("SetSpeedFactor")
 def set_speed_factor(speed_factor: float) -> Call[None]:
     request = built(lambda: sim_pb.SetSpeedFactorRequest(speed_factor=speed_factor), "speed_factor")
-    return of("SetSpeedFactor", request, _nothing)
+    return of("SetSpeedFactor", request, nothing)
 
 
 @member("Step")
 def step(duration_s: float) -> Call[None]:
     request = built(lambda: sim_pb.StepRequest(duration_s=duration_s), "duration_s")
-    return of("Step", request, _nothing)
+    return of("Step", request, nothing)
 
 
 @member("SetNoise")
 def set_noise(position_m: float, velocity_m_s: float) -> Call[None]:
     request = built(lambda: sim_pb.SetNoiseRequest(position_m=position_m, velocity_m_s=velocity_m_s), "noise")
-    return of("SetNoise", request, _nothing)
+    return of("SetNoise", request, nothing)
 
 
 @member("SetWind")
 def set_wind(velocity_m_s: Vector3) -> Call[None]:
     require(velocity_m_s, Vector3, "velocity_m_s")
     request = built(lambda: sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(velocity_m_s)), "velocity_m_s")
-    return of("SetWind", request, _nothing)
+    return of("SetWind", request, nothing)
 
 
 @member("PlaceOnGround")
@@ -510,4 +528,4 @@ def place_on_ground(position: Vector3, yaw_rad: float) -> Call[None]:
     request = built(
         lambda: sim_pb.PlaceOnGroundRequest(position=convert.vector3_to_proto(position), yaw_rad=yaw_rad), "position"
     )
-    return of("PlaceOnGround", request, _nothing)
+    return of("PlaceOnGround", request, nothing)

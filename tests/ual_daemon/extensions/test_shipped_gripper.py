@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from tests.ual_daemon.extensions.limits import limit
 from ual.errors import (
     InvalidArgumentError,
     LeaseHeldError,
@@ -23,8 +24,8 @@ from ual.types import State
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import done
 from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
-from ual_daemon.extensions.shipped import gripper as shipped
-from ual_daemon.extensions.shipped.gripper import Gripper, VehicleGripper
+from ual_daemon.extensions.shipped.derived import Gripper
+from ual_daemon.extensions.shipped.gripper import VehicleGripper
 from ual_daemon.settings import GripperSettings, PayloadSettings, RelaySettings, ServoSettings, WinchSettings
 from ual_daemon.vehicle import equipment
 
@@ -261,20 +262,20 @@ def test_an_order_under_way_keeps_its_device(vehicle: Vehicle, autopilot: MadeUp
 
     autopilot.answer = answer
     of_vehicle = VehicleGripper(vehicle)
-    first = of_vehicle.set_servo("door", "open", None, "")
+    first = of_vehicle.set_servo("open", "door", None, "")
     with pytest.raises(WrongStateError):
-        of_vehicle.set_servo("door", "closed", None, "")
-    of_vehicle.set_servo("vent", "", 1500, "")
+        of_vehicle.set_servo("closed", "door", None, "")
+    of_vehicle.set_servo("", "vent", 1500, "")
     waiting[0].set_result(None)
     assert first.result(0) is None
-    of_vehicle.set_servo("door", "closed", None, "")
+    of_vehicle.set_servo("closed", "door", None, "")
     assert len(autopilot.orders) == 3
 
 
 def test_an_order_that_never_ends_is_given_up(
     carried: Gripper, autopilot: MadeUp, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shipped, "ORDER_S", 0.0)
+    limit(monkeypatch, "Release", 0.0)
     never: Future[None] = Future()
     autopilot.answer = lambda: never
     with pytest.raises(UalTimeoutError):

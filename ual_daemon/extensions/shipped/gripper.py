@@ -10,26 +10,20 @@ from concurrent.futures import Future
 from functools import partial
 from typing import Any, Protocol, TypeVar
 
-from typing_extensions import override
-
 from ual import gripper as values
-from ual import interface
-from ual.contract.methods import METHODS
 from ual.errors import UalError
 from ual.gripper import GripperState, WinchAction, WinchStatus
 from ual_daemon import validation
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import then, together
 from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
-from ual_daemon.extensions.shipped.vehicle import ServedVehicle, offered, require_change, wait
+from ual_daemon.extensions.shipped.vehicle import ServedVehicle, offered, require_change
 from ual_daemon.settings import GripperSettings, RelaySettings, ServoSettings, WinchSettings
 from ual_daemon.vehicle.equipment import Device, Equipment
 
 S = TypeVar("S")
 T = TypeVar("T")
 
-ORDER_S = METHODS["Grip"].limit_s
-"""How long an order or a question may take. A backend ends by itself before."""
 _LENGTH_ONLY = "only LENGTH has a length"
 _UNKNOWN = GripperState.UNKNOWN
 
@@ -67,43 +61,43 @@ class VehicleGripper:
         )
         return then(together(parts), lambda found: values.Equipment(*found))
 
-    def grip(self, name: str, lease_id: str) -> Future[None]:
+    def grip(self, gripper: str, lease_id: str) -> Future[None]:
         """See `ual.interface.Gripper`."""
-        return self._move_gripper(name, lease_id, is_closing=True)
+        return self._move_gripper(gripper, lease_id, is_closing=True)
 
-    def release(self, name: str, lease_id: str) -> Future[None]:
+    def release(self, gripper: str, lease_id: str) -> Future[None]:
         """See `ual.interface.Gripper`."""
-        return self._move_gripper(name, lease_id, is_closing=False)
+        return self._move_gripper(gripper, lease_id, is_closing=False)
 
     def order_winch(
-        self, name: str, action: WinchAction, length_m: float | None, rate_m_s: float | None, lease_id: str
+        self, action: WinchAction, winch: str, length_m: float | None, rate_m_s: float | None, lease_id: str
     ) -> Future[None]:
         """See `ual.interface.Gripper`."""
         offer = self._offer()
-        winch = _found(self._vehicle.equipment.settings.winches, name, "winch", "winches")
-        order = _winch_order(winch, action, length_m, rate_m_s)
-        give = partial(offer.order_winch, winch.instance, order)
-        return self._give(Device("winch", winch.name), _winch_text(order), lease_id, give, holds=order.holds)
+        found = _found(self._vehicle.equipment.settings.winches, winch, "winch", "winches")
+        order = _winch_order(found, action, length_m, rate_m_s)
+        give = partial(offer.order_winch, found.instance, order)
+        return self._give(Device("winch", found.name), _winch_text(order), lease_id, give, holds=order.holds)
 
-    def set_servo(self, name: str, position: str, pwm_us: int | None, lease_id: str) -> Future[None]:
+    def set_servo(self, position: str, servo: str, pwm_us: int | None, lease_id: str) -> Future[None]:
         """See `ual.interface.Gripper`."""
         offer = self._offer()
-        servo = _found(self._vehicle.equipment.settings.servos, name, "servo", "servos")
-        wanted_us = _pwm_us(servo, position, pwm_us)
-        order = ServoOrder(servo.channel, wanted_us, servo.min_pwm_us, servo.max_pwm_us)
+        found = _found(self._vehicle.equipment.settings.servos, servo, "servo", "servos")
+        wanted_us = _pwm_us(found, position, pwm_us)
+        order = ServoOrder(found.channel, wanted_us, found.min_pwm_us, found.max_pwm_us)
         text = position or f"{wanted_us} us"
-        return self._give(Device("servo", servo.name), text, lease_id, partial(offer.set_servo, order))
+        return self._give(Device("servo", found.name), text, lease_id, partial(offer.set_servo, order))
 
-    def set_relay(self, name: str, state: str, lease_id: str) -> Future[None]:
+    def set_relay(self, state: str, relay: str, lease_id: str) -> Future[None]:
         """See `ual.interface.Gripper`."""
         offer = self._offer()
-        relay = _found(self._vehicle.equipment.settings.relays, name, "relay", "relays")
+        found = _found(self._vehicle.equipment.settings.relays, relay, "relay", "relays")
         validation.require_type(state, str, "state")
-        if state not in (relay.on_name, relay.off_name):
-            known = f"{relay.on_name}, {relay.off_name}"
-            raise validation.refuse("state", f"the relay {relay.name} has no state {state!r:.80}: it has {known}")
-        give = partial(offer.set_relay, relay.number, is_on=state == relay.on_name)
-        return self._give(Device("relay", relay.name), state, lease_id, give)
+        if state not in (found.on_name, found.off_name):
+            known = f"{found.on_name}, {found.off_name}"
+            raise validation.refuse("state", f"the relay {found.name} has no state {state!r:.80}: it has {known}")
+        give = partial(offer.set_relay, found.number, is_on=state == found.on_name)
+        return self._give(Device("relay", found.name), state, lease_id, give)
 
     def _move_gripper(self, name: str, lease_id: str, *, is_closing: bool) -> Future[None]:
         offer = self._offer()
@@ -151,46 +145,6 @@ class VehicleGripper:
 
     def _offer(self) -> OfferedGripper:
         return offered(self._vehicle, OfferedGripper, "grippers")  # type: ignore[type-abstract]  # it is only looked for
-
-
-class Gripper(interface.Gripper):
-    """What the UAV carries, in this process, with the lease that the object has at the moment."""
-
-    def __init__(self, vehicle: EquippedVehicle, lease_id: Callable[[], str]) -> None:
-        self._of_vehicle = VehicleGripper(vehicle)
-        self._lease_id = lease_id
-
-    @override
-    def get_all(self) -> values.Equipment:
-        return wait(self._of_vehicle.get_all(), ORDER_S, "asking what it carries")
-
-    @override
-    def grip(self, gripper: str = "") -> None:
-        wait(self._of_vehicle.grip(gripper, self._lease_id()), ORDER_S, "the grip")
-
-    @override
-    def release(self, gripper: str = "") -> None:
-        wait(self._of_vehicle.release(gripper, self._lease_id()), ORDER_S, "the release")
-
-    @override
-    def order_winch(
-        self,
-        action: WinchAction,
-        *,
-        winch: str = "",
-        length_m: float | None = None,
-        rate_m_s: float | None = None,
-    ) -> None:
-        ordered = self._of_vehicle.order_winch(winch, action, length_m, rate_m_s, self._lease_id())
-        wait(ordered, ORDER_S, "the order to the winch")
-
-    @override
-    def set_servo(self, position: str = "", *, servo: str = "", pwm_us: int | None = None) -> None:
-        wait(self._of_vehicle.set_servo(servo, position, pwm_us, self._lease_id()), ORDER_S, "moving the servo")
-
-    @override
-    def set_relay(self, state: str, *, relay: str = "") -> None:
-        wait(self._of_vehicle.set_relay(relay, state, self._lease_id()), ORDER_S, "switching the relay")
 
 
 def _found(configured: Sequence[N], name: str, field: str, section: str) -> N:

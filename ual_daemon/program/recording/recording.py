@@ -20,8 +20,8 @@ from ual.types import Info, Telemetry
 from ual_daemon import logs
 from ual_daemon.backends.values import Packet, Setpoint
 from ual_daemon.extensions.shipped.cameras import Cameras
+from ual_daemon.extensions.shipped.derived import Gripper
 from ual_daemon.extensions.shipped.gimbals import Gimbals
-from ual_daemon.extensions.shipped.gripper import Gripper
 from ual_daemon.program.recording.calls import CallTopic
 from ual_daemon.program.recording.packets import PacketTopics
 from ual_daemon.program.recording.setpoints import SetpointTopic

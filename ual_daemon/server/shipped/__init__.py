@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from ual.access.roles import Role
+from ual.v1.gripper_pb2_grpc import add_GripperServiceServicer_to_server
 from ual_daemon.extensions.shipped.fence import FencedVehicle
 from ual_daemon.extensions.shipped.gripper import EquippedVehicle
 from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, GimbalVehicle, LocatedVehicle
@@ -13,7 +15,7 @@ from ual_daemon.server.shipped.cameras import camera_service
 from ual_daemon.server.shipped.corrections import corrections_service
 from ual_daemon.server.shipped.fence import fence_service
 from ual_daemon.server.shipped.gimbals import gimbal_service
-from ual_daemon.server.shipped.gripper import gripper_service
+from ual_daemon.server.shipped.gripper import GripperServicer
 from ual_daemon.server.shipped.logs import log_service
 from ual_daemon.server.shipped.missions import mission_service
 from ual_daemon.server.shipped.parameters import parameter_service
@@ -27,13 +29,17 @@ class ShippedService(NamedTuple):
     roles: Mapping[str, Role] = {}
 
 
+def _gripper_service(vehicle: EquippedVehicle) -> tuple[str, Callable[[Any], None]]:
+    return "ual.v1.GripperService", partial(add_GripperServiceServicer_to_server, GripperServicer(vehicle))
+
+
 _MAKERS = (
     parameter_service,
     mission_service,
     camera_service,
     gimbal_service,
     fence_service,
-    gripper_service,
+    _gripper_service,
     log_service,
     corrections_service,
 )

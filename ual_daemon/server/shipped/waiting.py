@@ -3,12 +3,39 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
 from concurrent.futures import Future
 from typing import TypeVar
 
+from ual.contract.methods import METHODS
+from ual_daemon.extensions.shipped.answers import Pause, Steps
 from ual_daemon.extensions.shipped.vehicle import late, withdrawn
 
 T = TypeVar("T")
+
+
+async def answer(future: Future[T], method: str) -> T:
+    """Returns what a method has begun, as long as the contract says; see `ended`."""
+    return await ended(future, METHODS[method].limit_s, method)
+
+
+async def answers(stream: Steps[T], method: str) -> AsyncIterator[T]:
+    """Yields the results of a stream. Raises as `answer`, for each future."""
+    result: object = None
+    try:
+        while True:
+            step = stream.send(result)
+            result = None
+            if isinstance(step, Future):
+                result = await answer(step, method)
+            elif isinstance(step, Pause):
+                await asyncio.sleep(step.seconds)
+            else:
+                yield step
+    except StopIteration:
+        return
+    finally:
+        stream.close()
 
 
 async def ended(future: Future[T], limit_s: float, what: str) -> T:

@@ -10,11 +10,11 @@ from ual import (
     _fence_calls,
     _gimbal_calls,
     _gimbals_calls,
-    _gripper_calls,
     _log_calls,
     _mission_calls,
     _parameter_calls,
 )
+from ual._service_calls import gripper as _gripper_calls
 from ual.aio._connection import Connection
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.fences.values import FencePlan, KeptFence

@@ -115,7 +115,9 @@ class Gripper(google.protobuf.message.Message):
     ORDERED_FIELD_NUMBER: builtins.int
     NOTE_FIELD_NUMBER: builtins.int
     name: builtins.str
+    """The name in the configuration."""
     state: Global___GripperState.ValueType
+    """What the autopilot says."""
     ordered: builtins.str
     """What this daemon has ordered last and was acknowledged, human-readable; empty: nothing. What is may be another thing."""
     note: builtins.str
@@ -153,14 +155,21 @@ class WinchStatus(google.protobuf.message.Message):
     speed_m_s: builtins.float
     """Positive: line is let out."""
     tension_n: builtins.float
+    """Of the line."""
     voltage_v: builtins.float
+    """At the winch."""
     current_a: builtins.float
+    """Through the winch."""
     temperature_c: builtins.float
+    """Of its motor."""
     is_healthy: builtins.bool
+    """Whether it says that it is."""
     is_fully_retracted: builtins.bool
+    """Whether all of the line is in."""
     is_moving: builtins.bool
+    """Whether its motor moves. A winch without a sensor for that says False."""
     is_clutch_engaged: builtins.bool
-    """The drum turns freely."""
+    """Whether the drum turns freely."""
     def __init__(
         self,
         *,
@@ -203,9 +212,11 @@ class Winch(google.protobuf.message.Message):
     ORDERED_FIELD_NUMBER: builtins.int
     NOTE_FIELD_NUMBER: builtins.int
     name: builtins.str
+    """The name in the configuration."""
     ordered: builtins.str
-    """As in Gripper."""
+    """As in `Gripper`."""
     note: builtins.str
+    """As in `Gripper`."""
     @property
     def status(self) -> Global___WinchStatus:
         """Not set: it is not known."""
@@ -259,18 +270,23 @@ class Servo(google.protobuf.message.Message):
     ORDERED_FIELD_NUMBER: builtins.int
     NOTE_FIELD_NUMBER: builtins.int
     name: builtins.str
+    """The name in the configuration."""
     min_pwm_us: builtins.int
-    """The bounds of the pulse width that may be ordered."""
+    """The shortest pulse that may be ordered."""
     max_pwm_us: builtins.int
+    """The longest one."""
     pwm_us: builtins.int
     """What the autopilot puts out now. Not set: it does not say."""
     position: builtins.str
     """The position that this is; empty: none of them, or not known."""
     ordered: builtins.str
-    """As in Gripper."""
+    """As in `Gripper`."""
     note: builtins.str
+    """As in `Gripper`."""
     @property
-    def positions(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___ServoPosition]: ...
+    def positions(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___ServoPosition]:
+        """The positions that are configured, each with its pulse width."""
+
     def __init__(
         self,
         *,
@@ -302,14 +318,17 @@ class Relay(google.protobuf.message.Message):
     ORDERED_FIELD_NUMBER: builtins.int
     NOTE_FIELD_NUMBER: builtins.int
     name: builtins.str
+    """The name in the configuration."""
     on_name: builtins.str
-    """How its two states are called."""
+    """The name of the state in which it is on."""
     off_name: builtins.str
+    """The name of the state in which it is off."""
     is_on: builtins.bool
     """Not set: the autopilot does not say."""
     ordered: builtins.str
-    """As in Gripper."""
+    """As in `Gripper`."""
     note: builtins.str
+    """As in `Gripper`."""
     def __init__(
         self,
         *,
@@ -338,6 +357,8 @@ Global___GetEquipmentRequest: typing_extensions.TypeAlias = GetEquipmentRequest
 
 @typing.final
 class GetEquipmentResponse(google.protobuf.message.Message):
+    """All that is configured, with what is known of each."""
+
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     GRIPPERS_FIELD_NUMBER: builtins.int

@@ -1,9 +1,10 @@
-"""Between the messages of `GripperService` and the value types."""
+"""Between the messages of ``gripper.proto`` and their values. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
-from ual.errors import InvalidArgumentError
-from ual.gripper import (
+from collections.abc import Mapping
+
+from ual.contract.gripper import (
     Equipment,
     GripperInfo,
     GripperState,
@@ -14,91 +15,68 @@ from ual.gripper import (
     WinchStatus,
 )
 from ual.v1 import gripper_pb2 as pb
+from ual.wire.enums import member_of, number_of
 
-_STATES = {each.value: each for each in GripperState}
-_ACTIONS = {each.value: each for each in WinchAction}
+_GRIPPER_STATE: Mapping[int, GripperState] = {each.value: each for each in GripperState}
+
+_WINCH_ACTION: Mapping[int, WinchAction] = {each.value: each for each in WinchAction}
 
 
-def equipment_to_proto(found: Equipment) -> pb.GetEquipmentResponse:
+def winch_action_to_proto(value: WinchAction, field: str) -> pb.WinchAction.ValueType:
+    """Makes a number of an enum. Raises `InvalidArgumentError` for what is no member of it."""
+    return pb.WinchAction.ValueType(number_of(value, WinchAction, field))
+
+
+def winch_action_from_proto(number: int, field: str) -> WinchAction:
+    """Reads a number of an enum. Raises `InvalidArgumentError` for one that is not known, or not set."""
+    return member_of(number, _WINCH_ACTION, field)
+
+
+def gripper_info_to_proto(value: GripperInfo) -> pb.Gripper:
     """Makes a message."""
-    return pb.GetEquipmentResponse(
-        grippers=map(_gripper_to_proto, found.grippers),
-        winches=map(_winch_to_proto, found.winches),
-        servos=map(_servo_to_proto, found.servos),
-        relays=map(_relay_to_proto, found.relays),
+    return pb.Gripper(
+        name=value.name,
+        state=pb.GripperState.ValueType(value.state.value),
+        ordered=value.ordered,
+        note=value.note,
     )
 
 
-def equipment_from_proto(message: pb.GetEquipmentResponse) -> Equipment:
+def gripper_info_from_proto(message: pb.Gripper) -> GripperInfo:
     """Reads a message."""
-    return Equipment(
-        tuple(map(_gripper_from_proto, message.grippers)),
-        tuple(map(_winch_from_proto, message.winches)),
-        tuple(map(_servo_from_proto, message.servos)),
-        tuple(map(_relay_from_proto, message.relays)),
+    return GripperInfo(
+        message.name,
+        _GRIPPER_STATE.get(message.state, GripperState.UNKNOWN),
+        message.ordered,
+        message.note,
     )
 
 
-def action_to_proto(action: WinchAction) -> pb.WinchAction.ValueType:
-    """Makes a value of the enum."""
-    if not isinstance(action, WinchAction):
-        raise InvalidArgumentError(f"action: {action!r:.80} is no WinchAction", {"field": "action"})
-    return pb.WinchAction.ValueType(action.value)
-
-
-def action_from_proto(value: pb.WinchAction.ValueType) -> WinchAction:
-    """Reads a value of the enum. Raises `InvalidArgumentError` for one that is not known, or not set."""
-    action = _ACTIONS.get(value)
-    if action is None:
-        known = ", ".join(each.name for each in WinchAction)
-        raise InvalidArgumentError(f"action: {value} is none of {known}", {"field": "action"})
-    return action
-
-
-def _gripper_to_proto(found: GripperInfo) -> pb.Gripper:
-    state = pb.GripperState.ValueType(found.state.value)
-    return pb.Gripper(name=found.name, state=state, ordered=found.ordered, note=found.note)
-
-
-def _gripper_from_proto(message: pb.Gripper) -> GripperInfo:
-    state = _STATES.get(message.state, GripperState.UNKNOWN)
-    return GripperInfo(message.name, state, message.ordered, message.note)
-
-
-def _winch_to_proto(found: WinchInfo) -> pb.Winch:
-    status = None if found.status is None else _status_to_proto(found.status)
-    return pb.Winch(name=found.name, status=status, ordered=found.ordered, note=found.note)
-
-
-def _winch_from_proto(message: pb.Winch) -> WinchInfo:
-    status = _status_from_proto(message.status) if message.HasField("status") else None
-    return WinchInfo(message.name, status, message.ordered, message.note)
-
-
-def _status_to_proto(status: WinchStatus) -> pb.WinchStatus:
+def winch_status_to_proto(value: WinchStatus) -> pb.WinchStatus:
+    """Makes a message."""
     return pb.WinchStatus(
-        length_m=status.length_m,
-        speed_m_s=status.speed_m_s,
-        tension_n=status.tension_n,
-        voltage_v=status.voltage_v,
-        current_a=status.current_a,
-        temperature_c=status.temperature_c,
-        is_healthy=status.is_healthy,
-        is_fully_retracted=status.is_fully_retracted,
-        is_moving=status.is_moving,
-        is_clutch_engaged=status.is_clutch_engaged,
+        length_m=value.length_m,
+        speed_m_s=value.speed_m_s,
+        tension_n=value.tension_n,
+        voltage_v=value.voltage_v,
+        current_a=value.current_a,
+        temperature_c=value.temperature_c,
+        is_healthy=value.is_healthy,
+        is_fully_retracted=value.is_fully_retracted,
+        is_moving=value.is_moving,
+        is_clutch_engaged=value.is_clutch_engaged,
     )
 
 
-def _status_from_proto(message: pb.WinchStatus) -> WinchStatus:
-    has = message.HasField
+def winch_status_from_proto(message: pb.WinchStatus) -> WinchStatus:
+    """Reads a message."""
     return WinchStatus(
-        message.length_m if has("length_m") else None,
-        message.speed_m_s if has("speed_m_s") else None,
-        message.tension_n if has("tension_n") else None,
-        message.voltage_v if has("voltage_v") else None,
-        message.current_a if has("current_a") else None,
-        message.temperature_c if has("temperature_c") else None,
+        message.length_m if message.HasField("length_m") else None,
+        message.speed_m_s if message.HasField("speed_m_s") else None,
+        message.tension_n if message.HasField("tension_n") else None,
+        message.voltage_v if message.HasField("voltage_v") else None,
+        message.current_a if message.HasField("current_a") else None,
+        message.temperature_c if message.HasField("temperature_c") else None,
         message.is_healthy,
         message.is_fully_retracted,
         message.is_moving,
@@ -106,25 +84,44 @@ def _status_from_proto(message: pb.WinchStatus) -> WinchStatus:
     )
 
 
-def _servo_to_proto(found: ServoInfo) -> pb.Servo:
-    return pb.Servo(
-        name=found.name,
-        min_pwm_us=found.min_pwm_us,
-        max_pwm_us=found.max_pwm_us,
-        positions=[pb.ServoPosition(name=name, pwm_us=pwm_us) for name, pwm_us in found.positions],
-        pwm_us=found.pwm_us,
-        position=found.position,
-        ordered=found.ordered,
-        note=found.note,
+def _servo_position_to_proto(value: tuple[str, int]) -> pb.ServoPosition:
+    """Makes a message."""
+    name, pwm_us = value
+    return pb.ServoPosition(
+        name=name,
+        pwm_us=pwm_us,
     )
 
 
-def _servo_from_proto(message: pb.Servo) -> ServoInfo:
+def _servo_position_from_proto(message: pb.ServoPosition) -> tuple[str, int]:
+    """Reads a message."""
+    return (
+        message.name,
+        message.pwm_us,
+    )
+
+
+def servo_info_to_proto(value: ServoInfo) -> pb.Servo:
+    """Makes a message."""
+    return pb.Servo(
+        name=value.name,
+        min_pwm_us=value.min_pwm_us,
+        max_pwm_us=value.max_pwm_us,
+        positions=map(_servo_position_to_proto, value.positions),
+        pwm_us=value.pwm_us,
+        position=value.position,
+        ordered=value.ordered,
+        note=value.note,
+    )
+
+
+def servo_info_from_proto(message: pb.Servo) -> ServoInfo:
+    """Reads a message."""
     return ServoInfo(
         message.name,
         message.min_pwm_us,
         message.max_pwm_us,
-        tuple((each.name, each.pwm_us) for each in message.positions),
+        tuple(map(_servo_position_from_proto, message.positions)),
         message.pwm_us if message.HasField("pwm_us") else None,
         message.position,
         message.ordered,
@@ -132,17 +129,65 @@ def _servo_from_proto(message: pb.Servo) -> ServoInfo:
     )
 
 
-def _relay_to_proto(found: RelayInfo) -> pb.Relay:
+def relay_info_to_proto(value: RelayInfo) -> pb.Relay:
+    """Makes a message."""
     return pb.Relay(
-        name=found.name,
-        on_name=found.on_name,
-        off_name=found.off_name,
-        is_on=found.is_on,
-        ordered=found.ordered,
-        note=found.note,
+        name=value.name,
+        on_name=value.on_name,
+        off_name=value.off_name,
+        is_on=value.is_on,
+        ordered=value.ordered,
+        note=value.note,
     )
 
 
-def _relay_from_proto(message: pb.Relay) -> RelayInfo:
-    is_on = message.is_on if message.HasField("is_on") else None
-    return RelayInfo(message.name, message.on_name, message.off_name, is_on, message.ordered, message.note)
+def relay_info_from_proto(message: pb.Relay) -> RelayInfo:
+    """Reads a message."""
+    return RelayInfo(
+        message.name,
+        message.on_name,
+        message.off_name,
+        message.is_on if message.HasField("is_on") else None,
+        message.ordered,
+        message.note,
+    )
+
+
+def winch_info_to_proto(value: WinchInfo) -> pb.Winch:
+    """Makes a message."""
+    return pb.Winch(
+        name=value.name,
+        status=None if value.status is None else winch_status_to_proto(value.status),
+        ordered=value.ordered,
+        note=value.note,
+    )
+
+
+def winch_info_from_proto(message: pb.Winch) -> WinchInfo:
+    """Reads a message."""
+    return WinchInfo(
+        message.name,
+        winch_status_from_proto(message.status) if message.HasField("status") else None,
+        message.ordered,
+        message.note,
+    )
+
+
+def equipment_to_proto(value: Equipment) -> pb.GetEquipmentResponse:
+    """Makes a message."""
+    return pb.GetEquipmentResponse(
+        grippers=map(gripper_info_to_proto, value.grippers),
+        winches=map(winch_info_to_proto, value.winches),
+        servos=map(servo_info_to_proto, value.servos),
+        relays=map(relay_info_to_proto, value.relays),
+    )
+
+
+def equipment_from_proto(message: pb.GetEquipmentResponse) -> Equipment:
+    """Reads a message."""
+    return Equipment(
+        tuple(map(gripper_info_from_proto, message.grippers)),
+        tuple(map(winch_info_from_proto, message.winches)),
+        tuple(map(servo_info_from_proto, message.servos)),
+        tuple(map(relay_info_from_proto, message.relays)),
+    )

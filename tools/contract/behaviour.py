@@ -1,0 +1,71 @@
+"""What a service does, as it is written by hand in the daemon: the class ``VehicleX`` of the part ``X``."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from pathlib import Path
+
+from tools.contract.compiled import ROOT
+from tools.contract.parts import Member, Part
+from tools.contract.python_source import classes, functions
+
+ROOM = ROOT / "ual_daemon" / "extensions" / "shipped"
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """The class of a service, and the type of its vehicle."""
+
+    name: str
+    module: str
+    vehicle: str
+    methods: dict[str, ast.FunctionDef]
+
+    def method(self, member: Member) -> ast.FunctionDef:
+        """Returns what serves a member.
+
+        Raises:
+            SystemExit: It is not there.
+
+        """
+        if member.name not in self.methods:
+            raise SystemExit(f"{self.module}.{self.name} has no {member.name}")
+        return self.methods[member.name]
+
+    def waits(self, member: Member) -> bool:
+        """Whether it returns a future."""
+        returned = self.method(member).returns
+        return returned is not None and ast.unparse(returned).startswith("Future[")
+
+    def is_in_thread(self, member: Member) -> bool:
+        """Whether it is declared to take long before it returns, and so to be called beside the event loop."""
+        return any(ast.unparse(each) == "in_thread" for each in self.method(member).decorator_list)
+
+    def takes_lease(self, member: Member) -> bool:
+        """Whether it takes the lease of its caller."""
+        arguments = self.method(member).args
+        return "lease_id" in {each.arg for each in (*arguments.args, *arguments.kwonlyargs)}
+
+    @property
+    def is_leased(self) -> bool:
+        """Whether any of its methods takes a lease."""
+        return any("lease_id" in ast.unparse(each.args) for each in self.methods.values())
+
+    @property
+    def path(self) -> Path:
+        """Where it is."""
+        return ROOT / f"{self.module.replace('.', '/')}.py"
+
+
+def behaviour(service: Part) -> Behaviour:
+    """Returns what a service does. `service` is its part, or the one that has several."""
+    path = ROOM / f"{service.module}.py"
+    name = f"Vehicle{service.name}"
+    found = classes(path).get(name)
+    if found is None:
+        raise SystemExit(f"{path.relative_to(ROOT)} has no class {name}")
+    made = next(each for each in found.body if isinstance(each, ast.FunctionDef) and each.name == "__init__")
+    vehicle = made.args.args[1].annotation
+    module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    return Behaviour(name, module, "object" if vehicle is None else ast.unparse(vehicle), functions(found))

@@ -1,0 +1,41 @@
+"""Values of the contract that are written by hand, with their codec: they flow often, or do more than hold fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+
+class ByHand(NamedTuple):
+    """A value written by hand: its module and class, and the functions of ``ual.wire`` that write and read it.
+
+    `names_field`: the reader takes the name of the field, too, as a caller may have left out a part of it.
+    """
+
+    module: str
+    name: str
+    codec: str
+    names_field: bool = False
+
+    def writer(self) -> str:
+        """Returns what makes the message."""
+        return f"{self.codec}_to_proto"
+
+    def reader(self) -> str:
+        """Returns what reads the message."""
+        return f"{self.codec}_from_proto"
+
+
+MESSAGES: Mapping[str, ByHand | None] = {
+    "PoseStamped": ByHand("ual.geometry", "PoseStamped", "convert.pose_stamped", names_field=True),
+    "PointStamped": ByHand("ual.geometry", "PointStamped", "convert.point_stamped", names_field=True),
+    "Quaternion": ByHand("ual.geometry", "Quaternion", "convert.quaternion"),
+    "Vector3": ByHand("ual.geometry", "Vector3", "convert.vector3"),
+    "GeoPoint": ByHand("ual.types", "GeoPoint", "convert.geo_point"),
+    "Task": ByHand("ual.types", "TaskInfo", "convert.task"),
+}
+"""By the name of the message. None: it is no value by itself."""
+FILES = frozenset(
+    {"ual", "simulation", "network", "mission", "camera", "gimbal", "fence", "logs", "corrections", "parameters"}
+)
+"""The files whose values are all written by hand."""

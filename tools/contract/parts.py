@@ -1,0 +1,140 @@
+"""The services beside that of the UAV as Python has them: classes of `ual.interface`, with a member for a method."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from google.protobuf.descriptor_pb2 import (
+    DescriptorProto,
+    FieldDescriptorProto,
+    FileDescriptorProto,
+    FileDescriptorSet,
+    MethodDescriptorProto,
+    ServiceDescriptorProto,
+)
+
+from tools.contract import by_hand
+from tools.contract.compiled import ROOT
+from tools.contract.options import Options
+from tools.contract.python_source import classes, functions
+from tools.contract.words import snake
+
+CLIENT = ROOT / "clients" / "python" / "ual"
+INTERFACE = CLIENT / "interface.py"
+_OTHERS = ("UalService", "SimulationService", "NetworkService")
+
+
+@dataclass(frozen=True)
+class Member:
+    """A member of a part: its signature and documentation, and the method that it calls; None where by hand."""
+
+    name: str
+    signature: ast.arguments
+    returned: str
+    documentation: str
+    method: MethodDescriptorProto | None
+    request: DescriptorProto | None
+    response: DescriptorProto | None
+
+    @property
+    def arguments(self) -> list[ast.arg]:
+        """Its arguments, without itself."""
+        return [*self.signature.args[1:], *self.signature.kwonlyargs]
+
+    @property
+    def is_stream(self) -> bool:
+        """Whether it returns an iterator."""
+        return self.returned.startswith("Iterator[")
+
+    @property
+    def function(self) -> str:
+        """The name of the function that makes its call."""
+        return f"{self.name}_" if self.name in ("set", "print", "open") else self.name
+
+    def passed(self) -> str:
+        """Returns the arguments of a call that passes all of them on, by name where they could be mixed up."""
+        names = [each.arg for each in self.arguments]
+        if len(self.signature.args) == 2 and not self.signature.kwonlyargs:
+            return names[0]
+        return ", ".join(f"{name}={name}" for name in names)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A class of `ual.interface`, of a service. `bound` is the field that names one of several."""
+
+    name: str
+    service: str
+    file: str
+    members: Sequence[Member]
+    bound: str
+    of_each: str
+    """The class of one of several, which this part has by their numbers; else empty."""
+
+    @property
+    def module(self) -> str:
+        """What its modules are called."""
+        return snake(self.name)
+
+
+def parts(contract: FileDescriptorSet) -> list[Part]:
+    """Returns the parts, in the order of their files: one of several before the class that has them."""
+    options = Options(contract)
+    return [part for file in contract.file for service in file.service for part in _parts(options, file, service)]
+
+
+def _parts(options: Options, file: FileDescriptorProto, service: ServiceDescriptorProto) -> list[Part]:
+    file_name = Path(file.name).stem
+    if service.name in _OTHERS or file_name in by_hand.FILES:
+        return []
+    facts = options.read("Service", "service_facts", service.options)
+    name = facts.part or service.name.removesuffix("Service")
+    messages = {f".{file.package}.{each.name}": each for each in file.message_type}
+    made = _Members(options, service, messages)
+    if not facts.each:
+        return [Part(name, service.name, file_name, made.members(name), "", "")]
+    bound = snake(facts.each)
+    each = Part(facts.each, service.name, file_name, made.members(facts.each, bound), bound, "")
+    return [each, Part(name, service.name, file_name, made.members(name, without=bound), "", facts.each)]
+
+
+class _Members:
+    def __init__(self, options: Options, service: ServiceDescriptorProto, messages: dict[str, DescriptorProto]) -> None:
+        self._service = service
+        self._messages = messages
+        self._options = options
+
+    def members(self, name: str, bound: str = "", without: str = "") -> list[Member]:
+        found = classes(INTERFACE).get(name)
+        if found is None:
+            raise SystemExit(f"ual.interface has no class {name}, for {self._service.name}")
+        methods = {self._member_of(each): each for each in self._service.method if self._belongs(each, bound, without)}
+        declared = functions(found)
+        if missing := set(methods) - set(declared):
+            raise SystemExit(f"ual.interface.{name} has no {', '.join(sorted(missing))}, for {self._service.name}")
+        return [self._member(node, methods.get(node.name)) for node in declared.values()]
+
+    def _member_of(self, method: MethodDescriptorProto) -> str:
+        facts: Any = self._options.read("Method", "facts", method.options)
+        member: str = facts.member
+        return member or snake(method.name)
+
+    def _belongs(self, method: MethodDescriptorProto, bound: str, without: str) -> bool:
+        fields: Sequence[FieldDescriptorProto] = self._messages[method.input_type].field
+        first = fields[0].name if fields else ""
+        return first == bound if bound else first != without or not without
+
+    def _member(self, node: ast.FunctionDef, method: MethodDescriptorProto | None) -> Member:
+        return Member(
+            node.name,
+            node.args,
+            "" if node.returns is None else ast.unparse(node.returns),
+            ast.get_docstring(node) or "",
+            method,
+            None if method is None else self._messages[method.input_type],
+            None if method is None else self._messages[method.output_type],
+        )

@@ -1,0 +1,115 @@
+"""How the arguments of a member become the fields of a request, and back; and how a response becomes a result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto
+
+from tools.contract import by_hand
+from tools.contract.compiled import ROOT
+from tools.contract.parts import Member, Part
+from tools.contract.python_source import functions, parsed
+from tools.contract.values import Values
+from tools.contract.words import snake
+
+_Type = FieldDescriptorProto
+SPECIAL = ROOT / "clients" / "python" / "ual" / "wire" / "requests.py"
+"""The requests that are not one field for each argument: functions by hand make and read them."""
+
+
+def is_special(member: Member) -> bool:
+    """Whether the request of a member is made and read by hand."""
+    assert member.method is not None
+    return f"{snake(member.method.name)}_arguments" in functions(parsed(SPECIAL))
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a result is packed, as an expression of ``result``, and read, as a function of the response."""
+
+    pack: str
+    read: str
+
+
+def result(values: Values, member: Member) -> Result:
+    """Returns how the result of a member crosses the wire."""
+    assert member.method is not None
+    assert member.response is not None
+    response = member.response
+    own = values.messages.get(response.name)
+    if own is not None:
+        return Result(f"wire.{own.codec}_to_proto(result)", f"wire.{own.codec}_from_proto")
+    if not response.field:
+        return Result(f"pb.{response.name}()", "nothing")
+    [field] = response.field
+    writer, reader = _codec(values, field)
+    part = f"response.{field.name}"
+    if field.label == _Type.LABEL_REPEATED:
+        pack = f"pb.{response.name}({field.name}=map({writer}, result))"
+        return Result(pack, f"lambda response: list(map({reader}, {part}))")
+    return Result(f"pb.{response.name}({field.name}={writer}(result))", f"lambda response: {reader}({part})")
+
+
+def _codec(values: Values, field: FieldDescriptorProto) -> tuple[str, str]:
+    name = field.type_name.rpartition(".")[2]
+    known = by_hand.MESSAGES.get(name)
+    if known is not None:
+        return known.writer(), known.reader()
+    codec = f"wire.{values.messages[name].codec}"
+    return f"{codec}_to_proto", f"{codec}_from_proto"
+
+
+def written(values: Values, part: Part, member: Member) -> Iterator[str]:
+    """Yields the arguments of the request that a client makes."""
+    for field in _fields(part, member):
+        if field.name == part.bound:
+            yield f"{field.name}={field.name}"
+        else:
+            yield f"{field.name}={_write(values, field)}"
+
+
+def read(values: Values, part: Part, member: Member) -> Iterator[str]:
+    """Yields the arguments with which the server calls what a service does."""
+    for field in _fields(part, member):
+        if field.name == part.bound:
+            yield f"request.{field.name}"
+        else:
+            yield f"{field.name}={_read(values, field)}"
+
+
+def _fields(part: Part, member: Member) -> list[FieldDescriptorProto]:
+    assert member.request is not None
+    names = {each.arg for each in member.arguments} | ({part.bound} if part.bound else set())
+    fields = list(member.request.field)
+    if names != {each.name for each in fields}:
+        differing = ", ".join(sorted(names ^ {each.name for each in fields}))
+        raise SystemExit(f"{part.name}.{member.name} and {member.request.name} differ: {differing}; see {SPECIAL.name}")
+    return fields
+
+
+def _write(values: Values, field: FieldDescriptorProto) -> str:
+    if field.type == _Type.TYPE_ENUM:
+        return f'wire.{_enum(values, field)}_to_proto({field.name}, "{field.name}")'
+    if field.type == _Type.TYPE_MESSAGE:
+        name = field.type_name.rpartition(".")[2]
+        if name == "PointStamped":
+            return f"convert.point_stamped_to_proto(stamped_point({field.name}))"
+        return f"{_codec(values, field)[0]}({field.name})"
+    return field.name
+
+
+def _read(values: Values, field: FieldDescriptorProto) -> str:
+    value = f"request.{field.name}"
+    if field.type == _Type.TYPE_ENUM:
+        return f'wire.{_enum(values, field)}_from_proto({value}, "{field.name}")'
+    if field.type == _Type.TYPE_MESSAGE:
+        known = by_hand.MESSAGES.get(field.type_name.rpartition(".")[2])
+        more = f', "{field.name}"' if known is not None and known.names_field else ""
+        return f"{_codec(values, field)[1]}({value}{more})"
+    return f'{value} if request.HasField("{field.name}") else None' if field.proto3_optional else value
+
+
+def _enum(values: Values, field: FieldDescriptorProto) -> str:
+    return snake(values.enums[field.type_name].name)
