@@ -55,6 +55,9 @@ class BootTime:
         """Takes the time since boot from a message. Returns whether the autopilot is now known to have rebooted."""
         self.is_doubtful = self.is_foreign = False
         passed_s = now_s - self._received_s
+        if 0.0 <= passed_s <= REBOOT_S and 0.0 <= boot_s - self.boot_s <= REBOOT_S:  # nearly always: it goes on
+            self.boot_s, self._received_s, self._candidate = boot_s, now_s, None
+            return False
         if has_wrapped(self.boot_s, boot_s) and _follows(self.boot_s, boot_s + WRAP_S, passed_s):
             self.boot_s -= WRAP_S
         # After a silence a new boot may have run for longer than the last one had, but not for as long as the silence.

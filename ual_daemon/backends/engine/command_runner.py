@@ -151,6 +151,8 @@ class CommandRunner(Generic[R]):
         """Until when an answer for each shared key may be of a command that has ended."""
         self._last: tuple[Command[R], float] | None = None
         """The newest command that leads to a mode, and when that was sent."""
+        self._due_s = -math.inf
+        """Before this time nothing is due by itself: only requests for data are under way, or nothing is."""
 
     # --- What is asked for --------------------------------------------------------------------------------------------
 
@@ -163,6 +165,7 @@ class CommandRunner(Generic[R]):
         where the command was refused, could not be sent, or was not answered and nothing else shows what it did. What
         decides who flies, and arming, stay open without an answer. Cancelling it withdraws the command.
         """
+        self._due_s = -math.inf
         result = Future() if result is None else result
         if result.cancelled():
             return result
@@ -188,16 +191,19 @@ class CommandRunner(Generic[R]):
 
         Their futures stay open.
         """
+        self._due_s = -math.inf
         self._drop(lambda pending: bool(pending.command.group), now_s)
 
     def drop_requests(self, is_meant: Callable[[R], bool], now_s: float) -> None:
         """Drops requests for data: others take their place. Their futures stay open."""
+        self._due_s = -math.inf
         self._drop(lambda pending: not pending.command.group and is_meant(pending.command.request), now_s)
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 
     def on_answer(self, key: Hashable, verdict: Verdict, now_s: float, text: str = "", by: str = "") -> None:
         """Takes an answer: to what, what it says, in whose words, and who refuses where it is not the autopilot."""
+        self._due_s = -math.inf
         pending = self._in_flight.get(key)
         if pending is None or (pending.refusal and pending.command.refusal_is_final):
             return
@@ -226,11 +232,15 @@ class CommandRunner(Generic[R]):
 
     def on_state(self, now_s: float) -> None:
         """Notes that the vehicle's mode, or whether it is armed, was heard anew: no such change may be missed."""
+        if not (self._waiting or self._in_flight):
+            return
         self._judge_modes(now_s)
         self._finish_those_shown(now_s)
 
     def tick(self, now_s: float) -> None:
         """Sends again, and ends what has waited long enough; to be called often."""
+        if now_s < self._due_s:
+            return
         self._drop(lambda pending: pending.is_withdrawn, now_s)
         self.on_state(now_s)
         for pending in self._those_left(self._in_flight.values()):
@@ -238,13 +248,20 @@ class CommandRunner(Generic[R]):
                 self._go_on(pending, now_s)
         self._give_up_late_ones(now_s)
         self._send_waiting(now_s)
+        self._due_s = self._next_due_s()
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
     @property
     def is_any_under_way(self) -> bool:
         """Whether a command other than a request for data is queued or unanswered."""
-        return any(pending.command.group for pending in (*self._waiting, *self._in_flight.values()))
+        for pending in self._waiting:  # no generator: each turn of the loop asks
+            if pending.command.group:
+                return True
+        for pending in self._in_flight.values():  # noqa: SIM110
+            if pending.command.group:
+                return True
+        return False
 
     def is_under_way(self, command: Command[R]) -> bool:
         """Returns whether an equal command is queued or unanswered."""
@@ -252,6 +269,8 @@ class CommandRunner(Generic[R]):
 
     def wants_state(self, now_s: float) -> bool:
         """Whether the mode and armed should be requested now: an answer is late, or a command waits to hear them."""
+        if not (self._waiting or self._in_flight):
+            return False
         return any(
             pending.command.shows is not None and now_s - pending.first_s >= LATE_S
             for pending in self._in_flight.values()
@@ -538,6 +557,16 @@ class CommandRunner(Generic[R]):
         for pending in [each for each in (*self._waiting, *self._in_flight.values()) if is_meant(each)]:
             self._end(pending, now_s)
             _take_back(pending)
+
+    def _next_due_s(self) -> float:
+        """Returns when something is due though nothing comes; at once while anything but a request for data is open."""
+        due_s = math.inf
+        for pending in self._in_flight.values():
+            if pending.command.group or pending.command.shows is not None:
+                return -math.inf
+            due_s = min(due_s, pending.next_s)
+        is_any_free = any(each.command.group or each.key not in self._in_flight for each in self._waiting)
+        return -math.inf if is_any_free else due_s
 
     def _end(self, pending: _Pending[R], now_s: float) -> None:
         """Forgets a command."""

@@ -68,7 +68,8 @@ class Loop:
     with many vehicles does so for each of them.
 
     `wake` ends the thread's wait early. `watched_s` is the clock by which pauses of this computer are judged: that of
-    the backend, unless its time may leap (a simulation).
+    the backend, unless its time may leap (a simulation). `settle` does what waited until a pose was published, where
+    nothing else is due so soon after a pose; without it `Driven.tick` does.
     """
 
     def __init__(
@@ -80,6 +81,7 @@ class Loop:
         *,
         wake: Callable[[], None] = _nothing,
         watched_s: Callable[[], float] | None = None,
+        settle: Callable[[float], object] | None = None,
     ) -> None:
         self.newest = Snapshot(clock.now_s())
         """The snapshot that was published last."""
@@ -90,6 +92,7 @@ class Loop:
         self._watch = watch
         self._wake = wake
         self._watched_s = watched_s
+        self._settle = settle
         self._posted: deque[Posted] = deque()
         self._given = futures.OpenFutures()
         self._gap = SchedulingGap()
@@ -124,7 +127,7 @@ class Loop:
         self._gap.woke_s = now_s if self._watched_s is None else self._watched_s()
         self._late_s = -math.inf
         self._next_tick_s = self._ticked_s = self._published_s = now_s
-        self._is_urgent = False
+        self._has_moved = False
 
     def retry(self, request: Posted) -> None:
         """Has a request called at the next tick. To be called by a request that cannot do its work yet."""
@@ -162,8 +165,9 @@ class Loop:
         """Publishes what is new (a pose) at once, and otherwise every `TICK_S`; then does what is due."""
         if has_news or now_s >= self._published_s + TICK_S:
             self.publish(now_s)
-        self._is_urgent = self._is_urgent or has_news or self._driven.is_urgent
-        is_due = now_s - self._ticked_s >= (FAST_TICK_S if self._is_urgent else TICK_S)
+        self._has_moved = self._has_moved or has_news
+        since_s = now_s - self._ticked_s
+        is_due = since_s >= FAST_TICK_S and (since_s >= TICK_S or self._has_moved or self._driven.is_urgent)
         # After a new pose the rest waits for the next round: the thread that was just notified needs the GIL now.
         if (has_news or not is_due) and now_s < self._next_tick_s and not self._posted:
             return
@@ -182,12 +186,17 @@ class Loop:
             self._failures.log(error)
 
     def _tick(self, now_s: float) -> None:
-        self._ticked_s, self._is_urgent = now_s, False
-        if now_s >= self._next_tick_s:
+        self._ticked_s, self._has_moved = now_s, False
+        is_next = now_s >= self._next_tick_s
+        is_whole = is_next or self._settle is None or bool(self._posted) or self._driven.is_urgent
+        if is_next:
             self._next_tick_s = now_s + TICK_S
         for _ in range(len(self._posted)):  # those that are retried wait for the next tick
             self._contained.call(self._posted.popleft(), now_s)
-        self._driven.tick(now_s)
+        if is_whole or self._settle is None:
+            self._driven.tick(now_s)
+        else:
+            self._settle(now_s)
 
 
 class LoopThread:

@@ -107,30 +107,30 @@ class FeedForward:
 
     def learn(self, time_s: float, pose: Pose, velocity: Vector3) -> None:
         """Takes a new pose and its velocity. `time_s` is the autopilot's own time."""
-        old = self._smooth
-        up = pose.orientation.rotate(Vector3(0.0, 0.0, 1.0))
+        old, q = self._smooth, pose.orientation
         passed_s = math.inf if old is None else time_s - old.time_s
         is_continued = (
             old is not None and 0.0 <= passed_s <= _LONGEST_GAP_S and not _jumps(old, pose, velocity, passed_s)
         )
-        if old is None or not is_continued or up.z < _LEAST_UPRIGHT:
+        upright = 1.0 - 2.0 * (q.x * q.x + q.y * q.y)  # the vertical part of the body's upward axis
+        if old is None or not is_continued or upright < _LEAST_UPRIGHT:
             self._smooth = _Smooth(time_s, velocity, Vector3(), Vector3(), (pose.position, velocity))
             self.velocity_error = Vector3()
             return
-        share = 1.0 - math.exp(-passed_s / _SMOOTHING_S)
-        climb_m_s2 = (velocity.z - old.velocity.z) / _SMOOTHING_S
-        pull = Vector3(up.x, up.y, 0.0) * ((GRAVITY_M_S2 + climb_m_s2) / up.z)
-        new = self._smooth = _Smooth(
-            time_s,
-            old.velocity + (velocity - old.velocity) * share,
-            old.pull + (pull - old.pull) * share,
-            _error(old, pose.position, velocity, passed_s, share),
-            (pose.position, velocity),
+        # In plain numbers, as each sample passes here.
+        share, v, p = 1.0 - math.exp(-passed_s / _SMOOTHING_S), old.velocity, old.pull
+        factor = (GRAVITY_M_S2 + (velocity.z - v.z) / _SMOOTHING_S) / upright
+        pull_x, pull_y = 2.0 * (q.x * q.z + q.w * q.y) * factor, 2.0 * (q.y * q.z - q.w * q.x) * factor
+        smooth = Vector3(
+            v.x + (velocity.x - v.x) * share, v.y + (velocity.y - v.y) * share, v.z + (velocity.z - v.z) * share
         )
-        self.velocity_error = new.error * min(1.0, MOST_VELOCITY_ERROR_M_S / max(new.error.norm(), 1e-9))
-        unexplained = new.pull - (velocity - new.velocity) / _SMOOTHING_S
-        if new.velocity.horizontal_norm() > _LEAST_SPEED_M_S:
-            self._sums.add(new.velocity, unexplained, passed_s)
+        pull = Vector3(p.x + (pull_x - p.x) * share, p.y + (pull_y - p.y) * share, 0.0)
+        error = _error(old, pose.position, velocity, passed_s, share)
+        self._smooth = _Smooth(time_s, smooth, pull, error, (pose.position, velocity))
+        kept = min(1.0, MOST_VELOCITY_ERROR_M_S / max(math.hypot(error.x, error.y, error.z), 1e-9))
+        self.velocity_error = Vector3(error.x * kept, error.y * kept, error.z * kept)
+        if math.hypot(smooth.x, smooth.y) > _LEAST_SPEED_M_S:
+            self._sums.add(smooth, pull - (velocity - smooth) / _SMOOTHING_S, passed_s)
             self.drag_1_s = max(0.0, min(MOST_DRAG_1_S, self._sums.slope()))
             self._tell()
 
@@ -191,7 +191,9 @@ class FeedForward:
 
 def _jumps(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> bool:
     """Whether the estimate was reset: that is no velocity, and must not become one in the setpoints."""
-    return (pose.position - old.newest[0] - velocity * passed_s).norm() > _JUMP_M
+    p, q, v = pose.position, old.newest[0], velocity
+    off = (p.x - q.x - v.x * passed_s, p.y - q.y - v.y * passed_s, p.z - q.z - v.z * passed_s)
+    return math.hypot(*off) > _JUMP_M
 
 
 def _error(old: _Smooth, p: Vector3, v: Vector3, passed_s: float, share: float) -> Vector3:

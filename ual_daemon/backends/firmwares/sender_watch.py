@@ -117,13 +117,17 @@ class SenderWatch:
 
     def _is_strange(self, target: _Target) -> bool:
         """Whether a target is none of those that we have sent lately. Most are the newest one."""
-        if not (target.has_position or target.has_velocity):
+        recent = self._sent.recent
+        if not (target.has_position or target.has_velocity) or (recent and _explains(recent[-1][1], target)):
             return False
-        for time_s, sent in reversed(list(self._sent.recent)):
-            if target.time_s - time_s > STRANGE_S:
+        since_s, before = target.time_s - STRANGE_S, None
+        for time_s, sent in reversed(list(recent)):
+            if time_s < since_s:
                 break
-            if sent is None or _explains(sent, target):
-                return False
+            if sent is not before or sent is None:  # a hover is the same one again and again
+                if _explains(sent, target):
+                    return False
+                before = sent
         return True
 
 
@@ -147,17 +151,26 @@ class _Target(NamedTuple):
         return is_elsewhere or (self.velocity - old.velocity).norm() > MOVED_M_S
 
 
-def _explains(sent: Setpoint, target: _Target) -> bool:
-    """Whether a target is that of a setpoint: a position as it was sent, or on its way, or a velocity."""
+def _explains(sent: Setpoint | None, target: _Target) -> bool:
+    """Whether a target may be that of a setpoint: a position as it was sent, or on its way, or a velocity.
+
+    In numbers, without vectors: each target of another program is compared with all that was sent lately.
+    """
+    if sent is None:
+        return True
+    v, has_position = sent.velocity, target.has_position
     if not isinstance(sent, PositionSetpoint):
-        return not target.has_position and (target.velocity - sent.velocity).norm() <= STRANGE_M_S
-    if not target.has_position:
+        other = target.velocity
+        return not has_position and math.hypot(other.x - v.x, other.y - v.y, other.z - v.z) <= STRANGE_M_S
+    if not has_position:
         return False
-    off, velocity = target.position - sent.position, sent.velocity
-    speed_m_s = velocity.norm()
-    if speed_m_s > 0.0:
-        off = off - velocity * max(0.0, min(AHEAD_S, off.dot(velocity) / (speed_m_s * speed_m_s)))
-    return off.norm() <= STRANGE_M
+    own, other = sent.position, target.position
+    x, y, z = other.x - own.x, other.y - own.y, other.z - own.z
+    speed2 = v.x * v.x + v.y * v.y + v.z * v.z
+    if speed2 > 0.0:
+        ahead_s = max(0.0, min(AHEAD_S, (x * v.x + y * v.y + z * v.z) / speed2))
+        x, y, z = x - v.x * ahead_s, y - v.y * ahead_s, z - v.z * ahead_s
+    return math.hypot(x, y, z) <= STRANGE_M
 
 
 def _finite(vector: Vector3) -> Vector3:

@@ -187,6 +187,33 @@ def test_a_bridge_that_does_not_answer_is_named_and_one_that_has_is_explained_by
     assert error.metadata == {"result": "the mode was not entered", "text": "no position"}
 
 
+def test_requests_for_data_wait_for_their_answers_and_repetitions_and_cost_nothing_meanwhile(
+    plain: Plain, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[float] = []
+    look = plain.runner._give_up_late_ones
+
+    def counted(now_s: float) -> None:
+        looks.append(now_s)
+        look(now_s)
+
+    monkeypatch.setattr(plain.runner, "_give_up_late_ones", counted)
+    first, second = (Command(f"send {each}", each, key=1, repeat=AGAIN) for each in ("this", "that"))
+    plain.runner.submit(first, plain.now_s)
+    done = plain.runner.submit(second, plain.now_s)
+    plain.run(1.9 * AGAIN.every_s)
+    assert plain.sent == ["this", "this"]
+    assert len(looks) in (2, 3)
+    plain.answer(Verdict.ACCEPTED)
+    assert plain.sent[-1] == "that"
+    plain.answer(Verdict.ACCEPTED)
+    assert done.done()
+    plain.runner.submit(arm_command(is_armed=True), plain.now_s)
+    looks.clear()
+    plain.run(0.5)
+    assert len(looks) == 10
+
+
 def test_a_lost_answer_ends_a_command_which_is_not_sent_again(plain: Plain) -> None:
     future = plain.runner.submit(mode_command("hold"), plain.now_s)
     plain.answer(Verdict.LOST)

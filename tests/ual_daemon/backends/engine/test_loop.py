@@ -96,6 +96,22 @@ def test_it_ticks_seldom_unless_that_is_urgent_or_something_was_posted(setup: Se
     assert called_s == [setup.clock.now]
 
 
+def test_after_a_pose_only_what_waited_for_it_is_done_where_a_backend_says_what() -> None:
+    setup, settled_s = Setup(), list[float]()
+    setup.loop = Loop(setup.vehicle, setup.clock, setup.watch, setup.updates.append, settle=settled_s.append)
+    for number in range(200):
+        setup.round(0.01, has_news=number % 3 == 0)
+    assert len(setup.updates) >= 66
+    assert len(settled_s) == pytest.approx(66 * 0.7, abs=10)
+    assert len(setup.vehicle.ticks_s) == pytest.approx(2.0 / TICK_S, abs=4)
+    setup.vehicle.is_urgent = True
+    settled_s.clear()
+    setup.round(0.01, has_news=True)
+    setup.round(0.01)
+    assert setup.vehicle.ticks_s[-1] == setup.clock.now
+    assert not settled_s
+
+
 def test_what_is_retried_waits_for_the_next_tick(setup: Setup) -> None:
     tries: list[float] = []
 

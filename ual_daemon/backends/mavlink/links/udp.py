@@ -88,12 +88,14 @@ class UdpLink(Link):
         if sock is None:
             return chunks
         try:
-            chunks.append(sock.recvfrom(_DATAGRAM_SIZE))
-            bytes_count = len(chunks[0][0])
+            chunk = sock.recvfrom(_DATAGRAM_SIZE)
+            chunks.append(chunk)
+            bytes_count = len(chunk[0])
             # Polled, as nearly always there is no more, and an exception for each datagram is expensive.
-            while len(chunks) < _BATCH and bytes_count < BATCH_BYTES and self._poll.poll(0):
-                chunks.append(sock.recvfrom(_DATAGRAM_SIZE))
-                bytes_count += len(chunks[-1][0])
+            while bytes_count < BATCH_BYTES and self._poll.poll(0) and len(chunks) < _BATCH:
+                chunk = sock.recvfrom(_DATAGRAM_SIZE)
+                chunks.append(chunk)
+                bytes_count += len(chunk[0])
         except OSError:  # an ICMP error in answer to a datagram of ours: the other end is not there (yet)
             pass
         return chunks

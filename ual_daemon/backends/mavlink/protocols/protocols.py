@@ -84,7 +84,7 @@ class Protocols(Protocol):
     @property
     @override
     def is_urgent(self) -> bool:
-        return any(protocol.is_urgent for protocol in self._ticked)
+        return self.files.is_urgent or self.logs.is_urgent or self.gimbals.is_urgent  # no other one ever is
 
     @override
     def attach(self, target: Source, dialect: Dialect) -> None:

@@ -50,7 +50,7 @@ class ReceiveLoop:
         self._next_info_s = clock.now_s()
         self._connections_count = 0
         self._pose: Sample[Pose] | None = None
-        self.loop = Loop(self, clock, discovery.watch, on_update, wake=connection.wake)
+        self.loop = Loop(self, clock, discovery.watch, on_update, wake=connection.wake, settle=self._settle)
         self.thread = LoopThread(self.loop, clock, name, self._receive, self._on_defect, self._end)
 
     def close(self) -> None:
@@ -104,8 +104,8 @@ class ReceiveLoop:
         if connection.connections_count != self._connections_count:
             self._connections_count = connection.connections_count
             self._discovery.reconnected()
+        now_s, utc_s = clock.now_s(), clock.utc_s() if chunks else 0.0  # they have all come by now
         for data, address in chunks:
-            now_s, utc_s = clock.now_s(), clock.utc_s()
             if self.on_received is not None:
                 self.on_received(data, address, now_s, utc_s)
             self._discovery.receiver.receive(data, address, now_s, utc_s)
@@ -119,15 +119,19 @@ class ReceiveLoop:
         has_moved, self._pose = newest is not self._pose, newest
         loop.step(clock.now_s(), has_news=has_moved)
 
+    def _settle(self, now_s: float) -> None:
+        """Learns from the newest position."""
+        del now_s
+        if self._discovery.session is not None:
+            self._discovery.session.learn()
+
     def _refresh_info(self) -> None:
         session = self._discovery.session
         if session is None:
             return
         if session.freshness is not self._freshness:
             self._use_freshness(session)
-        info = session.info()
-        if info != self.info:  # the same object while nothing is new, so that its users need not compare it
-            self.info = info
+        self.info = session.info()
 
     def _use_freshness(self, session: Session) -> None:
         self._freshness = session.freshness

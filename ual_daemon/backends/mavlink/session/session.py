@@ -85,6 +85,15 @@ ORIGIN_S = 0.5
 """How often the origin of the local frame is requested while it is doubted."""
 
 
+class _Info(NamedTuple):
+    """A `VehicleInfo`, and what it was made from."""
+
+    version: Message | None
+    basis: tuple[object, ...]
+    parameters: dict[str, float]
+    value: VehicleInfo
+
+
 class Successor(NamedTuple):
     """The vehicle of the session that has to follow: what its heartbeats say, what it is, and the verdict on that."""
 
@@ -141,6 +150,7 @@ class Session:
             dialect.name, self._transmit, self.telemetry.snapshot, supervision.watch, setpoints.duration_s
         )
         self._reported_missing: tuple[str, ...] = ()
+        self._info: _Info | None = None
         self._fit = RateFit()
         self._unused_ids: set[int] = set()
         """Of messages that are not used, and came while the link lost much."""
@@ -226,6 +236,18 @@ class Session:
         else:
             self._on_decoded(frame, message, now_s, utc_now_s)
 
+    def on_unused(self, message_id: int, sequence: int, address: Address | None, now_s: float) -> None:
+        """Takes note of a frame whose content is not used: its number and where it came from count."""
+        identity, telemetry = self.identity, self.telemetry
+        self._supervision.on_frame(sequence, now_s)
+        self._signs = False
+        identity.on_frame(sequence, address, now_s)
+        if identity.conflict != telemetry.conflict:
+            self._follow_conflict(now_s)
+        telemetry.on_frame(sequence, now_s)
+        if self._fit.is_high and not identity.conflict and self.successor is None:
+            self._unused_ids.add(message_id)
+
     def _identify(self, frame: Frame, message: Message | None, address: Address | None, now_s: float) -> None:
         """Checks that a frame is of the same vehicle as those before. A conflict discards what is known."""
         identity = self.identity
@@ -270,9 +292,7 @@ class Session:
 
     def tick(self, now_s: float) -> None:
         """Does what is due, and what could wait until the last update was published; to be called often."""
-        if self._unlearned_s is not None:
-            self._learn(*self._unlearned_s)
-            self._unlearned_s = None
+        self.learn()
         if now_s >= self._next_own_heartbeat_s:
             self._next_own_heartbeat_s = now_s + OWN_HEARTBEAT_S
             self._sender.send(own_heartbeat())
@@ -389,7 +409,23 @@ class Session:
         return self.telemetry.is_ready_to_arm or not self.dialect.can_be_armed_in(mode)
 
     def info(self) -> VehicleInfo:
-        """Returns what is known of the vehicle so far."""
+        """Returns what is known of the vehicle so far: the same object while nothing of it has changed."""
+        telemetry, known = self.telemetry, self._info
+        basis = (
+            self._setup.has_awaited_parameters,
+            telemetry.is_hardware_in_the_loop,
+            telemetry.is_version_contradicted,
+            telemetry.fence.is_applied,
+            self.note,
+        )
+        is_same = known is not None and known.version is telemetry.version and known.basis == basis
+        if known is None or not is_same or known.parameters != telemetry.parameters:
+            new = self._new_info()
+            value = new if known is None or new != known.value else known.value
+            known = self._info = _Info(telemetry.version, basis, dict(telemetry.parameters), value)
+        return known.value
+
+    def _new_info(self) -> VehicleInfo:
         telemetry, dialect = self.telemetry, self.dialect
         version, limits = telemetry.version, dialect.limits(telemetry.parameters)
         return VehicleInfo(
@@ -460,7 +496,11 @@ class Session:
             if event.text:
                 self._commands.on_text(event.text)
 
-    def _learn(self, received_s: float, autopilot_s: float) -> None:
+    def learn(self) -> None:
+        """Learns from the newest position, where it has not: what could wait until that was published."""
+        if self._unlearned_s is None:
+            return
+        (received_s, autopilot_s), self._unlearned_s = self._unlearned_s, None
         pose, velocity = self.telemetry.pose.sample, self.telemetry.velocity.sample
         if self._feed_forward is None or pose is None or velocity is None or pose.time_s != received_s:
             return

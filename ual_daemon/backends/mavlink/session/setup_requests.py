@@ -74,9 +74,14 @@ class SetupRequests:
         self._next_parameters_s: float | None = None
 
     @property
+    def has_awaited_parameters(self) -> bool:
+        """Whether the parameters were requested several times by now."""
+        return self._parameter_rounds_count >= FAST_PARAMETER_ROUNDS_COUNT
+
+    @property
     def missing(self) -> tuple[str, ...]:
         """The human-readable names of parameters that were requested several times and have not come."""
-        if self._parameter_rounds_count < FAST_PARAMETER_ROUNDS_COUNT:
+        if not self.has_awaited_parameters:
             return ()
         return self._dialect.missing_parameters(self._telemetry.parameters)
 

@@ -133,6 +133,22 @@ class FrameReader:
             return self.read_beginning(datagram)
         return self._read_pieces(datagram, source)
 
+    def unused(self, datagram: bytes, source: Source) -> tuple[int, int] | None:
+        """Takes a datagram that is one valid frame, of MAVLink 2, of a source, not signed, whose content is not used.
+
+        Returns its message id and sequence number. None for any other datagram, which is not taken.
+        """
+        size = len(datagram)
+        if size < _HEADER_V2 + _CHECKSUM or datagram[0] != MAGIC_V2 or datagram[2]:
+            return None
+        if size != datagram[1] + (_HEADER_V2 + _CHECKSUM) or (datagram[5], datagram[6]) != source:
+            return None
+        message_id = datagram[7] | datagram[8] << 8 | datagram[9] << 16
+        if not checksum.is_valid(message_id, datagram, size - _CHECKSUM):
+            return None
+        self._is_in_garbage = False
+        return message_id, datagram[4]
+
     def read_beginning(self, datagram: bytes) -> list[Frame]:
         """Returns the frames with which a datagram begins, without a search: for one that is likely not for us."""
         frames: list[Frame] = []

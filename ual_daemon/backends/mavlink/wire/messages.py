@@ -153,7 +153,8 @@ class _Layout(NamedTuple):
         fields = message.__dict__ = dict(zip(self.names, values, strict=True))
         for name, begin, end in self.arrays:
             fields[name] = list(values[begin:end])
-        fields["_header"] = _Header(frame.message_id, frame.sequence, frame.system_id, frame.component_id)
+        ids = frame.message_id, frame.sequence, frame.system_id, frame.component_id
+        fields["_header"] = tuple.__new__(_Header, ids)  # as `_Header(*ids)` does, one call less
         fields["_type"], fields["_fieldnames"] = self.kind.msgname, self.kind.fieldnames
         return message
 

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader, Source
-from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Codec, CorruptFrameError, Message, mavlink
 from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING, Signer, Verdict
 from ual_daemon.backends.mavlink.wire.untaken import Untaken
 
@@ -19,6 +19,8 @@ PEER_SILENCE_S = 0.5
 """Another host takes our peer's place once that is silent for this long: before the link counts as lost."""
 _MOST_LOGGED = 32
 """So many different troubles are logged, each once."""
+_ID_AT = 7
+"""Where a frame of MAVLink 2 has the id of its message: 24 bits."""
 _GARBAGE = "bytes that are no MAVLink (another baud rate or protocol?)"
 INCOMPLETE_FRAME_S = 0.5
 """What begins like a frame and is not completed within this time is not a frame."""
@@ -35,6 +37,9 @@ class MessageHandler(Protocol):
         self, frame: Frame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
     ) -> None:
         """Takes a checked frame, its content where that is decoded, and where it came from."""
+
+    def on_unused(self, message_id: int, sequence: int, address: Address | None, now_s: float) -> None:
+        """Takes note of a checked frame whose content is not used, and which is no event: only its arrival counts."""
 
 
 class Selector(Protocol):
@@ -93,6 +98,7 @@ class Receiver:
         self._selector = selector
         self._source: Source | None = None
         self._signer = signer
+        self._is_plain = signer is None and not link.is_stream
         self._handler: MessageHandler | None = None
         self._reader = FrameReader()
         self._peer_heard_s = -math.inf
@@ -111,7 +117,17 @@ class Receiver:
         `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
         """
         self._utc_offset_s = utc_now_s - now_s
-        reader, peer = self._reader, self._link.peer
+        reader, peer, handler = self._reader, self._link.peer, self._handler
+        if (
+            handler is not None
+            and self._is_plain
+            and peer is not None
+            and peer == address
+            and len(data) > _ID_AT + 2
+            and data[_ID_AT] | data[_ID_AT + 1] << 8 | data[_ID_AT + 2] << 16 not in handler.decoded_ids
+            and self._takes_unused(data, address, handler, now_s)
+        ):
+            return
         reader.refill(now_s)
         garbage_count = reader.garbage_count
         if self._is_stream:
@@ -139,6 +155,18 @@ class Receiver:
         """Drops the incomplete frame of the old connection, which the new one does not continue."""
         self._reader.forget()
 
+    def _takes_unused(self, data: bytes, address: Address, handler: MessageHandler, now_s: float) -> bool:
+        """Takes a frame of the selected autopilot whose content is not used: more than half of PX4's stream."""
+        unused = None if self._source is None else self._reader.unused(data, self._source)
+        if unused is None or unused[0] == EVENT_ID:
+            return False
+        self._peer_heard_s = now_s
+        try:
+            handler.on_unused(*unused, address, now_s)
+        except Exception:  # noqa: BLE001 - as in `_on_frames`
+            self._log_defect(unused[0])
+        return True
+
     def _on_frames(
         self,
         frames: list[Frame],
@@ -155,8 +183,7 @@ class Receiver:
                 self._undecodable_count += 1
                 _log.debug("dropped a frame: %s", error)
             except Exception:  # noqa: BLE001 - a defect that one message triggers must not cost the others
-                defect = f"message {frame.message_id} could not be used; this is a defect of UAL, please report it"
-                self._log_once(defect, logging.ERROR, has_traceback=True)
+                self._log_defect(frame.message_id)
 
     def _on_frame(
         self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float, *, is_from_peer: bool
@@ -170,10 +197,12 @@ class Receiver:
             handler = self._on_other(frame, address, now_s, utc_now_s)
             if handler is None:
                 return
-        elif not self._is_accepted(frame, address, now_s) or (
-            not is_from_peer and self._is_stranger(frame, address, now_s)
-        ):
-            return
+        else:
+            is_plain = self._signer is None and not frame.is_signed  # nearly always: no call
+            if not (is_plain or self._is_accepted(frame, address, now_s)):
+                return
+            if not is_from_peer and self._is_stranger(frame, address, now_s):
+                return
         message = self._codec.decode(frame) if frame.message_id in handler.decoded_ids else None
         if not is_from_peer:
             self._link.answer_to(address)
@@ -244,6 +273,10 @@ class Receiver:
             self._log_once(text)
             self.untaken.note(("signature", frame.system_id), text, now_s)
         return False
+
+    def _log_defect(self, message_id: int) -> None:
+        defect = f"message {message_id} could not be used; this is a defect of UAL, please report it"
+        self._log_once(defect, logging.ERROR, has_traceback=True)
 
     def _log_once(self, text: str, level: int = logging.WARNING, *, has_traceback: bool = False) -> None:
         if text not in self._logged and len(self._logged) < _MOST_LOGGED:
