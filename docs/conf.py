@@ -7,6 +7,9 @@ checkout. Links to other files of the repository become downloads.
 from __future__ import annotations
 
 import inspect
+import json
+import re
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -62,6 +65,11 @@ nitpick_ignore_regex = [
 html_theme = "furo"
 html_title = f"UAL {version}"
 html_extra_path = ["_site"]
+html_static_path = ["_assets"]
+html_js_files = ["search-words.js", "search-ranking.js"]
+
+_SEARCH_WORDS = re.compile(r"^(?:<!-- search:|\.\. search:)(.*?)(?:-->|$)", re.MULTILINE | re.DOTALL)
+"""Phrases that a page's reader may type, and that its text need not have: a comment of the page."""
 
 _GOOGLE_STYLE = Config(napoleon_numpy_docstring=False, napoleon_use_ivar=True)
 _INTERFACE = {"UAL": "Uav"}
@@ -72,6 +80,21 @@ def setup(app: Sphinx) -> None:
     """Connects what is below."""
     app.connect("autodoc-process-docstring", _complete)
     app.connect("missing-reference", _find_public)
+    app.connect("build-finished", _write_search_words)
+
+
+def _write_search_words(app: Sphinx, error: Exception | None) -> None:
+    """Writes the search words of all pages for `search-ranking.js`."""
+    if error is not None:
+        return
+    words = {name: phrases for name in sorted(app.env.found_docs) if (phrases := _search_words(app.env.doc2path(name)))}
+    text = f"window.UAL_SEARCH_WORDS = {json.dumps(words, indent=0)};\n"
+    (Path(app.outdir) / "_static" / "search-words.js").write_text(text, encoding="utf-8")
+
+
+def _search_words(page: str | Path) -> list[str]:
+    found = _SEARCH_WORDS.search(Path(page).read_text(encoding="utf-8"))
+    return [phrase.strip() for phrase in found[1].split(",")] if found else []
 
 
 def _complete(_: Sphinx, what: str, name: str, __: object, ___: object, lines: list[str]) -> None:

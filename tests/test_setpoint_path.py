@@ -1,4 +1,4 @@
-"""How much a velocity setpoint crosses from the class to the wire, as docs/concepts/architecture.md says."""
+"""How much a velocity setpoint crosses from the class to the wire, as docs/concepts/inside-the-daemon.md says."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def crossed(uav: UAL) -> set[tuple[str, str]]:
 
 
 def test_a_velocity_setpoint_crosses_no_more_than_the_architecture_says(uav: UAL) -> None:
-    page = " ".join((ROOT / "docs" / "concepts" / "architecture.md").read_text(encoding="utf-8").split())
+    page = " ".join((ROOT / "docs" / "concepts" / "inside-the-daemon.md").read_text(encoding="utf-8").split())
     said = re.search(r"it crosses (\d+) functions in (\d+) files", page)
     said_first = re.search(r"The first setpoint at a place crosses (\d+) functions in (\d+) files", page)
     assert said is not None

@@ -28,7 +28,9 @@ from ual_tools.output import to_json
 from ual_tools.strict_yaml.loading import YamlFileError
 from ual_tools.strict_yaml.placeholders import PlaceholderError, fill
 
-PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "launch.md"
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = DOCS / "reference" / "team-file.md"
+_EXAMPLES = (DOCS / "how-to" / "launch.md").read_text() + PAGE.read_text()
 DEPLOYED = Path(__file__).parents[2] / "deploy" / "systemd" / "ual-daemon@.service"
 
 SURVEY = """\
@@ -397,7 +399,7 @@ def test_what_cannot_be_written_is_said(
 
 def test_the_files_of_the_page_are_teams(file: Path) -> None:
     teams = []
-    for text in re.findall("```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL):
+    for text in re.findall("```yaml\n(.*?)```", _EXAMPLES, re.DOTALL):
         file.write_text(text)
         teams.append([each.name for each in load(file).programs])
     assert teams == [

@@ -1,0 +1,1 @@
+window.UAL_SEARCH_WORDS = {};
