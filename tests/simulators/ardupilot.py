@@ -75,6 +75,9 @@ RENAMED = {
 """The parameters of 4.6 that 4.7.1 has under another name, in another unit: as many of the old one make a new one."""
 RENAMED_IN_4_7_0 = RENAMED | {"PSC_JERK_XY": ("PSC_JERK_NE", 1.0), "PSC_JERK_Z": ("PSC_JERK_D", 1.0)}
 RANGEFINDER_MAX_M = 40.0
+_MOTORS_COUNT = 4
+STANDS_US, _IDLES_US, _TURNS_US = 1000, 1100, 1400
+"""The pulses of a motor."""
 _SWITCH_US = {LOITER: 1700, GUIDED: 1500, RTL: 1300}
 """The pulse of the transmitter's switch (channel 5) in the positions that the pilot uses."""
 _FAILSAFES = {
@@ -92,7 +95,10 @@ _FAILSAFES = {
 _NOT_IN_3_6 = (mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
 _GROUPS = {
     mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (mavlink.MAVLINK_MSG_ID_SYS_STATUS, mavlink.MAVLINK_MSG_ID_GPS_RAW_INT),
-    mavlink.MAV_DATA_STREAM_RC_CHANNELS: (mavlink.MAVLINK_MSG_ID_RC_CHANNELS,),
+    mavlink.MAV_DATA_STREAM_RC_CHANNELS: (
+        mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
+        mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
+    ),
     mavlink.MAV_DATA_STREAM_POSITION: (
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
@@ -185,6 +191,8 @@ class ArduPilot(Autopilot):
             "FLTMODE4": GUIDED,  # the switch position in which the pilot does not take over
             "FLTMODE5": LOITER,
             "FLTMODE6": STABILIZE,
+            "MOT_PWM_MIN": STANDS_US,
+            **{f"SERVO{number}_FUNCTION": 32 + number if number <= _MOTORS_COUNT else 0 for number in range(1, 17)},
         }
 
     def become_4_7(self, renamed: Mapping[str, tuple[str, float]] = RENAMED) -> None:
@@ -755,6 +763,7 @@ class ArduPilot(Autopilot):
             mavlink.MAVLINK_MSG_ID_SIM_STATE: self._sim_state,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._position_target,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
+            mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_outputs,
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self._mission_current,
         }
 
@@ -762,6 +771,13 @@ class ArduPilot(Autopilot):
         total = max(0, len(self.missions.lists[0]) - 1)
         state = {PAUSED: NOT_STARTED}.get(self.mission.state, self.mission.state)
         return mavlink.MAVLink_mission_current_message(self.mission.seq, total, state, int(self.mode == AUTO))
+
+    def _servo_outputs(self) -> Message:
+        """Its motors turn whether or not they have thrust: it does not measure that."""
+        turning_us = _IDLES_US if self._is_landed else _TURNS_US
+        pulse_us = turning_us if self.is_armed and not self.is_killed else STANDS_US
+        pulses_us = [pulse_us] * _MOTORS_COUNT + [0] * (16 - _MOTORS_COUNT)
+        return mavlink.MAVLink_servo_output_raw_message(round(self.now_s * 1e6) & 0xFFFFFFFF, 0, *pulses_us)
 
     def kill(self, is_killed: bool = True) -> None:
         super().kill(is_killed)

@@ -117,6 +117,7 @@ class Mavros:
             "VFR_HUD": self._hud,
             "HOME_POSITION": self._home,
             "RC_CHANNELS": self._rc,
+            "SERVO_OUTPUT_RAW": self._servo_outputs,
             "TIMESYNC": self._timesync,
             "POSITION_TARGET_LOCAL_NED": self._target,
             "AUTOPILOT_VERSION": self._version,
@@ -194,6 +195,7 @@ class Mavros:
             "home_position/home": "mavros_msgs/HomePosition",
             "battery": "sensor_msgs/BatteryState",
             "rc/in": "mavros_msgs/RCIn",
+            "rc/out": "mavros_msgs/RCOut",
             "timesync_status": "mavros_msgs/TimesyncStatus",
             "setpoint_raw/target_local": "mavros_msgs/PositionTarget",
             "mount_control/orientation": "geometry_msgs/Quaternion",
@@ -448,6 +450,10 @@ class Mavros:
     def _rc(self, message: Any) -> None:
         channels = array("H", (getattr(message, f"chan{number}_raw") for number in range(1, message.chancount + 1)))
         self._publish("rc/in", {"header": self._header(), "rssi": 255, "channels": channels})
+
+    def _servo_outputs(self, message: Any) -> None:
+        channels = array("H", (getattr(message, f"servo{number}_raw") for number in range(1, 17)))
+        self._publish("rc/out", {"header": self._header(), "channels": channels})
 
     def _timesync(self, message: Any) -> None:
         if message.tc1:

@@ -25,6 +25,7 @@ from ual_daemon.backends.firmwares.gimbal_codec import ArduPilotGimbal
 from ual_daemon.backends.firmwares.gripper_codec import ArduPilotGripper
 from ual_daemon.backends.firmwares.mission_codec import ArduCopterMissions
 from ual_daemon.backends.firmwares.mission_items import MissionType
+from ual_daemon.backends.firmwares.motor_outputs import MotorChannels
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, Sensor, VtolState
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -87,6 +88,11 @@ else it must be inside all (AC_PolyFence_loader::breached)."""
 _COPTER_VTOL_STATES = (VtolState.UNDEFINED, VtolState.MULTIROTOR)
 _PLANE_PARAMETER = "Q_ENABLE"
 """A parameter that only ArduPlane has. Its Q_MAV_TYPE makes a quadplane call itself a quadrotor."""
+
+_LEAST_PULSE = "MOT_PWM_MIN"
+_OUTPUTS = tuple(f"SERVO{number}_FUNCTION" for number in range(1, 17))
+_MOTORS = frozenset((*range(33, 41), *range(82, 86)))
+"""The functions of the outputs that are motors 1 to 12 (SRV_Channel.h)."""
 
 _SLOW_CLIMB_M = 1.5
 """So far it climbs by itself where a slower climb is wanted. Lower, the error of its height could leave it standing."""
@@ -241,8 +247,12 @@ class ArduCopter(Autopilot):
         "FENCE_ALT_MIN",
         "FENCE_TOTAL",
         "FENCE_OPTIONS",
+        _LEAST_PULSE,
+        *_OUTPUTS,
     )
-    optional_parameters = frozenset({_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE", "FENCE_OPTIONS"})
+    optional_parameters = frozenset(
+        {_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE", "FENCE_OPTIONS", _LEAST_PULSE, *_OUTPUTS}
+    )
     failsafe_parameters = frozenset(
         {
             "BATT_FS_CRT_ACT",
@@ -278,6 +288,7 @@ class ArduCopter(Autopilot):
     # Two more than the corners and circles, or 0 for fewer than 3 of them (AC_PolyFence_loader::write_fence). It comes
     # after each upload, also where it stays the same (measured with 4.6.3).
     zones_parameter = "FENCE_TOTAL"
+    tells_motors = True  # neither HEARTBEAT nor SYS_STATUS has the emergency stop (Copter::motors_output)
 
     @override
     def mode(self, custom_mode: int) -> Mode:
@@ -312,6 +323,12 @@ class ArduCopter(Autopilot):
         if _MOTOR_STOP in text:  # "RC7: MotorEStop HIGH"
             return text.endswith("HIGH")
         return text.endswith("LOW") if _INTERLOCK in text else None
+
+    @override
+    def motor_channels(self, parameters: Mapping[str, float]) -> MotorChannels | None:
+        least_us = parameters.get(_LEAST_PULSE, 0.0)
+        found = frozenset(index for index, name in enumerate(_OUTPUTS) if parameters.get(name) in _MOTORS)
+        return MotorChannels(found, least_us) if found and least_us > 0.0 else None
 
     @override
     def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:

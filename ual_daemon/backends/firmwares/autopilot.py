@@ -16,6 +16,7 @@ from ual_daemon.backends.firmwares.gimbal_codec import GimbalCodec
 from ual_daemon.backends.firmwares.gripper_codec import GripperCodec
 from ual_daemon.backends.firmwares.mission_codec import MissionCodec
 from ual_daemon.backends.firmwares.mission_items import MissionType
+from ual_daemon.backends.firmwares.motor_outputs import MotorChannels
 from ual_daemon.backends.firmwares.numbers import EstimatorFlag, VehicleType
 from ual_daemon.backends.offers.fence import FenceSwitch
 from ual_daemon.backends.values import (
@@ -146,6 +147,8 @@ class Autopilot(ABC):
     """The parameters by which it applies its zones."""
     zones_parameter = ""
     """The name of a parameter that it sends whenever it has got others; empty where there is none."""
+    tells_motors = False
+    """Whether only its outputs tell for sure that its motors are stopped in the air."""
 
     @property
     def relied_on(self) -> frozenset[str]:
@@ -193,6 +196,10 @@ class Autopilot(ABC):
 
     def motor_stop_of_text(self, text: str) -> bool | None:
         """Returns whether a text says that a switch stops the motors, or that it does not any more; None for others."""
+        return None
+
+    def motor_channels(self, parameters: Mapping[str, float]) -> MotorChannels | None:
+        """Returns which of its outputs are motors, by the parameters read so far; None while none is known."""
         return None
 
     def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:

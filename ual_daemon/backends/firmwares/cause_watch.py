@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.motor_outputs import MotorOutputs
 from ual_daemon.backends.firmwares.numbers import Sensor, SystemStatus, sensor_names
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Cause, Control, ControlState, LandedState, Mode, Sample
@@ -38,6 +39,8 @@ _SWITCHES_FROM, _SWITCHES_TO, _MOVED_US, _NO_SIGNAL = 5, 16, 100, 65535
 """The first and the last channel that can be a switch, by how much a switch moves one, and the value of one that is not
 there."""
 _MOST_SIGNS = 8
+TEXT_AHEAD_S = 1.0
+"""A report of the outputs that comes so soon after a text of the switch may be from before."""
 
 
 class CauseWatch:
@@ -88,6 +91,8 @@ class CauseWatch:
         self._is_booting, self._is_critical, self._is_terminated = True, False, False
         self._are_motors_stopped: bool | None = None
         """What a text said last of the switch that stops the motors; None while none has."""
+        self._motor_text_s = -math.inf
+        self._motors = MotorOutputs()
         self._critical_s = -math.inf
         self._switches: tuple[int, ...] = ()
         self._switched_s = -math.inf
@@ -130,7 +135,11 @@ class CauseWatch:
         self.on_sign(self._autopilot.cause_of_text(text), now_s)
         are_stopped = self._autopilot.motor_stop_of_text(text)
         if are_stopped is not None:
-            self._are_motors_stopped = are_stopped
+            self._are_motors_stopped, self._motor_text_s = are_stopped, now_s
+
+    def on_outputs(self, pulses_us: Sequence[int], parameters: Mapping[str, float], now_s: float) -> None:
+        """Takes the pulses that it puts out, in microseconds."""
+        self._motors.on_pulses(pulses_us, self._autopilot.motor_channels(parameters), now_s)
 
     def on_intention(self, custom_mode: int, intended_custom_mode: int, now_s: float) -> None:
         """Takes the number of the mode, and of the one that the autopilot was asked for (0: it does not say)."""
@@ -181,18 +190,27 @@ class CauseWatch:
             armed,
             landed,
             mode,
-            failsafe=self.failsafe(is_armed=is_armed),
+            failsafe=self.failsafe(now_s, is_armed=is_armed, is_in_air=_is_in_air(landed)),
             held_by=None if mode is None else self.held_by(mode.value, now_s, is_armed=is_armed),
             other_sender=other_sender,
         )
 
-    def failsafe(self, *, is_armed: bool | None) -> Cause | None:
-        """Returns the failsafe that is active, whatever the mode; None if none is, or while it has no name yet."""
-        if self._is_terminated or self._are_motors_stopped:
+    def failsafe(self, now_s: float, *, is_armed: bool | None, is_in_air: bool = False) -> Cause | None:
+        """Returns the failsafe that is active, whatever the mode; None if none is, or while it has no name yet.
+
+        `is_in_air` is whether it takes itself to be there. On the ground motors stand also where nothing stops them.
+        """
+        if self._is_terminated or self._has_stopped_motors(now_s, may_turn=bool(is_armed) and is_in_air):
             return Cause.TERMINATION
         if is_armed and self._is_unintended:
             return self._episode
         return self._sensors
+
+    def _has_stopped_motors(self, now_s: float, *, may_turn: bool) -> bool:
+        """Whether a switch stops them, by its text or by the outputs, which tell more: a text may be lost."""
+        if not self._are_motors_stopped:
+            return may_turn and bool(self._motors.stand(now_s))
+        return not self._motors.turn_since(self._motor_text_s + TEXT_AHEAD_S)
 
     def held_by(self, mode: Mode, now_s: float, *, is_armed: bool | None) -> Cause | None:
         """Returns who or what holds the control in the present mode.
@@ -316,3 +334,7 @@ class CauseWatch:
         causes = [cause for time_s, cause in self._signs if time_s >= begin_s and time_s > after_s]
         others = [cause for cause in causes if cause is not Cause.SETPOINTS]
         return (others or causes or [None])[-1]
+
+
+def _is_in_air(landed: Sample[LandedState] | None) -> bool:
+    return landed is not None and landed.value not in (LandedState.ON_GROUND, LandedState.UNKNOWN)

@@ -159,6 +159,10 @@ class Session:
             self._causes.on_sensors(int(message["sensors_enabled"]), int(message["sensors_health"]), now_s)
         elif topic == topics.RC_IN:
             self._causes.on_rc_channels([int(each) for each in numbers(message["channels"])], now_s)
+        elif topic == topics.RC_OUT:
+            if self.autopilot.tells_motors:
+                pulses_us = [int(each) for each in numbers(message["channels"])]
+                self._causes.on_outputs(pulses_us, self.telemetry.parameters, now_s)
         elif topic == topics.STATUS_TEXT:
             self._on_text(str(message["text"]), int(number(message["severity"])), now_s)
         elif topic == topics.STATUS_EVENT:

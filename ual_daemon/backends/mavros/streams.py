@@ -29,7 +29,7 @@ CALL_S = 6.0
 _HEARTBEAT, _SYS_STATUS, _GPS_RAW_INT, _ATTITUDE_QUATERNION, _LOCAL_POSITION_NED = 0, 1, 24, 31, 32
 _GLOBAL_POSITION_INT, _GPS_GLOBAL_ORIGIN, _RC_CHANNELS, _VFR_HUD, _TARGET = 33, 49, 65, 74, 85
 _MISSION_CURRENT, _GPS_RTK, _GPS2_RTK, _GIMBAL_DEVICE_ATTITUDE_STATUS = 42, 127, 128, 285
-_BATTERY_STATUS, _ESTIMATOR_STATUS, _HOME_POSITION, _EXTENDED_SYS_STATE = 147, 230, 242, 245
+_SERVO_OUTPUT_RAW, _BATTERY_STATUS, _ESTIMATOR_STATUS, _HOME_POSITION, _EXTENDED_SYS_STATE = 36, 147, 230, 242, 245
 
 
 class Stream(NamedTuple):
@@ -60,6 +60,7 @@ def streams_of(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
         Stream(topics.VFR_HUD, _VFR_HUD, 2.0),
         Stream(topics.TARGET, _TARGET, 10.0),
         Stream(topics.RC_IN, _RC_CHANNELS, 5.0),
+        *((Stream(topics.RC_OUT, _SERVO_OUTPUT_RAW, 2.0),) if autopilot.tells_motors else ()),
         Stream(topics.BATTERY, _BATTERY_STATUS, 1.0),
         *(() if autopilot.takes_feed_forward else _UNCOUNTED),
     )

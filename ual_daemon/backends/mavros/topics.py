@@ -25,6 +25,7 @@ VFR_HUD = "vfr_hud"
 HOME = "home_position/home"
 BATTERY = "battery"
 RC_IN = "rc/in"
+RC_OUT = "rc/out"
 TIMESYNC = "timesync_status"
 TARGET = "setpoint_raw/target_local"
 
@@ -89,6 +90,7 @@ TOPICS = {
     HOME: Topic("mavros_msgs/HomePosition"),
     BATTERY: Topic("sensor_msgs/BatteryState"),  # of all batteries, one after the other
     RC_IN: Topic("mavros_msgs/RCIn", 150),
+    RC_OUT: Topic("mavros_msgs/RCOut", 300),
     TIMESYNC: Topic("mavros_msgs/TimesyncStatus", 50),
     TARGET: Topic("mavros_msgs/PositionTarget", 80),
     CAPTURED: Topic("mavros_msgs/CameraImageCaptured", queue_length=20),

@@ -338,10 +338,10 @@ def test_a_battery_that_was_not_measured_yet_while_ardupilot_boots_is_no_failsaf
     """SYS_STATUS may come before the first heartbeat, and of a boot before that tells of it."""
     watch = Px4Watch(autopilot=ArduCopter(), names_intended_mode=False)
     watch.causes.on_sensors(Sensor.BATTERY, 0, 0.0)
-    assert watch.causes.failsafe(is_armed=False) is None
+    assert watch.causes.failsafe(watch.now_s, is_armed=False) is None
     watch.causes.on_system_status(SystemStatus.BOOT, 0.0)
     watch.causes.on_sensors(Sensor.BATTERY, 0, 0.0)
-    assert watch.causes.failsafe(is_armed=False) is None
+    assert watch.causes.failsafe(watch.now_s, is_armed=False) is None
     watch.causes.on_system_status(SystemStatus.CRITICAL, 2.0)
     watch.causes.on_sensors(Sensor.BATTERY, 0, 2.0)
-    assert watch.causes.failsafe(is_armed=False) is Cause.BATTERY
+    assert watch.causes.failsafe(watch.now_s, is_armed=False) is Cause.BATTERY

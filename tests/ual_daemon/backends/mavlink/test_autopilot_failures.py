@@ -9,6 +9,7 @@ from contextlib import suppress
 import pytest
 
 from tests.conftest import LIMIT_S
+from tests.simulators import ArduPilot
 from tests.simulators.mission_store import Sender
 from tests.ual_daemon.backends.mavlink.test_autopilot_arming import selected_after_our_arming
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
@@ -164,16 +165,41 @@ def test_disarmed_in_the_air_is_no_landing(flight: Flight, what: str) -> None:
     assert height_m(flight) == 0.0
 
 
-def test_a_daemon_that_is_new_tells_that_the_motors_are_stopped() -> None:
-    flight = Flight("px4")
+def restarted_without_motors(flight: Flight) -> None:
+    """The motors are stopped in a hover, while no daemon runs; the next one starts once it lies on the ground."""
+    climb(flight)
+    flight.kill()
+    flight.autopilot.kill()
+    flight.autopilot.run(3.0)
+    flight.start()
+
+
+def test_a_daemon_that_is_new_tells_that_the_motors_are_stopped(flight: Flight) -> None:
+    """ArduPilot says it once only, by a text: the daemon said FLYING_AUTO, and took a go-to, which climbed."""
+    restarted_without_motors(flight)
+    told_s = flight.first_s(lambda telemetry: "stopped its motors" in telemetry.state_reason, flight.started_s)
+    seen_s = flight.first_s(lambda telemetry: telemetry.state is not State.UNINITIALIZED, flight.started_s)
+    assert told_s - seen_s < (2.0 if isinstance(flight.autopilot, ArduPilot) else 8.5)  # PX4 had begun to land
+    with pytest.raises(WrongStateError, match="stopped"):
+        flight.uav.go_to_waypoint(flight.goal(1.0, 0.0))
+    with pytest.raises(WrongStateError, match="stopped"):
+        flight.uav.recover_from_manual()
+    assert flight.commands_since(flight.started_s) == set()
+
+
+def test_a_daemon_that_is_new_takes_no_motion_after_the_motors_were_stopped_until_somebody_recovers_it() -> None:
+    flight = Flight("ardupilot")
     try:
-        climb(flight)
-        flight.kill()
-        flight.autopilot.kill()
-        flight.autopilot.run(3.0)
-        flight.start()
+        restarted_without_motors(flight)
         flight.first_s(lambda telemetry: "stopped its motors" in telemetry.state_reason, flight.started_s)
+        flight.autopilot.kill(False)
+        flight.wait_for(lambda: "had stopped its motors" in flight.uav.telemetry().state_reason, "that they turn")
+        with pytest.raises(WrongStateError, match="had stopped its motors"):
+            flight.uav.go_to_waypoint(flight.goal(1.0, 0.0))
         assert flight.commands_since(flight.started_s) == set()
+        flight.wait_for(lambda: "still now" in flight.uav.telemetry().state_reason, "that it stands")
+        flight.uav.recover_from_manual()
+        assert "stopped" not in flight.uav.telemetry().state_reason
     finally:
         flight.uav.close()
 

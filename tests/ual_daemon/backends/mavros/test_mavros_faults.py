@@ -190,6 +190,15 @@ def test_what_need_not_come_need_not_come(px4: Flight, topic: str) -> None:
     assert px4.uav.telemetry().state is State.FLYING_AUTO
 
 
+def test_motors_that_a_switch_stops_are_told_by_the_outputs_where_its_text_is_lost() -> None:
+    backend = make("ardupilot")
+    with UAL(backend, allow_arming=True) as uav:
+        flight = Flight(backend, uav)
+        flight.fly(8.0)
+        backend.autopilot.is_killed = True
+        flight.until(lambda: "has stopped its motors" in uav.telemetry().state_reason)
+
+
 def record(flight: Flight, name: str) -> list[tuple[float, Message]]:
     """Returns a list that gets the calls of a service from now on, with their times."""
     node, found = flight.backend.node, []

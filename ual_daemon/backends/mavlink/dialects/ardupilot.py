@@ -34,6 +34,8 @@ from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, LandedState, PositionSetpoint, Setpoint, Snapshot
 
 _AUTO, _GUIDED, _BRAKE = 3, 4, 17
+OUTPUTS_HZ = 2.0
+"""Two reports in turn tell that the motors stand; see `MotorOutputs`."""
 
 
 class ArduCopter(ardupilot.ArduCopter, Dialect):
@@ -71,6 +73,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
             set_message_interval(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 2.0),
             target_stream(),
             set_message_interval(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, OUTPUTS_HZ),
         ]
 
     @override

@@ -94,3 +94,8 @@ def geo_point(message: Message, geoid_separation_m: float | None) -> GeoPoint | 
 def channels(message: Message) -> list[int]:
     """Returns the channels of an RC_CHANNELS, in microseconds."""
     return [getattr(message, f"chan{number}_raw") for number in range(1, min(message.chancount, 18) + 1)]
+
+
+def pulses(message: Message) -> list[int]:
+    """Returns the pulses of a SERVO_OUTPUT_RAW, in microseconds."""
+    return [getattr(message, f"servo{number}_raw") for number in range(1, 17)]

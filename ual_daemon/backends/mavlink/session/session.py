@@ -44,7 +44,7 @@ from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.protocols.mission_progress import Heard
 from ual_daemon.backends.mavlink.protocols.protocol import Handler
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
-from ual_daemon.backends.mavlink.session.conversions import channels
+from ual_daemon.backends.mavlink.session.conversions import channels, pulses
 from ual_daemon.backends.mavlink.session.fence_download import FenceDownload
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
@@ -196,6 +196,7 @@ class Session:
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda message, now_s, _: causes.on_rc_channels(
                 channels(message), now_s
             ),
+            **({mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._on_outputs} if dialect.tells_motors else {}),
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_position,
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
@@ -574,6 +575,10 @@ class Session:
         self._shape.on_parameter(message.param_id, now_s)
         if self._fence_download is not None and message.param_id == self.dialect.zones_parameter:
             self._fence_download.want()
+
+    def _on_outputs(self, message: Message, now_s: float, _: float) -> None:
+        if message.port == 0:  # another one has the outputs from 17 on
+            self._causes.on_outputs(pulses(message), self.telemetry.parameters, now_s)
 
     def _for_us(self, handler: Handler) -> Callable[[Message, float, float], None]:
         """Returns what gives a protocol the messages that are not meant for another station."""

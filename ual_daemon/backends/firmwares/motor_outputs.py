@@ -1,0 +1,56 @@
+"""Whether an autopilot's motors turn, by what it puts out to them.
+
+An autopilot may keep the motors stopped in the air and say so once only, by a text (ArduPilot's emergency stop). A
+daemon that starts later knows it by the outputs alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+REST_US = 10
+"""So little above the least pulse a motor stands: it idles 50 us above that at least, and 100 us by default."""
+RESTS_S = 0.3
+"""So long all motors must stand: two reports in turn."""
+_FRESH_S = 2.0
+"""A report that is older says nothing any more."""
+
+
+class MotorChannels(NamedTuple):
+    """The outputs of the motors, counted from 0, and the pulse in microseconds at which they stand."""
+
+    channels: frozenset[int]
+    least_us: float
+
+
+class MotorOutputs:
+    """What one autopilot puts out to its motors. Belongs to the thread that receives."""
+
+    def __init__(self) -> None:
+        self._rests_since_s = math.inf
+        """Since when all motors stand; infinity while one turns."""
+        self._heard_s = -math.inf
+
+    def on_pulses(self, pulses_us: Sequence[int], motors: MotorChannels | None, now_s: float) -> None:
+        """Takes the pulses of the outputs, the first one first. 0: nothing is put out. None: no motor is known."""
+        if motors is None or not any(channel < len(pulses_us) for channel in motors.channels):
+            return
+        if now_s - self._heard_s > _FRESH_S:
+            self._rests_since_s = math.inf
+        self._heard_s = now_s
+        most_us = max(pulses_us[channel] for channel in motors.channels if channel < len(pulses_us))
+        self._rests_since_s = min(self._rests_since_s, now_s) if most_us <= motors.least_us + REST_US else math.inf
+
+    def stand(self, now_s: float) -> bool | None:
+        """Returns whether all motors stand; None where that is not known now."""
+        if now_s - self._heard_s > _FRESH_S:
+            return None
+        if self._rests_since_s == math.inf:
+            return False
+        return True if self._heard_s - self._rests_since_s >= RESTS_S else None
+
+    def turn_since(self, time_s: float) -> bool:
+        """Whether a motor was told to turn at the newest report, which came after a time."""
+        return self._heard_s > time_s and self._rests_since_s == math.inf
