@@ -13,7 +13,7 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from functools import partial
 from itertools import islice
@@ -79,7 +79,7 @@ def _campaign(rig: Rig, arguments: argparse.Namespace) -> int:
             rules.update({breach.rule for breach in breaches})
         print(f"{number + 1}: seed {seed} {verdict} {_told(flight)}", *map(_line, breaches), sep="\n    ", flush=True)
         if verdict == "not flown":
-            _begin_anew(rig)
+            begin_anew(rig)
     summary = {"autopilot": rig.options.autopilot, "flights": dict(verdicts), "rules": dict(rules)}
     (rig.options.folder / "summary.json").write_text(json.dumps(summary, indent=1))
     print(json.dumps(summary))
@@ -138,17 +138,21 @@ def _judge_again(files: list[Path]) -> int:
     return int(bool(count))
 
 
-def _begin_anew(rig: Rig) -> None:
-    """After a flight that was not flown, the simulator may be the cause."""
+def begin_anew(rig: Rig) -> None:
+    """After a flight that was not flown, the simulator may be the cause. One that does not come down is started anew."""
     for _ in range(3):
-        try:
-            rig.bring_down()
-            if rig.simulator is not None:
-                rig.reboot()
-        except (NotFlownError, AssertionError) as error:
-            print(f"    {error}", flush=True)
-        else:
+        steps = (rig.bring_down,) if rig.simulator is None else (rig.bring_down, rig.reboot)
+        if [_is_done(step) for step in steps][-1]:
             return
+
+
+def _is_done(step: Callable[[], object]) -> bool:
+    try:
+        step()
+    except (NotFlownError, AssertionError, OSError) as error:
+        print(f"    {error}", flush=True)
+        return False
+    return True
 
 
 def _told(flight: Plan) -> str:

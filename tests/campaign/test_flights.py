@@ -6,12 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import cast
 
+from tests.campaign.__main__ import begin_anew
 from tests.campaign.evidence import Case
 from tests.campaign.flight import fly
 from tests.campaign.judge import judge
 from tests.campaign.places import Origin
 from tests.campaign.plan import OURS, PAUSE, Fault, Plan, Step
+from tests.campaign.processes import NotFlownError
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED
 from tests.campaign.rig import Options, Rig
 from tests.ports import free_port
@@ -115,3 +118,26 @@ def test_a_daemon_that_goes_on_sending_after_the_take_over_is_found(tmp_path: Pa
         record = fly(rig, TAKE_OVER)
     # Where the computer is too busy to say since when the take-over was known, the other rule finds it.
     assert {"take-over", "unasked"} & {breach.rule for breach in judge(record)}
+
+
+class _Stuck:
+    """A rig whose vehicle does not come down, in a simulator that is well once it was started anew."""
+
+    def __init__(self) -> None:
+        self.simulator = object()
+        self.done: list[str] = []
+
+    def bring_down(self) -> None:
+        raise NotFlownError("it could not be landed: UNINITIALIZED")
+
+    def reboot(self) -> None:
+        self.done.append("reboot")
+        if len(self.done) < 2:
+            raise OSError("the simulator does not listen")
+
+
+def test_a_simulator_that_cannot_be_brought_down_is_started_anew() -> None:
+    """Seventeen flights were not flown after one that could not be landed."""
+    rig = _Stuck()
+    begin_anew(cast("Rig", rig))
+    assert rig.done == ["reboot", "reboot"]
