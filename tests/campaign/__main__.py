@@ -139,7 +139,7 @@ def _judge_again(files: list[Path]) -> int:
 
 
 def begin_anew(rig: Rig) -> None:
-    """After a flight that was not flown, the simulator may be the cause. One that does not come down is started anew."""
+    """After a flight that was not flown the simulator may be the cause. It is started anew, landed or not."""
     for _ in range(3):
         steps = (rig.bring_down,) if rig.simulator is None else (rig.bring_down, rig.reboot)
         if [_is_done(step) for step in steps][-1]:
