@@ -375,7 +375,7 @@ class AutopilotMission(Manoeuvre):
         known. None while it is ours.
         """
         watch = self._watch
-        watch.step(snapshot.time_s, self._item, is_end=is_end)
+        watch.step(snapshot.time_s, is_end=is_end)
         if watch.is_other:
             return _of_another()
         if not is_end or watch.is_sure(is_end=True):

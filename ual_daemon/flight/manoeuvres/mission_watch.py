@@ -12,10 +12,13 @@ from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, 
 AGAIN_S = 1.0
 """The time from a read that failed to the next one."""
 SETTLE_S = 0.15
-"""The time from a change to its read: amid an upload ArduPilot refuses it, and it is asked for again a second later.
-PX4 tells another checksum once the upload has ended, and up to a second late: then it is read at once."""
+"""The time from a change to its read: amid an upload ArduPilot refuses it. PX4 tells another checksum once the upload
+has ended, and up to a second late: then it is read at once."""
+LOOK_S = 0.5
+"""The time from one read to the next where nothing is told. ArduPilot does not tell as many other items further on, nor
+any while it does not fly to a waypoint."""
 _PAUSE_FACTOR = 9.0
-"""Reads for a new item alone wait so many times as long as the last one took: they get a tenth of the time."""
+"""Reads without a change wait so many times as long as the last one took: they get a tenth of the time."""
 
 
 class _Told(NamedTuple):
@@ -29,7 +32,7 @@ class MissionWatch:
     """Compares what the autopilot tells of its mission, and reads it anew where that does not say enough.
 
     PX4 tells a checksum. ArduPilot tells the number of items, and by a text that one of the next three has changed. So
-    there the mission is read once it is flown, with new items, and before it counts as flown to its end.
+    there the mission is read once it is flown, again and again, and before it counts as flown to its end.
     """
 
     def __init__(self, offer: AutopilotMissions, kept: KeptMission) -> None:
@@ -41,15 +44,13 @@ class MissionWatch:
         """What was told when the read under way began, or the last one."""
         self._reading: Future[KeptMission] | None = None
         self._is_of_end = self._is_end_read = False
-        self._item = 0
-        """The item that was flown when the last read began."""
-        self._began_s, self._next_s, self._next_item_s = 0.0, -math.inf, -math.inf
+        self._began_s, self._next_s, self._next_look_s = 0.0, -math.inf, -math.inf
         self.is_other = False
         """Whether the autopilot has another mission."""
         self.failure: UalError | None = None
         """Why the last read failed."""
 
-    def step(self, now_s: float, item: int, *, is_end: bool = False) -> None:
+    def step(self, now_s: float, *, is_end: bool = False) -> None:
         """Compares, takes what was read, and begins to read where that is due. `is_end`: all items seem to be flown."""
         if self._reading is not None and self._reading.done():
             self._take(self._reading, now_s)
@@ -61,9 +62,9 @@ class MissionWatch:
         if self._newest not in (None, told) and not told.mission_id:
             self._next_s = now_s + SETTLE_S
         self._newest = told
-        is_of_item = not told.mission_id and item != self._item and now_s >= self._next_item_s
-        if now_s >= self._next_s and (is_of_item or not self.is_sure(is_end=is_end)):
-            self._asked, self._is_of_end, self._item, self._began_s = told, is_end, item, now_s
+        is_due = not told.mission_id and now_s >= self._next_look_s
+        if now_s >= self._next_s and (is_due or not self.is_sure(is_end=is_end)):
+            self._asked, self._is_of_end, self._began_s = told, is_end, now_s
             self._reading = self._offer.download()
 
     def is_sure(self, *, is_end: bool) -> bool:
@@ -90,7 +91,7 @@ class MissionWatch:
             return
         self.is_other = reading.result().digest != self._kept.digest
         self._sure, self._is_end_read = self._asked, self._is_of_end
-        self._next_item_s = now_s + _PAUSE_FACTOR * (now_s - self._began_s)
+        self._next_look_s = now_s + max(LOOK_S, _PAUSE_FACTOR * (now_s - self._began_s))
 
 
 def _told(report: MissionReport) -> _Told:

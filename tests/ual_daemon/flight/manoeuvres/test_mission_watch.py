@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import KEPT, Missions
 from ual.missions.plan import MissionStage
 from ual_daemon.backends.offers.missions import KeptMission, MissionReport
-from ual_daemon.flight.manoeuvres.mission_watch import SETTLE_S, MissionWatch
+from ual_daemon.flight.manoeuvres.mission_watch import LOOK_S, SETTLE_S, MissionWatch
 
 
 def tell(offer: Missions, mission_id: int, *changes: int) -> None:
@@ -17,13 +17,13 @@ def test_another_checksum_is_read_at_once() -> None:
     offer = Missions()
     watch = MissionWatch(offer, KEPT)
     tell(offer, KEPT.mission_id, 4)
-    watch.step(0.0, 1)
+    watch.step(0.0)
     assert not offer.asked
     tell(offer, KEPT.mission_id + 1, 2)
-    watch.step(1.0, 1)
+    watch.step(1.0)
     assert offer.asked == ["download"]
     offer.read.set_result(KeptMission(KEPT.items, "another"))
-    watch.step(1.1, 1)
+    watch.step(1.1)
     assert watch.is_other
 
 
@@ -31,12 +31,44 @@ def test_without_a_checksum_it_is_read_once_the_upload_has_ended() -> None:
     offer = Missions()
     watch = MissionWatch(offer, KEPT)
     tell(offer, 0, 4, 0)
-    watch.step(0.0, 1)
+    watch.step(0.0)
     offer.read.set_result(KEPT)
-    watch.step(0.1, 1)
+    watch.step(0.1)
     for text in (1, 2, 3):
         tell(offer, 0, 4, text)
-        watch.step(1.0 + 0.1 * text, 1)
+        watch.step(1.0 + 0.1 * text)
     assert offer.asked == ["download"]
-    watch.step(1.3 + SETTLE_S, 1)
+    watch.step(1.3 + SETTLE_S)
     assert offer.asked == ["download", "download"]
+
+
+def test_without_a_checksum_it_is_read_again_and_again_for_a_tenth_of_the_time() -> None:
+    """ArduPilot: a mission with as many items was told after 1.54 s, and where no text comes at the next item only."""
+    offer = Missions()
+    watch = MissionWatch(offer, KEPT)
+    tell(offer, 0, 4, 0)
+    for began_s, took_s, next_s in ((0.0, 0.02, LOOK_S), (2.0, 0.2, 1.8)):
+        watch.step(began_s)
+        offer.read.set_result(KEPT)
+        ended_s = began_s + took_s
+        for time_s in (ended_s, ended_s + 0.95 * next_s):
+            asked = list(offer.asked)
+            watch.step(time_s)
+            assert offer.asked == asked
+        watch.step(ended_s + next_s + 0.01)
+        assert len(offer.asked) == len(asked) + 1
+        offer.read.set_result(KEPT)
+        watch.step(ended_s + next_s + 0.02)
+    watch.step(20.0)
+    offer.read.set_result(KeptMission(KEPT.items, "another"))
+    watch.step(20.1)
+    assert watch.is_other
+
+
+def test_with_a_checksum_it_is_read_only_where_that_changes() -> None:
+    offer = Missions()
+    watch = MissionWatch(offer, KEPT)
+    tell(offer, KEPT.mission_id, 4)
+    for tenth in range(100):
+        watch.step(0.1 * tenth)
+    assert offer.asked == []

@@ -12,7 +12,13 @@ from typing_extensions import override
 
 from ual.errors import ResourceExhaustedError
 from ual_daemon.backends.firmwares.mission_items import MissionItem, MissionList
-from ual_daemon.backends.mavlink.protocols.mission_exchange import ACCEPTED, CANCELLED, PASSING, MissionExchange
+from ual_daemon.backends.mavlink.protocols.mission_exchange import (
+    ACCEPTED,
+    CANCELLED,
+    PASSING,
+    PAUSE_S,
+    MissionExchange,
+)
 from ual_daemon.backends.mavlink.protocols.mission_line import MissionLine, item_of
 from ual_daemon.backends.mavlink.wire.messages import Message
 
@@ -21,6 +27,10 @@ MOST_ITEMS = 3000
 TRIES_COUNT = 6
 """After so many requests of one item without an answer the list is requested anew. A late request, out of order, may
 have ended PX4's transfer, and its word of it was lost."""
+
+FIRST_PAUSE_S = 0.2
+"""The first time from a refusal to the next attempt; each further one is twice as long. Amid an upload of another
+station ArduPilot refuses a download, and what that has brought is to be known within a second."""
 
 
 class MissionDownload(MissionExchange[MissionList]):
@@ -67,6 +77,11 @@ class MissionDownload(MissionExchange[MissionList]):
         else:
             # Not acknowledged in turn: PX4 tells the ground station of an acknowledgement that it does not expect.
             self.fail(self._refused(message.type))
+
+    @property
+    @override
+    def _pause_s(self) -> float:
+        return min(PAUSE_S, FIRST_PAUSE_S * 2.0**self._attempts_count)
 
     @property
     @override

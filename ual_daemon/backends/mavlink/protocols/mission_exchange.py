@@ -107,8 +107,13 @@ class MissionExchange(MissionTaker[T]):
         self._last_result = result
         if not self._is_paused:
             self._is_paused = True
-            self._next_s = now_s + PAUSE_S
+            self._next_s = now_s + self._pause_s
             self._restart()
+
+    @property
+    def _pause_s(self) -> float:
+        """How long it waits until the next attempt."""
+        return PAUSE_S
 
     @property
     def _is_answered(self) -> bool:
