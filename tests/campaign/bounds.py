@@ -71,8 +71,8 @@ def inside_the_newest_fence(case: Case) -> Iterator[Breach]:
             continue
         if len(newest(circles, allowed_s, each.time_s)) > 1:
             continue  # a newer one has just come
-        began = _at(record.truth, max(circle.time_s, flown_s))
-        away_m, reach_m = _away_m(each, circle.home), _away_m(began, circle.home) + _braking_m(_speed_m_s(began))
+        began = at(record.truth, max(circle.time_s, flown_s))
+        away_m, reach_m = _away_m(each, circle.home), _away_m(began, circle.home) + braking_m(speed_m_s(began))
         allowed_m = max(circle.radius_m, reach_m) + FENCE_M + estimate_error_m(record, each.time_s)
         if away_m > allowed_m:
             text = f"{away_m:.2f} m from home, its own fence is {circle.radius_m:.1f} m (allowed {allowed_m:.2f})"
@@ -93,14 +93,14 @@ def within_the_newest_limits(case: Case) -> Iterator[Breach]:
         if not held or held[0].time_s > allowed_s:
             continue
         most_m_s = max(limit.most_m_s for limit in held)
-        began = _at(record.truth, max(held[0].time_s, flown_s))
-        braking_s = max(0.0, _speed_m_s(began) - most_m_s) / _BRAKING_M_S2
+        began = at(record.truth, max(held[0].time_s, flown_s))
+        braking_s = max(0.0, speed_m_s(began) - most_m_s) / _BRAKING_M_S2
         allowed_m_s = most_m_s * _ABOVE_RATIO + _ABOVE_M_S
-        if began.time_s > allowed_s - braking_s or _speed_m_s(each) <= allowed_m_s:
+        if began.time_s > allowed_s - braking_s or speed_m_s(each) <= allowed_m_s:
             continue
-        speed_m_s = min(_speed_m_s(each) * _pace(record.truth, each.time_s), _estimated_m_s(record, each.time_s))
-        if speed_m_s > allowed_m_s:
-            text = f"{speed_m_s:.2f} m/s over ground, {most_m_s:.2f} m/s since {held[0].time_s:.2f}"
+        found_m_s = min(speed_m_s(each) * _pace(record.truth, each.time_s), _estimated_m_s(record, each.time_s))
+        if found_m_s > allowed_m_s:
+            text = f"{found_m_s:.2f} m/s over ground, {most_m_s:.2f} m/s since {held[0].time_s:.2f}"
             yield Breach("limits", each.time_s, f"{text} (allowed {allowed_m_s:.2f})")
 
 
@@ -166,7 +166,7 @@ def _values(record: Record, time_s: float) -> dict[str, float]:
     return {each.name: each.value for each in record.values if started_s <= each.time_s <= time_s}
 
 
-def _at(truth: Sequence[Located], time_s: float) -> Located:
+def at(truth: Sequence[Located], time_s: float) -> Located:
     """Where it was then, or at the nearest time of which that is known."""
     index = bisect.bisect_left(truth, time_s, key=lambda each: each.time_s)
     return min(truth[max(0, index - 1) : index + 1], key=lambda each: abs(each.time_s - time_s))
@@ -176,7 +176,7 @@ def _away_m(each: Located, home: Place) -> float:
     return math.dist(each.place[:2], home[:2])
 
 
-def _speed_m_s(each: Located) -> float:
+def speed_m_s(each: Located) -> float:
     return 0.0 if each.velocity is None else math.hypot(*each.velocity[:2])
 
 
@@ -196,7 +196,7 @@ def _pace(truth: Sequence[Located], time_s: float) -> float:
     way_m = would_be_m = 0.0
     for before, after in pairwise(truth[begin:end]):
         way_m += math.dist(before.place[:2], after.place[:2])
-        would_be_m += (_speed_m_s(before) + _speed_m_s(after)) / 2.0 * (after.time_s - before.time_s)
+        would_be_m += (speed_m_s(before) + speed_m_s(after)) / 2.0 * (after.time_s - before.time_s)
     return min(1.0, way_m / would_be_m) if would_be_m > 0.0 else 1.0
 
 
@@ -204,5 +204,5 @@ def _time_s(each: Located) -> float:
     return each.time_s
 
 
-def _braking_m(speed_m_s: float) -> float:
+def braking_m(speed_m_s: float) -> float:
     return speed_m_s * KNOWN_S + speed_m_s**2 / (2.0 * _BRAKING_M_S2)

@@ -11,7 +11,7 @@ from tests.campaign.places import Origin
 from tests.campaign.record import Located, Place, Record, Sent, Text, Told, Value
 from tests.campaign.truth import note_home
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
-from ual_daemon.backends.mavlink.wire.frames import FrameReader
+from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 
 _CURRENT_MODE, _EVENT = 436, 410
@@ -29,6 +29,7 @@ _AUTOPILOT = frozenset(
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
         mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+        mavlink.MAVLINK_MSG_ID_MISSION_ACK,
         _CURRENT_MODE,
         _EVENT,
     }
@@ -55,10 +56,17 @@ _HARMLESS = frozenset(
         mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST,
         mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
         mavlink.MAVLINK_MSG_ID_MISSION_ACK,  # the end of a download; it sends no MISSION_COUNT, which begins an upload
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_DATA,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END,
         412,  # REQUEST_EVENT
     }
 )
 """What a daemon may send unasked; all other messages may move the vehicle or change it."""
+_FTP_OPCODE_AT = 6
+"""Where it is in FILE_TRANSFER_PROTOCOL: after network, system, component, the number of two bytes, and session."""
+_READING = frozenset({0, 1, 2, 3, 4, 5, 14, 15})
+"""The opcodes of file transfers that only read: a download that was begun goes on whoever flies."""
 _ASKING = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE})
 _NAMES = {
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM: "arm",
@@ -89,6 +97,8 @@ class Ears:
     def renew(self) -> None:
         """Forgets a half frame: the connection is a new one."""
         self._newest_event_ms = 0
+        self._own_ids = (0, 0)
+        """Those of the daemon."""
         self._sequence = SequenceUnwrapper(_LATE_S)
         self._newest: dict[str, int] = {}
         self._local: Place | None = None
@@ -98,7 +108,8 @@ class Ears:
         """Takes what the daemon has sent."""
         now_s = time.monotonic()
         for frame in self._from_daemon.feed(data):
-            if frame.message_id in _HARMLESS:
+            self._own_ids = (frame.system_id, frame.component_id)
+            if frame.message_id in _HARMLESS or _reads_a_file(frame):
                 continue
             sent = _sent(self._codec.decode(frame), now_s, self._mode_number, self._local)
             if sent is not None:
@@ -153,6 +164,10 @@ class Ears:
         elif isinstance(message, mavlink.MAVLink_param_value_message):
             if message.param_id in _BOUNDING:
                 self.record.values.append(Value(now_s, message.param_id, message.param_value))
+        elif isinstance(message, mavlink.MAVLink_mission_ack_message):
+            is_whole = message.type == mavlink.MAV_MISSION_ACCEPTED and not message.mission_type
+            if is_whole and (message.target_system, message.target_component) == self._own_ids:
+                self.record.uploaded.append(Value(now_s, "mission", 0.0))
         elif hasattr(message, "flags"):
             if self._is_newest(_PLACE_FLAGS):
                 self.record.told.append(Told(now_s, is_placed=message.flags & _PLACED == _PLACED))
@@ -172,6 +187,11 @@ class Ears:
         elif message.lat or message.lon:
             place = self._origin.place(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
             self.record.estimate.append(Located(now_s, place))
+
+
+def _reads_a_file(frame: Frame) -> bool:
+    is_transfer = frame.message_id == mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL
+    return is_transfer and frame.payload.ljust(_FTP_OPCODE_AT + 1, b"\0")[_FTP_OPCODE_AT] in _READING
 
 
 def _sent(message: Message, now_s: float, mode_number: Callable[[int, int], int], local: Place | None) -> Sent | None:

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 from tests.campaign.modes import BY_AUTOPILOT, Modes
 from tests.campaign.places import distance_m
-from tests.campaign.record import DAEMON_STARTED, Called, Located, Place, Record, Sent, Told
+from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Located, Place, Record, Sent, Told
 
 NOTICED_S = 0.1
 """So long after it was told the daemon may still send what was under way."""
@@ -195,11 +195,16 @@ def allowed_from_s(case: Case, sent: Sent) -> float:
 
 
 def flown(case: Case) -> Iterator[tuple[Located, float]]:
-    """Where the vehicle was while the daemon's setpoints flew it; and since when they had, without a pause."""
+    """Where the vehicle was while the daemon's setpoints flew it; and since when they had, without a pause.
+
+    Where its daemon is gone an autopilot flies on by itself: ArduCopter follows the last velocity for 3 s.
+    """
     times, since_s = case.setpoints_s, math.inf
+    killed_s = [life.time_s for life in case.record.lives if life.what == DAEMON_KILLED]
     for each in case.record.truth:
         index = bisect.bisect_right(times, each.time_s)
         is_flown = index > 0 and each.time_s - times[index - 1] <= FLOWN_S
+        is_flown = is_flown and not any(times[index - 1] <= time_s <= each.time_s for time_s in killed_s)
         since_s = min(since_s, each.time_s) if is_flown else math.inf
         if is_flown:
             yield each, since_s

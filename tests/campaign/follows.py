@@ -22,7 +22,7 @@ from tests.campaign.evidence import (
     nearest,
     until_s,
 )
-from tests.campaign.record import Located, Record, Sent
+from tests.campaign.record import DAEMON_STARTED, Located, Record, Sent
 
 TOLD_S = 1.0
 """By then it is told."""
@@ -42,6 +42,8 @@ LOW_M, _HIGH_M = 0.3, 1.0
 _LIES_S, _STILL_M_S = 1.0, 0.3
 _ARMED_S = 8.0
 """The longest time from an order to its arming."""
+_HEARS_S = 2.5
+"""So long a daemon that was started needs until it has heard everything once."""
 _BROKEN_OFF = ("DAEMON_UNREACHABLE", "LINK_LOST")
 _OWN_CLIMB_S = 8.0
 """ArduCopter's own take-off goes on where its daemon is gone; so long after the call it has lifted off."""
@@ -69,8 +71,8 @@ def follows(case: Case) -> Iterator[Breach]:
     record = case.record
     released_s = -math.inf
     for stray in strays(case):
-        if stray.began_s < released_s:
-            continue  # the same fall
+        if stray.began_s < released_s or _has_no_witness(record, stray):
+            continue  # the same fall, or one that no daemon can have seen
         told_s = stray.began_s + TOLD_S
         due_s = told_s + (told_s - known_since_s(record, told_s, 0.0))
         is_over = not record.said or record.said[-1].time_s < due_s
@@ -81,6 +83,15 @@ def follows(case: Case) -> Iterator[Breach]:
             if call.name in _MOVING | {"arm"} and due_s < call.began_s < released_s and begins(call):
                 text = f"{call.name} was accepted although it did not follow: {stray.what} since {stray.began_s:.2f}"
                 yield Breach("follows", call.began_s, text)
+
+
+def _has_no_witness(record: Record, stray: Stray) -> bool:
+    """Whether it was over before the daemon that runs since had heard everything once."""
+    return any(
+        stray.began_s - TOLD_S < life.time_s and stray.ended_s <= life.time_s + _HEARS_S
+        for life in record.lives
+        if life.what == DAEMON_STARTED
+    )
 
 
 def strays(case: Case) -> list[Stray]:

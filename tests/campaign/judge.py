@@ -10,7 +10,15 @@ import bisect
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
-from tests.campaign.bounds import FENCE_M, inside_the_newest_fence, newest, within_the_newest_limits
+from tests.campaign.bounds import (
+    FENCE_M,
+    at,
+    braking_m,
+    inside_the_newest_fence,
+    newest,
+    speed_m_s,
+    within_the_newest_limits,
+)
 from tests.campaign.evidence import (
     DISTURBED_S,
     DISTURBING,
@@ -37,7 +45,7 @@ from tests.campaign.follows import LOW_M, follows, height_m, nothing_flies_unask
 from tests.campaign.modes import Modes
 from tests.campaign.motion import a_task_makes_way, a_velocity_leads_straight
 from tests.campaign.places import distance_m
-from tests.campaign.record import DAEMON_STARTED, Called, Place, Record, Said
+from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Place, Record, Said
 from tests.campaign.services import (
     a_mission_has_its_owner,
     no_part_of_a_mission_flies,
@@ -57,6 +65,8 @@ _HOME_S = 3.0
 _UNPLACED_S = 2.5
 """The autopilot tells once a second whether it is sure of its position."""
 _PAUSE_S = 0.8
+_ALONE_S = 10.0
+"""So long after its daemon was killed a vehicle may be where that has not led it."""
 ENDED_S = 1.0
 """By then a task has ended whose vehicle was taken."""
 _TAKERS = {
@@ -307,18 +317,32 @@ def the_ground_is_reached(case: Case) -> Iterator[Breach]:
 
 
 def inside_the_fence(case: Case) -> Iterator[Breach]:
-    """While the daemon's setpoints fly it, the vehicle stays inside the fence."""
+    """While the daemon's setpoints fly it, the vehicle stays inside the fence.
+
+    Where it is beyond when they begin, as it has flown on without its daemon, it brakes and leads no farther out.
+    """
     record = case.record
     if record.fence_m is None:
         return
-    side_m, height_m = record.fence_m
-    for each, _ in flown(case):
-        east, north, up = each.place
-        beyond_m = max(abs(east) - side_m, abs(north) - side_m, up - height_m)
-        allowed_m = FENCE_M + estimate_error_m(record, each.time_s)
+    for each, flown_s in flown(case):
+        beyond_m, began = _beyond_m(record.fence_m, each.place), at(record.truth, flown_s)
+        began_m = _beyond_m(record.fence_m, began.place) if _was_left_alone(record, flown_s) else 0.0
+        reach_m = began_m + braking_m(speed_m_s(began)) if began_m > 0.0 else 0.0
+        allowed_m = FENCE_M + reach_m + estimate_error_m(record, each.time_s)
         if beyond_m > allowed_m:
             text = f"{beyond_m:.2f} m outside at {place_text(each.place)} (allowed {allowed_m:.2f})"
             yield Breach("fence", each.time_s, text)
+
+
+def _was_left_alone(record: Record, time_s: float) -> bool:
+    """Whether the daemon before was killed shortly before."""
+    return any(life.what == DAEMON_KILLED and 0.0 < time_s - life.time_s < _ALONE_S for life in record.lives)
+
+
+def _beyond_m(fence_m: tuple[float, float], place: Place) -> float:
+    """Returns how far a place is beyond the fence; negative inside."""
+    (side_m, height_m), (east, north, up) = fence_m, place
+    return max(abs(east) - side_m, abs(north) - side_m, up - height_m)
 
 
 RULES: tuple[Callable[[Case], Iterator[Breach]], ...] = (

@@ -157,6 +157,8 @@ class Record:
     """The failing checks that a subscriber was told, and the failsafe, when they changed."""
     missions: list[Value] = field(default_factory=list)
     """The autopilot's words of its mission as they reached the daemon: its checksum, or its number of items."""
+    uploaded: list[Value] = field(default_factory=list)
+    """When the autopilot told the daemon that a mission had come as a whole, or was removed."""
     orders: list[Order] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
     """The faults that did not come about, and why."""
@@ -192,6 +194,7 @@ _KINDS: dict[str, type] = {
     "healths": Text,
     "orders": Order,
     "missions": Value,
+    "uploaded": Value,
 }
 assert set(_KINDS) <= {each.name for each in fields(Record)}
 

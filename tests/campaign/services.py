@@ -58,14 +58,19 @@ def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
 
 
 def no_part_of_a_mission_flies(case: Case) -> Iterator[Breach]:
-    """A mission that was cut off amid its upload is not started before an upload has ended well."""
+    """A mission that was cut off amid its upload is not started before an upload has ended well.
+
+    So it has where the autopilot has told it: its client may be gone before it ends.
+    """
     record = case.record
     items_s = [sent.time_s for sent in record.sent if sent.what.startswith("mission_item")]
     uploads = [call for call in record.called if call.name == "upload"]
     for number, call in enumerate(uploads):
         if not call.outcome or not any(call.began_s <= time_s <= call.ended_s for time_s in items_s):
             continue
-        mended_s = min((each.ended_s for each in uploads[number + 1 :] if not each.outcome), default=math.inf)
+        mended = [each.ended_s for each in uploads[number + 1 :] if not each.outcome]
+        mended += [each.time_s for each in record.uploaded if each.time_s > call.began_s]
+        mended_s = min(mended, default=math.inf)
         for sent in record.sent:
             if sent.mode == case.modes.mission and call.ended_s < sent.time_s < mended_s:
                 text = f"a mission is started whose upload was cut off at {call.ended_s:.2f} ({call.outcome})"
@@ -153,8 +158,7 @@ def _passed(record: Record, call: Called) -> Iterator[Breach]:
     way = [each for each in record.truth if call.began_s <= each.time_s <= call.ended_s + TOLD_S]
     heights_m = [each.place[2] for each in newest(record.homes, call.began_s, call.ended_s)] or [0.0]
     begin, moved_m = 0, max(heights_m) - min(heights_m)  # its heights go after home
-    has_jumped = any(order.what == "jump" and call.began_s < order.time_s < call.ended_s for order in record.orders)
-    for number, goal in enumerate(call.goals[-1:] if has_jumped else call.goals):  # by another station's order
+    for number, goal in enumerate(call.goals):
         allowed_m = PASSED_M + moved_m + estimate_error_m(record, call.ended_s)
         passed = [index for index in range(begin, len(way)) if distance_m(way[index].place, goal) <= allowed_m]
         if not passed:

@@ -12,7 +12,21 @@ import pytest
 from tests.campaign.judge import ON_GROUND
 from tests.campaign.modes import ARDUPILOT
 from tests.campaign.plan import has, plan
-from tests.campaign.record import Called, Life, Located, Order, Place, Record, Said, Sent, Text, Told, Trouble, Value
+from tests.campaign.record import (
+    DAEMON_STARTED,
+    Called,
+    Life,
+    Located,
+    Order,
+    Place,
+    Record,
+    Said,
+    Sent,
+    Text,
+    Told,
+    Trouble,
+    Value,
+)
 from tests.campaign.test_judge import TAKEN_S, clean, place, rules, times
 from tests.campaign.test_world import BEGUN_S, eastwards, flight
 
@@ -166,6 +180,16 @@ def test_what_lifts_off_again_after_a_fall_is_found() -> None:
     assert "nothing flies" not in rules(record)
 
 
+def test_a_fall_while_no_daemon_runs_is_told_by_none() -> None:
+    """Campaign, 11300174: the motors were stopped, and let run, before the next daemon had started."""
+    record = falling(clean())
+    assert "follows" in rules(record)
+    record.lives.append(Life(DEAD_S + 0.8, DAEMON_STARTED))
+    assert "follows" not in rules(record)
+    record.lives[-1] = Life(DEAD_S - 5.0, DAEMON_STARTED)
+    assert "follows" in rules(record)
+
+
 def test_an_autopilots_own_landing_that_bounces_is_lifted_by_nobody() -> None:
     """Its motors were weak and work again: PX4's landing makes up for that by 1.4 m, and the daemon sends nothing."""
     record = falling(clean())
@@ -248,6 +272,17 @@ def test_a_mission_that_was_cut_off_amid_its_upload_is_not_started() -> None:
     assert rules(record) == set()
 
 
+def test_an_upload_that_ends_well_after_its_client_was_killed_is_whole() -> None:
+    """Campaign, 11200028: the autopilot had all of it, and the mission was started."""
+    record = mission()
+    record.called.insert(1, Called("upload", 8.2, 8.6, "CLIENT_KILLED"))
+    record.sent.append(Sent(8.5, "mission_item_int"))
+    record.uploaded.append(Value(8.1, "mission", 0.0))
+    assert rules(record) == {"no part"}
+    record.uploaded.append(Value(8.7, "mission", 0.0))
+    assert rules(record) == set()
+
+
 # --- texts ------------------------------------------------------------------------------------------------------------
 
 
@@ -321,12 +356,12 @@ def test_a_mission_passes_its_places_in_their_order(goals: tuple[Place, ...], fo
     assert rules(record) == found
 
 
-def test_what_another_station_jumps_over_is_not_flown() -> None:
+def test_a_mission_that_succeeds_without_what_another_station_jumps_over_is_found() -> None:
     record = mission()
+    record.orders.append(Order(10.0, "jump"))
+    assert rules(record) == set()  # back to what was flown
     record.called[1] = dataclasses.replace(record.called[1], goals=((4.0, 4.0, 3.0), (3.0, 0.0, 3.0)))
     assert rules(record) == {"goal"}
-    record.orders.append(Order(10.0, "jump"))
-    assert rules(record) == set()
 
 
 def test_the_judge_imports_nothing_of_the_daemon() -> None:

@@ -11,6 +11,7 @@ from tests.campaign.evidence import Case
 from tests.campaign.judge import IN_AIR, LANDING, judge
 from tests.campaign.motion import asides_m
 from tests.campaign.record import (
+    DAEMON_KILLED,
     DAEMON_STARTED,
     Called,
     Life,
@@ -75,6 +76,21 @@ def test_a_task_whose_line_was_cut_may_stand() -> None:
     assert rules(record) == {"way"}
     record.troubles.append(Trouble("silence", 26.0, 27.0))
     assert rules(record) == set()
+
+
+# --- fence ------------------------------------------------------------------------------------------------------------
+
+
+def test_an_autopilot_that_flies_out_of_the_fence_without_its_daemon_is_not_led_out() -> None:
+    """Campaign, 11200150: ArduCopter follows the last velocity for 3 s, and the next daemon has it brake."""
+    record = flight(eastwards({0.0: 0.0, 12.0: 5.0, 15.0: 1.5, 16.0: 0.0}))  # to 16.5 m
+    record.fence_m = (12.0, 15.0)
+    assert "fence" in rules(record)
+    record.sent = [each for each in record.sent if not 13.0 < each.time_s < 15.0]
+    record.lives += [Life(13.01, DAEMON_KILLED), Life(14.5, DAEMON_STARTED)]
+    assert "fence" not in rules(record)
+    record.truth = flight(eastwards({0.0: 0.0, 12.0: 5.0, 16.0: 0.0, 20.0: 3.0, 25.0: 0.0})).truth
+    assert "fence" in rules(record)  # led farther out
 
 
 # --- aside ------------------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ import bisect
 import math
 from collections.abc import Iterator
 
-from tests.campaign.evidence import FLIES, Breach, Case, Known, begins, is_befallen
+from tests.campaign.evidence import FLIES, SERVICES, Breach, Case, Known, begins, is_befallen
 from tests.campaign.record import DAEMON_STARTED, Record
 
 _NOT_COMMANDED = "not been commanded in this flight"
@@ -44,7 +44,7 @@ def _commanded(case: Case) -> Iterator[Breach]:
     """A flight that was commanded is never said not to have been."""
     record = case.record
     flights = [life.time_s for life in record.lives if life.what == DAEMON_STARTED] + case.disarmed_s
-    calls = [call for call in record.called if call.name in FLIES - {"arm", "disarm"} and begins(call)]
+    calls = [call for call in record.called if call.name in FLIES - SERVICES - {"arm", "disarm"} and begins(call)]
     for said in record.said:
         if _NOT_COMMANDED not in said.reason:
             continue
