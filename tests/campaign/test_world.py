@@ -89,7 +89,8 @@ def test_an_autopilot_that_flies_out_of_the_fence_without_its_daemon_is_not_led_
     record.sent = [each for each in record.sent if not 13.0 < each.time_s < 15.0]
     record.lives += [Life(13.01, DAEMON_KILLED), Life(14.5, DAEMON_STARTED)]
     assert "fence" not in rules(record)
-    record.truth = flight(eastwards({0.0: 0.0, 12.0: 5.0, 16.0: 0.0, 20.0: 3.0, 25.0: 0.0})).truth
+    record.truth = eastwards({0.0: 0.0, 12.0: 5.0, 16.0: 0.0, 20.0: 3.0, 25.0: 0.0})
+    record.estimate = list(record.truth)
     assert "fence" in rules(record)  # led farther out
 
 
