@@ -26,6 +26,7 @@ from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, 
 from ual_daemon.backends.offers.parameters import UndecidedError
 from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.manoeuvres.left_out_items import LeftOutItems
 from ual_daemon.flight.manoeuvres.manoeuvre import (
     Handover,
     Led,
@@ -76,6 +77,13 @@ class TakeBack(Recover):
     is_replaceable = True
     why_not_pausable = "the mission has ended"
     mission = TAKES_BACK
+    unflown: UalError | None = None
+    """Why the mission was not flown as it stands; None where it was."""
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        step = super().step(snapshot, estimate)
+        return step._replace(error=self.unflown) if step.has_ended and step.error is None else step
 
 
 class AutopilotMission(Manoeuvre):
@@ -129,6 +137,7 @@ class AutopilotMission(Manoeuvre):
         self._begun_s = math.inf if first is not None else -math.inf
         """When it was entered first, before any pause; infinity until then."""
         self._watch = MissionWatch(offer, kept)
+        self._left_out = LeftOutItems(kept.items)
         self._before: Led | None = None
         """To which modes the mission before, or its stop, may lead late; None where there was none."""
         self._is_ending = False
@@ -236,6 +245,7 @@ class AutopilotMission(Manoeuvre):
                 {"needed": "FLYING"},
             )
 
+        self._left_out.jumps_to(item)
         return self._offer.set_current(self._kept.items, item, lambda: self._why_not() or refusal(), anew=False)
 
     @override
@@ -312,10 +322,22 @@ class AutopilotMission(Manoeuvre):
             self._phase, self._waited = _Phase.VERIFYING, None
 
     def _look_at_items(self) -> None:
-        item = self._told_item()
-        if item != self._item and self._phase is _Phase.FLYING:
+        report, item = self._offer.report(), self._told_item()
+        if self._phase is not _Phase.FLYING or report is None or report.time_s <= self._entered_s:
+            self._left_out.forget()
+            return
+        self._left_out.on_report(report)
+        if item != self._item:
             self._item = item
             self._update_words()
+
+    def _why_unflown(self) -> UalError | None:
+        """Returns that others have jumped over items, which so were not flown; None where all were."""
+        names = [name_of(self._kept.items, number - 1) for number in self._left_out.numbers]
+        if not names:
+            return None
+        text = f"{NAME}: it has ended without {', '.join(names)}: another station has jumped"
+        return TaskAbortedError(text, {"by": Cause.GROUND_STATION.value})
 
     def _told_item(self) -> int:
         """Returns the item that the autopilot told last, since it has entered the mission."""
@@ -329,7 +351,9 @@ class AutopilotMission(Manoeuvre):
         item = self._kept.items[self._item - 1]
         number = f" ({item.number} in its file)" if item.number not in ("", str(self._item)) else ""
         does = "holds on" if self._phase is _Phase.PAUSED else "flies"
-        self.mission = f"the autopilot {does} our mission: item {self._item} of {count}, {words_of(item)}{number}"
+        left_out = "".join(f"; another station has jumped over item {each}" for each in self._left_out.numbers)
+        what = f"item {self._item} of {count}, {words_of(item)}{number}"
+        self.mission = f"the autopilot {does} our mission: {what}{left_out}"
         if self._phase is _Phase.CHOOSING and not self._was_paused:
             self.mission = ""  # the autopilot takes our references yet
         self._task.report(partial(Progress, (self._item - 1) / count, None, self._item - 1))
@@ -338,7 +362,7 @@ class AutopilotMission(Manoeuvre):
         if (step := self._unless_another(snapshot, is_end=True)) is not None:
             return step
         if self._ends_on_ground():
-            return Step(has_ended=True)
+            return Step(has_ended=True, error=self._why_unflown())
         what = name_of(self._kept.items, self._item - 1)
         text = f"{NAME}: the UAV has landed at {what}, before its end ({estimate.why})"
         return Step(has_ended=True, error=TaskAbortedError(text, {"by": "autopilot"}), is_taken=True)
@@ -479,6 +503,7 @@ class AutopilotMission(Manoeuvre):
 
     def _hand_back(self) -> Handover:
         take_back = self._take_back(self._task)
+        take_back.unflown = self._why_unflown()
         take_back.replaces(self)
         return Handover(take_back, take_back.send)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import LIMIT_S
+from tests.simulators import Px4
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, keeping, landing, place_m, start
 from ual.errors import TaskAbortedError
@@ -88,3 +89,22 @@ def test_the_same_mission_that_is_brought_again_is_still_ours(flight: Flight) ->
     flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
     bring(flight, 9)
     assert task.wait(LIMIT_S).status.name == "SUCCEEDED"
+
+
+@pytest.mark.parametrize("is_ours", [True, False])
+def test_one_in_which_another_station_jumps_over_items_does_not_succeed(flight: Flight, *, is_ours: bool) -> None:
+    """It SUCCEEDED without them. A jump of UAL leaves them out on purpose."""
+    flight.take_off()
+    ways = [at(flight, 8, 0), at(flight, 8, 8), at(flight, 0, 8), at(flight, 0, 16)]
+    task = flight.uav.task(start(flight, ways))
+    flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
+    if is_ours:
+        flight.uav.mission.jump_to(4)
+        assert task.wait(LIMIT_S).status.name == "SUCCEEDED"
+        return
+    assert flight.autopilot.mission.choose(3 if isinstance(flight.autopilot, Px4) else 4)
+    flight.wait_for(lambda: "jumped over item 2" in flight.uav.telemetry().state_reason, "that it is told")
+    with pytest.raises(TaskAbortedError, match=r"without item 2 .*, item 3 .*another station has jumped") as error:
+        task.wait(LIMIT_S)
+    assert error.value.metadata["by"] == "ground station"
+    flight.wait_for_state(State.FLYING_AUTO)

@@ -1,0 +1,73 @@
+"""Which items of a mission were left out by a jump that was not UAL's: such a mission was not flown to its end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ual.missions.items import PLACED, Item, Jump
+from ual_daemon.backends.offers.missions import MissionReport
+from ual_daemon.geodesy import FlatProjection
+
+_LONGEST_S = 1.5
+"""Between two reports that follow each other in time. What was flown in a longer gap is not known."""
+_APART_M = 3.0
+"""A place that is so near the one before is reached at once, by both autopilots' radius of 2 m, and may not be told."""
+
+
+class LeftOutItems:
+    """Follows which item the autopilot tells. Items are counted from 1. Belongs to the thread of the updates."""
+
+    def __init__(self, items: Sequence[Item]) -> None:
+        self._items = items
+        self._jumps_by_itself = any(isinstance(each, Jump) for each in items)
+        self._told: tuple[int, float] | None = None
+        """The item that was told last, and when."""
+        self._own: int | None = None
+        """The item to which UAL has jumped, until that is told."""
+        self._left_out: set[int | None] = set()
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Those that were left out and not flown since."""
+        return tuple(sorted(each for each in self._left_out if each is not None))
+
+    def jumps_to(self, item: int) -> None:
+        """Notes that UAL jumps to an item: those before it are left out on purpose. From any thread."""
+        self._own = item
+
+    def forget(self) -> None:
+        """Begins anew with the next report: the mission was not flown, or not seen, for a while."""
+        self._told = None
+
+    def on_report(self, report: MissionReport) -> None:
+        """Takes what the autopilot tells while it flies the mission."""
+        item, before = report.item, self._told
+        if item is None or (before is not None and report.time_s <= before[1]):
+            return
+        self._told = (item, report.time_s)
+        if self._own is not None and self._is_own(item, self._own):
+            self._own = None
+        elif before is not None and report.time_s - before[1] <= _LONGEST_S and not self._jumps_by_itself:
+            self._left_out.update(number for number in range(before[0] + 1, item) if self._is_flown_to(number))
+        self._left_out -= {item, report.reached}
+
+    def _is_own(self, told: int, own: int) -> bool:
+        """Whether what is told is that of UAL's jump: an item that does not fly is told as the one after it."""
+        return own <= told and not any(isinstance(each, PLACED) for each in self._items[own - 1 : told - 1])
+
+    def _is_flown_to(self, number: int) -> bool:
+        """Whether an item leads to a place that takes time to fly to."""
+        item = self._items[number - 1]
+        if not isinstance(item, PLACED):
+            return False
+        before = next((each for each in reversed(self._items[: number - 1]) if isinstance(each, PLACED)), None)
+        here, there = _place(before), _place(item)
+        if here is None or there is None:
+            return True
+        return (FlatProjection(*here).to_local(*there)).norm() > _APART_M
+
+
+def _place(item: Item | None) -> tuple[float, float, float] | None:
+    if not isinstance(item, PLACED) or item.latitude_deg is None or item.longitude_deg is None:
+        return None
+    return item.latitude_deg, item.longitude_deg, getattr(item, "altitude_m", None) or 0.0
