@@ -16,6 +16,7 @@ from tools.contract import (
     faces_source,
     methods,
     roles_page,
+    ros,
     servicers_source,
     values_source,
     wire_source,
@@ -41,6 +42,7 @@ def derived() -> dict[Path, str]:
         CLIENT / "contract" / "methods.py": formatted(methods.source(described)),
         **_services(contract, values),
         page: roles_page.page(page.read_text(encoding="utf-8"), described),
+        **ros.derived(contract),
     }
 
 
@@ -61,7 +63,7 @@ def _services(contract: FileDescriptorSet, values: Mapping[str, Values]) -> dict
 def out_of_date() -> list[Path]:
     """Returns the files that are not as they follow from the contract, and stubs of what is not in it any more."""
     wanted = derived()
-    left_over = [path for path in (CLIENT / "v1").glob("*_pb2*") if path not in wanted]
+    left_over = [path for path in (*(CLIENT / "v1").glob("*_pb2*"), *ros.files()) if path not in wanted]
     return left_over + [each for each, text in wanted.items() if not each.exists() or each.read_text("utf-8") != text]
 
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
+from derived_values import read_geofence, read_info, read_lease
 from flying import LATCHED, Client, waited
 from ual_msgs.msg import Geofence, Info, Lease
 
 import ual
-from ual_ros2 import values
 
 
 class Asked:
@@ -24,19 +21,7 @@ class Asked:
     def info(self) -> ual.Info:
         """Returns who it is."""
         told = waited(lambda: self._infos)[-1]
-        return ual.Info(
-            namespace=told.ns,
-            backend=told.backend,
-            autopilot=told.autopilot,
-            autopilot_version=told.autopilot_version,
-            is_simulation=told.is_simulation,
-            capabilities=frozenset(ual.types.Capability[name] for name in told.capabilities),
-            limits=_limits(told),
-            ual_version=told.ual_version,
-            is_arming_allowed=told.is_arming_allowed,
-            url=told.url,
-            has_safety_pilot=told.has_safety_pilot,
-        )
+        return read_info(told)
 
     def geofence(self) -> ual.types.Geofence:
         """Returns where it may fly.
@@ -48,28 +33,9 @@ class Asked:
         told = waited(lambda: self._geofences)[-1]
         if told.unknown:
             raise ual.WrongStateError(told.unknown)
-        return ual.types.Geofence(
-            told.header.frame_id,
-            tuple(map(values.vector, told.corners)),
-            ual.types.Circle(values.vector(told.center), told.radius) if told.has_circle else None,
-            told.min_z if math.isfinite(told.min_z) else None,
-            told.max_z if math.isfinite(told.max_z) else None,
-        )
+        return read_geofence(told)
 
     def lease(self) -> ual.types.LeaseInfo | None:
         """Returns who holds the lease."""
         told = waited(lambda: self._leases)[-1]
-        if not told.is_held:
-            return None
-        return ual.types.LeaseInfo(told.holder, told.identity, values.stamp_s(told.since))
-
-
-def _limits(told: Any) -> ual.types.Limits:
-    return ual.types.Limits(
-        told.horizontal_speed,
-        told.climb_speed,
-        told.descent_speed,
-        told.horizontal_acceleration,
-        told.vertical_acceleration,
-        told.yaw_rate,
-    )
+        return read_lease(told) if told.is_held else None

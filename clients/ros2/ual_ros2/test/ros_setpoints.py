@@ -10,7 +10,8 @@ from typing import Any
 
 from flying import Client
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from ros_tasks import Call, error_of
+from reading import error_of
+from ros_tasks import Call
 from ual_msgs import srv
 from ual_msgs.msg import Refusal
 

@@ -2,40 +2,31 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from derived_values import read_task
 from flying import CANCELED, LIMIT_S, Client, waited
+from reading import error_of, number
 from ual_msgs import srv
 
 import ual
 from ual.interface import Task
-from ual_ros2 import naming
 
 Call = Callable[..., Any]
 """Calls a service of the node by its type, its name and its fields; raises what it refuses."""
 AGAIN_S = 0.02
 
 
-_OF_UAL = {"height": "height_m", "pitch": "pitch_rad"}
-"""Fields that the checks ask for, by their names in ROS."""
+def info_of(call: Call, task_id: str) -> ual.TaskInfo:
+    """What the node tells of a task.
 
+    Raises:
+        InvalidArgumentError: There is no such task.
 
-def error_of(answer: Any) -> ual.UalError:
-    """The error of an answer, result or message that tells a refusal, as UAL's client names its field."""
-    metadata = {each.key: each.value for each in answer.metadata}
-    field = metadata.get("field", "")
-    if field not in _OF_UAL:
-        return ual.errors.from_reason(answer.reason, answer.message, metadata)
-    words = naming.in_text(answer.message, field, _OF_UAL[field])
-    return ual.errors.from_reason(answer.reason, words, {**metadata, "field": _OF_UAL[field]})
-
-
-def known(number: float) -> float | None:
-    """A number that may not be known."""
-    return None if math.isnan(number) else number
+    """
+    return read_task(call(srv.GetTask, "get_task", task_id=task_id).task)
 
 
 class KnownTask(Task):
@@ -156,34 +147,12 @@ class Manoeuvre(KnownTask):
                     self.id,
                     self.kind,
                     ual.TaskStatus.RUNNING,
-                    known(told.progress),
-                    known(told.distance_left),
+                    number(told.progress),
+                    number(told.distance_left),
                     is_paused=told.is_paused,
                 )
             time.sleep(AGAIN_S)
         yield self.info()
-
-
-def info_of(call: Call, task_id: str) -> ual.TaskInfo:
-    """What the node tells of a task.
-
-    Raises:
-        InvalidArgumentError: There is no such task.
-
-    """
-    told = call(srv.GetTask, "get_task", task_id=task_id).task
-    return ual.TaskInfo(
-        told.task_id,
-        ual.TaskKind[told.kind],
-        ual.TaskStatus[told.status],
-        known(told.progress),
-        known(told.distance_left),
-        told.elapsed,
-        None if told.waypoint_index < 0 else told.waypoint_index,
-        error_of(told) if told.reason else None,
-        told.description,
-        told.is_paused,
-    )
 
 
 def ends_within(done: Callable[[], bool], time_s: float) -> bool:

@@ -7,18 +7,19 @@ world. `ros_beside` has the services beside flying.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
 from asked import Asked
+from derived_values import read_frame, read_plan
 from flying import Client, waited
 from geometry_msgs.msg import PointStamped, TransformStamped
 from inexpressible import InexpressibleError
 from nav_msgs.msg import Path
-from ros_beside import Beside
+from reading import error_of
+from ros_beside import Asking, Beside
 from ros_setpoints import Setpoints, pose_message
-from ros_tasks import KnownTask, Manoeuvre, error_of, info_of, known
+from ros_tasks import KnownTask, Manoeuvre, info_of
 from sensor_msgs.msg import NavSatFix
 from std_srvs.srv import Trigger
 from telling import Told
@@ -28,7 +29,6 @@ from ual_msgs import action, msg, srv
 import ual
 from ual.geometry import stamped_pose, stamped_twist
 from ual.interface import DryRun, Lease, Simulation, Task, Uav
-from ual.parameters.values import Parameter, ParameterType
 from ual.shared.time_limit import time_limit
 from ual.types import (
     FollowPathRequest,
@@ -64,7 +64,7 @@ class RosUav(Uav):
     def __init__(self, client: Client, ns: str, now_s: Callable[[], float], *, is_simulated: bool = True) -> None:
         self._client = client
         self._ns = ns
-        self._beside = Beside(client, ns, self._call, self._trigger, self._fly_mission, error_of)
+        self._beside = Beside(Asking(client, ns, self._call, self._trigger), self._fly_mission)
         self._is_simulated = is_simulated
         self._now_s = now_s
         self._told = Told(client, ns)
@@ -96,7 +96,7 @@ class RosUav(Uav):
         return self._told.transform(target_frame_id or "map", source_frame_id or f"{self.ns}/base_link")
 
     def frames(self) -> list[ual.Frame]:
-        return [_frame(each) for each in self._call(srv.ListFrames, "list_frames").frames]
+        return [read_frame(each) for each in self._call(srv.ListFrames, "list_frames").frames]
 
     @property
     def simulation(self) -> Simulation:
@@ -212,11 +212,11 @@ class RosUav(Uav):
         _, result = self._client.fly(kind, name, **fields, dry_run=True)
         if not result.success:
             raise error_of(result)
-        return ual.types.Plan(known(result.plan.length), known(result.plan.duration))
+        return read_plan(result.plan)
 
     @property
-    def parameters(self) -> RosParameters:
-        return RosParameters(self._call)
+    def parameters(self) -> ual.interface.Parameters:
+        return self._beside.parameters
 
     def _call(self, kind: Any, name: str, /, **fields: Any) -> Any:
         answer = self._client.call(kind, f"/{self.ns}/ual/{name}", **fields)
@@ -276,38 +276,6 @@ class RosUav(Uav):
 
     def extension(self, name: str) -> Any:
         inexpressible("extension")
-
-
-class RosParameters:
-    """The autopilot's parameters, by the services of the node."""
-
-    def __init__(self, call: Callable[..., Any]) -> None:
-        self._call = call
-
-    def get(self, name: str) -> Parameter:
-        return _parameter(self._call(srv.GetParameter, "get_parameter", name=name).parameter)
-
-    def get_all(self) -> list[Parameter]:
-        return [_parameter(each) for each in self._call(srv.ListParameters, "list_parameters").parameters]
-
-    def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
-        answer = self._call(srv.SetParameter, "set_parameter", name=name, value=float(value), force=force)
-        return _parameter(answer.parameter)
-
-
-def _parameter(message: Any) -> Parameter:
-    kind = ParameterType[message.type]
-    return Parameter(
-        message.name,
-        int(message.value) if kind.is_whole else message.value,
-        kind,
-        message.is_relied_on,
-        None if math.isnan(message.minimum) else message.minimum,
-        None if math.isnan(message.maximum) else message.maximum,
-        message.unit,
-        message.description,
-        message.needs_reboot,
-    )
 
 
 class Subscribed:
@@ -393,11 +361,3 @@ def _path(request: FollowPathRequest) -> dict[str, Any]:
 def _place(waypoint: ual.GeoWaypoint) -> Any:
     yaw_rad = waypoint.yaw_rad
     return msg.GeoWaypoint(**_geo(waypoint), has_yaw=yaw_rad is not None, yaw=0.0 if yaw_rad is None else yaw_rad)
-
-
-def _frame(told: Any) -> ual.Frame:
-    there = told.transform
-    link = ual.Transform(
-        values.vector(there.translation), values.quaternion(there.rotation), told.parent_frame_id, told.frame_id
-    )
-    return ual.Frame(told.frame_id, told.parent_frame_id, link if told.is_known else None, told.is_static)

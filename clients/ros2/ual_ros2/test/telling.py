@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from derived_values import read_geo_position
 from flying import LATCHED, LIMIT_S, Client
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from ros_tasks import known
 from tf2_msgs.msg import TFMessage
 from ual_msgs.msg import GeoPosition, State
 
@@ -154,7 +154,7 @@ class Told:
             ),
             transform=self._in_map(body),
             reference_pose=self._reference_at(stamp_s),
-            position_geo=None if self._fix is None else _place(self._fix),
+            position_geo=None if self._fix is None else read_geo_position(self._fix)["position_geo"],
             flight_mode=told.flight_mode,
             armed=told.armed,
             task=_task(told),
@@ -178,11 +178,6 @@ class Told:
 
 def _stamp_s(message: Any) -> float:
     return values.stamp_s(message.header.stamp)
-
-
-def _place(fix: Any) -> ual.GeoPoint:
-    altitudes_m = (known(each) for each in (fix.altitude_amsl, fix.altitude_home, fix.altitude_ellipsoid))
-    return ual.GeoPoint(fix.latitude, fix.longitude, *altitudes_m)
 
 
 def _task(told: Any) -> ual.TaskInfo | None:

@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 from conftest import ROS_ONLY, Processes, own_client, own_processes
 from flying import CANCELED, Client, waited
-from ros_tasks import error_of
-from ros_uav import RosParameters
+from reading import error_of
+from ros_beside import Asking, Part
 from ual_msgs import action, srv
 
 import ual
@@ -54,7 +54,7 @@ def test_parameters_are_read_and_written(client: Client, processes: Processes) -
     with simulated("px4") as port:
         processes.daemon("--url", f"udpout://127.0.0.1:{port}", backend="mavlink")
         processes.node("ns:=uav_1")
-        parameters = RosParameters(call)
+        parameters: Any = Part(Asking(client, "uav_1", call, lambda _: None), "parameters")
         waited(lambda: client.call(srv.GetParameter, f"{UAL}/get_parameter", name="COM_RC_OVERRIDE").success)
         before = parameters.get("COM_RC_OVERRIDE")
         assert before in parameters.get_all()

@@ -9,8 +9,8 @@ import pytest
 from conftest import ARMED_FAST, Processes
 from flying import Client, waited
 from geometry_msgs.msg import PointStamped
-from ros_beside import Beside
-from ros_tasks import error_of
+from reading import error_of
+from ros_beside import Asking, Beside
 from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 from ual_msgs import action, msg, srv
@@ -105,7 +105,7 @@ def test_the_simulation_is_offered_for_a_uav_that_is_simulated(client: Client, a
     def trigger(name: str) -> None:
         assert client.call(Trigger, f"{UAL}/{name}").success
 
-    world = Beside(client, "uav_1", call, trigger, lambda _: pytest.fail("it flies"), error_of).simulation
+    world = Beside(Asking(client, "uav_1", call, trigger), lambda _: pytest.fail("it flies")).simulation
     assert world.parts() == armed.simulation.parts() >= {SimulationPart.PLACE, SimulationPart.FAULTS}
     fault_id = world.begin_fault(AckLate(Command.LAND, 0.5))
     assert world.faults() == {fault_id: AckLate(Command.LAND, 0.5)}

@@ -6,14 +6,15 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from diagnostic_msgs.msg import KeyValue
-from geometry_msgs.msg import Point
 from nav_msgs.msg import Path
 from ual_msgs.msg import Geofence, GeoPosition, Info, Lease, Refusal
 
 import ual
 from ual.shared.waiting import ends_within
-from ual_ros2 import descriptions, routes, topics
+from ual_ros2 import routes, topics
+from ual_ros2.beside.fields import Fields, Stamp, key_values
+from ual_ros2.beside.filling import Filling
+from ual_ros2.derived.values import geo_position_fields, geofence_fields, info_fields, lease_fields
 from ual_ros2.messages import Entity, Message
 from ual_ros2.refusals import Refusals
 from ual_ros2.ros_time import RosTime
@@ -32,6 +33,7 @@ class About:
         self._node = node
         self._ns = ns
         self._time = time
+        self._filling = Filling(time)
         self._uav = uav
         self._refused = self._publisher(Refusal, "refusals", topics.RELIABLE)
         self._asked = [
@@ -65,11 +67,9 @@ class About:
     def publish_slow(self, sample: ual.Telemetry) -> None:
         """Publishes where it is on Earth."""
         if sample.position_geo is not None and topics.is_heard(self._position):
-            message = GeoPosition()
-            descriptions.fill_position(message, sample.position_geo, sample.gps)
-            message.header.frame_id = f"{self._ns}/base_link"
-            self._time.stamp(message.header.stamp, sample.stamp_s)
-            self._position.publish(message)
+            header = {"frame_id": f"{self._ns}/base_link", "stamp": Stamp(sample.stamp_s)}
+            fields = {"header": header, **geo_position_fields(sample)}
+            self._position.publish(self._filling.filled(GeoPosition(), fields))
 
     async def follow(self) -> None:
         """Publishes for ever what has changed."""
@@ -113,33 +113,26 @@ class About:
         return self._node.create_publisher(kind, topic, **topics.overridable(qos))
 
     async def _info(self, info: ual.Info) -> Message:
-        message = self._stamped(Info())
-        descriptions.fill_info(message, info)
-        return message
+        return self._told(Info(), info_fields(info))
 
     async def _geofence(self, geofence: ual.types.Geofence | str) -> Message:
-        message = self._stamped(Geofence())
         if isinstance(geofence, str):
-            message.unknown = geofence
-        else:
-            descriptions.fill_geofence(message, geofence, Point)
-        return message
+            return self._told(Geofence(), {"unknown": geofence})
+        return self._told(Geofence(), {"header": {"frame_id": geofence.frame_id}, **geofence_fields(geofence)})
 
     async def _lease(self, lease: ual.types.LeaseInfo | None) -> Message:
-        message = self._stamped(Lease())
-        if lease is not None:
-            descriptions.fill_lease(message, lease)
-            self._time.stamp(message.since, lease.since_s)
-        return message
+        return self._told(Lease(), {} if lease is None else {"is_held": True, **lease_fields(lease)})
 
     async def _path(self, route: ual.types.Route | None) -> Message:
         return self._stamped(await routes.path(route))
 
     def _tell_refusal(self, topic: str, error: ual.UalError, count: int) -> None:
         if topics.is_heard(self._refused):
-            message = self._stamped(Refusal())
-            descriptions.fill_refusal(message, topic, error, count, KeyValue)
-            self._refused.publish(message)
+            words = {"reason": error.reason, "message": error.message, "metadata": key_values(error.metadata)}
+            self._refused.publish(self._told(Refusal(), {"topic": topic, **words, "count": count}))
+
+    def _told(self, message: Message, fields: Fields) -> Message:
+        return self._stamped(self._filling.filled(message, fields))
 
     def _stamped(self, message: Message) -> Message:
         self._time.stamp_now(message.header.stamp)

@@ -5,12 +5,32 @@ from __future__ import annotations
 import math
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import ual
 from ual.contract.method import Method
 from ual.contract.methods import METHODS
 from ual_ros2.messages import Entity, Message
+
+Serves: TypeAlias = Callable[[ual.aio.Uav, Message], Awaitable[Mapping[str, Any]]]
+"""Serves a request: calls the daemon, and returns the fields of the answer."""
+
+
+class Service(NamedTuple):
+    """A service as it follows from the contract.
+
+    Attributes:
+        name: Its name below ``<ns>/ual/``.
+        kind: The type of its messages.
+        method: The method of the contract that it calls.
+        frames: The fields of a request that name the frames that it is given in.
+
+    """
+
+    name: str
+    kind: Entity
+    method: str
+    frames: tuple[str, ...] = ()
 
 
 def _none(_: Message) -> Iterable[Any]:

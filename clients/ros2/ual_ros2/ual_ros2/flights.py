@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
-from diagnostic_msgs.msg import KeyValue
 from std_srvs.srv import Empty, Trigger
 from ual_msgs import action, msg, srv
 
 import ual
 from ual.interface import DryRun
-from ual_ros2 import descriptions, routes, values
+from ual_ros2 import routes, values
+from ual_ros2.beside.filling import Filling
 from ual_ros2.command import Action, Command
+from ual_ros2.derived.values import frame_fields, plan_fields, task_fields
 from ual_ros2.messages import Entity, Message
 
 Flyer: TypeAlias = ual.aio.Uav | DryRun[Any]
 """What flies, or only says what would happen: both have the same members."""
+_filled = Filling().filled
 
 
 def _of_waypoint(request: Message) -> Iterable[str]:
@@ -28,13 +30,13 @@ def _of_path(goal: Message) -> Iterable[str]:
     return [each.header.frame_id for each in stamped]
 
 
-def _told_task(task: ual.aio.Task) -> Mapping[str, Message]:
-    return {"task_id": task.id}
+def _told_task(begun: ual.aio.Task) -> Mapping[str, Message]:
+    return {"task_id": begun.id}
 
 
 def _told_motion(ended: ual.aio.Task | ual.types.Plan) -> Mapping[str, Message]:
     if isinstance(ended, ual.types.Plan):
-        return {"plan": descriptions.fill_plan(msg.Plan(), ended)}
+        return {"plan": _filled(msg.Plan(), plan_fields(ended))}
     return _told_task(ended)
 
 
@@ -103,7 +105,7 @@ async def _get_task(uav: ual.aio.Uav, request: Message) -> ual.TaskInfo:
 
 
 def _told_info(info: ual.TaskInfo) -> Mapping[str, Message]:
-    return {"task": descriptions.fill_task(msg.Task(), info, KeyValue)}
+    return {"task": _filled(msg.Task(), task_fields(info))}
 
 
 async def _cancel_task(uav: ual.aio.Uav, request: Message) -> None:
@@ -123,7 +125,7 @@ def _add_frame(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
 
 
 def _told_frames(frames: list[ual.Frame]) -> Mapping[str, Message]:
-    return {"frames": [descriptions.fill_frame(msg.Frame(), each) for each in frames]}
+    return {"frames": [_filled(msg.Frame(), frame_fields(each)) for each in frames]}
 
 
 async def _get_route(uav: ual.aio.Uav, _: Message) -> Mapping[str, Message]:

@@ -8,8 +8,10 @@ from __future__ import annotations
 import array
 
 import ual
-from ual.cameras import OPTICAL, CameraIntrinsics, Image, ImageFormat
+from ual.cameras import OPTICAL, CameraInfo, CameraIntrinsics, Image, ImageFormat, Photo
+from ual_ros2.beside.fields import Fields, Stamp, made, pose_stamped
 from ual_ros2.messages import Message
+from ual_ros2.values import known
 
 _FORMATS = {ImageFormat.PNG: "png", ImageFormat.JPEG: "jpeg"}
 _IDENTITY = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
@@ -59,6 +61,32 @@ def fill_camera_info(message: Message, width_px: int, height_px: int, found: Cam
     one = 0.0 if found is None else 1.0
     message.k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, one]
     message.p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, one, 0.0]
+
+
+def camera_info(camera: CameraInfo | Image) -> Fields:
+    """Returns a CameraInfo, but for its header."""
+    found = camera.intrinsics
+    size = (camera.width_px, camera.height_px) if found is None else (found.width_px, found.height_px)
+    return made(fill_camera_info, *size, found)
+
+
+def viewpoint(taken: Photo | Image) -> Fields:
+    """Returns a Viewpoint."""
+    camera, at = taken.camera, taken.position_geo
+    seen = None if camera is None else ual.PoseStamped(optical(camera.pose), camera.frame_id)
+    return {
+        "stamp": Stamp(taken.stamp_s),
+        "body": pose_stamped(taken.body, taken.stamp_s),
+        "optical": pose_stamped(seen, taken.stamp_s),
+        "position": {
+            "header": {"stamp": Stamp(taken.stamp_s)},
+            "latitude": known(None if at is None else at.latitude_deg),
+            "longitude": known(None if at is None else at.longitude_deg),
+            "altitude": known(None if at is None else at.altitude_ellipsoid_m),
+        },
+        "altitude_amsl": known(None if at is None else at.altitude_amsl_m),
+        "altitude_home": known(None if at is None else at.altitude_home_m),
+    }
 
 
 def fill_compressed(message: Message, image: Image) -> None:

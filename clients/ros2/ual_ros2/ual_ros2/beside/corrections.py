@@ -8,10 +8,9 @@ from collections import deque
 from collections.abc import AsyncIterator
 
 import ual
-from ual.corrections import CorrectionsStatus
 from ual.shared.waiting import ends_within
-from ual_ros2 import values
 from ual_ros2.beside.fields import Fields
+from ual_ros2.derived.values import corrections_status_fields
 
 _log = logging.getLogger(__name__)
 
@@ -107,17 +106,4 @@ class Corrections:
 
 async def get_status(uav: ual.aio.Uav, corrections: Corrections) -> Fields:
     """Returns a CorrectionsStatus, but for its header."""
-    return {**status_fields(await uav.corrections.status()), **corrections.fields()}
-
-
-def status_fields(status: CorrectionsStatus) -> Fields:
-    """Returns what the daemon knows, for a CorrectionsStatus."""
-    return {
-        "sender": status.sender,
-        "messages_count": status.messages_count,
-        "bytes_count": status.bytes_count,
-        "dropped_count": status.dropped_count,
-        "too_long_count": status.too_long_count,
-        "skipped_bytes_count": status.skipped_bytes_count,
-        "age": values.known(status.age_s),
-    }
+    return {**corrections_status_fields(await uav.corrections.status()), **corrections.fields()}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Iterator
+from collections.abc import Iterator
 
 import ual
 from ual.gripper import Equipment, GripperState, RelayInfo, ServoInfo, WinchAction, WinchInfo, WinchStatus
 from ual_ros2 import values
 from ual_ros2.beside.fields import Fields, named
+from ual_ros2.derived.values import winch_status_fields
 from ual_ros2.messages import Message
 
 
@@ -16,15 +17,11 @@ async def list_all(uav: ual.aio.Uav, _: Message) -> Fields:
     return {"devices": list(devices(await uav.gripper.get_all()))}
 
 
-def order_winch(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
+async def order_winch(uav: ual.aio.Uav, request: Message) -> Fields:
     """Serves OrderWinch."""
     action, length_m, rate_m_s = winch_order(request)
-    return uav.gripper.order_winch(action, winch=request.winch, length_m=length_m, rate_m_s=rate_m_s)
-
-
-def set_servo(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
-    """Serves SetServo."""
-    return uav.gripper.set_servo(request.position, servo=request.servo, pwm_us=request.pwm_us or None)
+    await uav.gripper.order_winch(action, winch=request.winch, length_m=length_m, rate_m_s=rate_m_s)
+    return {}
 
 
 def winch_order(request: Message) -> tuple[WinchAction, float | None, float | None]:
@@ -90,20 +87,4 @@ def _of_servo(servo: ServoInfo) -> Fields:
 
 
 def _of_winch(status: WinchStatus | None) -> Fields:
-    return {} if status is None else {"winch": [winch_fields(status)]}
-
-
-def winch_fields(status: WinchStatus) -> Fields:
-    """Returns a WinchStatus."""
-    return {
-        "length": values.known(status.length_m),
-        "speed": values.known(status.speed_m_s),
-        "tension": values.known(status.tension_n),
-        "voltage": values.known(status.voltage_v),
-        "current": values.known(status.current_a),
-        "temperature": values.known(status.temperature_c),
-        "is_healthy": status.is_healthy,
-        "is_fully_retracted": status.is_fully_retracted,
-        "is_moving": status.is_moving,
-        "is_clutch_engaged": status.is_clutch_engaged,
-    }
+    return {} if status is None else {"winch": [winch_status_fields(status)]}

@@ -14,9 +14,9 @@ _SEQUENCE = re.compile(r"sequence<(\w+)/(\w+)(?:, \d+)?>")
 
 
 class Filling:
-    """Fills messages, whose stamps are those of a node's clock."""
+    """Fills messages, whose stamps are those of a node's clock; without one, only messages that have none."""
 
-    def __init__(self, time: RosTime) -> None:
+    def __init__(self, time: RosTime | None = None) -> None:
         self._time = time
 
     def filled(self, message: Message, fields: Fields) -> Message:
@@ -38,6 +38,7 @@ class Filling:
 
     def _put_stamp(self, message: Message, stamp: Stamp) -> None:
         if stamp.utc_s:  # else it is not known
+            assert self._time is not None
             self._time.stamp(message, stamp.utc_s)
 
 

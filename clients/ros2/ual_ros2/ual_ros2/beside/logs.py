@@ -10,21 +10,10 @@ from pathlib import Path
 
 import ual
 from ual.logs import Log, PartialFile, file_name
-from ual_ros2.beside.fields import NEVER, Fields, Stamp
+from ual_ros2.beside.fields import Fields
 from ual_ros2.messages import Message
 
 _NOWHERE = "this node writes no logs: start it with -p log_directory:=DIRECTORY"
-
-
-async def list_all(uav: ual.aio.Uav, _: Message) -> Fields:
-    """Serves ListLogs."""
-    return {"logs": [log_fields(each) for each in await uav.logs.get_all()]}
-
-
-def log_fields(log: Log) -> Fields:
-    """Returns a Log."""
-    written = NEVER if log.time_s is None else Stamp(log.time_s)
-    return {"log_id": log.id, "size": log.size_bytes, "written": written, "is_missing": log.is_missing}
 
 
 class Downloads:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
 from contextlib import suppress
 
 import ual
 from ual import missions
-from ual.missions import Item, LinkLossAction, Mission, MissionProgress, StoredMission
+from ual.missions import LinkLossAction, Mission, MissionProgress
 from ual.routes import RouteError
 from ual.types import TaskInfo
 from ual_ros2 import values
-from ual_ros2.beside.fields import Fields, named
-from ual_ros2.beside.mission_items import item_fields, items
+from ual_ros2.beside.fields import Fields, named, read_all
+from ual_ros2.derived.values import mission_item_fields, mission_progress_fields, read_mission_item
 from ual_ros2.messages import Message
 
 
@@ -34,17 +33,9 @@ async def plan(uav: ual.aio.Uav, request: Message) -> Fields:
 async def upload(uav: ual.aio.Uav, request: Message) -> Fields:
     """Serves UploadMission."""
     mission = await _mission(request)
-    return {**stored_fields(await uav.mission.upload(mission.items)), "left_out": list(mission.left_out)}
-
-
-async def download(uav: ual.aio.Uav, _: Message) -> Fields:
-    """Serves DownloadMission."""
-    return stored_fields(await uav.mission.download())
-
-
-async def get_progress(uav: ual.aio.Uav, _: Message) -> Fields:
-    """Serves GetMissionProgress."""
-    return {"progress": progress_fields(await uav.mission.progress())}
+    stored = await uav.mission.upload(mission.items)
+    items = [mission_item_fields(each) for each in stored.items]
+    return {"items": items, "digest": stored.digest, "left_out": list(mission.left_out)}
 
 
 class MissionFlights:
@@ -81,7 +72,7 @@ class MissionFlights:
         """
         if self._progress is None or self._progress.task_id != task_id:
             return None
-        return {"mission": progress_fields(self._progress)}
+        return {"mission": mission_progress_fields(self._progress)}
 
     async def _watch(self, uav: ual.aio.Uav) -> None:
         with suppress(ual.UalError):  # the flight itself tells what is wrong
@@ -119,7 +110,7 @@ async def _mission(request: Message) -> Mission:
 
     """
     if not request.file:
-        return Mission(items(request.items))
+        return Mission(list(read_all(read_mission_item, request.items, "items")))
     if request.items:
         raise ual.InvalidArgumentError("file: give a file or items, not both", {"field": "file"})
     reference = values.altitude_reference(request.altitude_reference) if request.altitude_reference else None
@@ -132,22 +123,3 @@ async def _mission(request: Message) -> Mission:
 
 def _parsed(text: str, altitude_m: float | None, reference: ual.AltitudeReference | None) -> Mission:
     return missions.parse(text.encode(), "file", altitude_m=altitude_m, altitude_reference=reference)
-
-
-def stored_fields(stored: StoredMission) -> Fields:
-    """Returns the fields of a mission that an autopilot has."""
-    return {"items": _all_fields(stored.items), "digest": stored.digest}
-
-
-def _all_fields(found: Sequence[Item]) -> list[Fields]:
-    return [item_fields(each) for each in found]
-
-
-def progress_fields(progress: MissionProgress) -> Fields:
-    """Returns a MissionProgress, but for its header."""
-    return {
-        "stage": progress.stage.name,
-        "item": progress.item or 0,
-        "reached": progress.reached or 0,
-        "task_id": progress.task_id,
-    }

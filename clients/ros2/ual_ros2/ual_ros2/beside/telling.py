@@ -12,10 +12,11 @@ from ual_msgs import msg
 import ual
 from ual.shared.ages import without_seconds
 from ual_ros2 import topics
-from ual_ros2.beside import cameras, corrections, equipment, gimbals, missions
+from ual_ros2.beside import cameras, corrections, equipment, gimbals
 from ual_ros2.beside.corrections import Corrections
 from ual_ros2.beside.fields import Fields
 from ual_ros2.beside.filling import Filling
+from ual_ros2.derived.values import mission_progress_fields
 from ual_ros2.messages import Entity, Message
 from ual_ros2.ros_time import RosTime
 
@@ -47,7 +48,7 @@ def topics_of(corrections_in: Corrections) -> tuple[Topic, ...]:
         return [{"devices": list(equipment.devices(await uav.gripper.get_all()))}]
 
     async def mission(uav: ual.aio.Uav) -> list[Fields]:
-        return [missions.progress_fields(await uav.mission.progress())]
+        return [mission_progress_fields(await uav.mission.progress())]
 
     async def status(uav: ual.aio.Uav) -> list[Fields]:
         return [await corrections.get_status(uav, corrections_in)]

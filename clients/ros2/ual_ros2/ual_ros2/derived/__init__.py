@@ -1,0 +1,1 @@
+"""What follows from the contract: ``make proto`` writes the modules of this package."""

@@ -1,0 +1,77 @@
+"""The services of the node beside flying. ``make proto`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from std_srvs.srv import Trigger
+from ual_msgs import srv
+
+from ual_ros2.command import Service
+
+SERVICES: Final = (
+    Service("list_cameras", srv.ListCameras, "ListCameras"),
+    Service("get_camera_status", srv.GetCameraStatus, "GetCameraStatus"),
+    Service("take_photo", srv.TakePhoto, "TakePhoto"),
+    Service("start_photos", srv.StartPhotos, "StartPhotos"),
+    Service("stop_photos", srv.OrderCamera, "StopPhotos"),
+    Service("start_video", srv.OrderCamera, "StartVideo"),
+    Service("stop_video", srv.OrderCamera, "StopVideo"),
+    Service("set_camera_mode", srv.SetCameraMode, "SetCameraMode"),
+    Service("set_camera_zoom", srv.SetCameraZoom, "SetCameraZoom"),
+    Service("set_camera_focus", srv.SetCameraFocus, "SetCameraFocus"),
+    Service("list_photos", srv.ListPhotos, "ListPhotos"),
+    Service("list_video_streams", srv.ListVideoStreams, "ListVideoStreams"),
+    Service("get_image", srv.GetImage, "GetImage"),
+    Service("get_corrections_status", srv.GetCorrectionsStatus, "GetCorrectionsStatus"),
+    Service("get_fence", srv.GetFence, "GetFence"),
+    Service("upload_fence", srv.UploadFence, "UploadFence"),
+    Service("clear_fence", srv.ClearFence, "ClearFence"),
+    Service("enable_fence", srv.EnableFence, "EnableFence"),
+    Service("list_gimbals", srv.ListGimbals, "ListGimbals"),
+    Service("get_gimbal_status", srv.GetGimbalStatus, "GetGimbalStatus"),
+    Service("set_gimbal_angles", srv.SetGimbalAngles, "SetGimbalAngles", ("frame_id",)),
+    Service("set_gimbal_rates", srv.SetGimbalRates, "SetGimbalRates"),
+    Service("point_gimbal", srv.PointGimbal, "PointGimbal", ("point.header.frame_id",)),
+    Service("move_gimbal_to_neutral", srv.OrderGimbal, "MoveGimbalToNeutral"),
+    Service("retract_gimbal", srv.OrderGimbal, "RetractGimbal"),
+    Service("take_gimbal_control", srv.OrderGimbal, "TakeGimbalControl"),
+    Service("release_gimbal_control", srv.OrderGimbal, "ReleaseGimbalControl"),
+    Service("list_equipment", srv.ListEquipment, "GetEquipment"),
+    Service("grip", srv.MoveGripper, "Grip"),
+    Service("release", srv.MoveGripper, "Release"),
+    Service("order_winch", srv.OrderWinch, "OrderWinch"),
+    Service("set_servo", srv.SetServo, "SetServo"),
+    Service("set_relay", srv.SetRelay, "SetRelay"),
+    Service("list_logs", srv.ListLogs, "ListLogs"),
+    Service("plan_mission", srv.PlanMission, "PlanMission"),
+    Service("upload_mission", srv.UploadMission, "UploadMission"),
+    Service("download_mission", srv.DownloadMission, "DownloadMission"),
+    Service("clear_mission", Trigger, "ClearMission"),
+    Service("fly_mission", srv.FlyMission, "StartMission"),
+    Service("pause_mission", Trigger, "PauseMission"),
+    Service("resume_mission", Trigger, "ResumeMission"),
+    Service("jump_to_item", srv.JumpToItem, "JumpToItem"),
+    Service("get_mission_progress", srv.GetMissionProgress, "GetMissionProgress"),
+    Service("get_parameter", srv.GetParameter, "GetParameter"),
+    Service("list_parameters", srv.ListParameters, "ListParameters"),
+    Service("set_parameter", srv.SetParameter, "SetParameter"),
+)
+"""Those that each UAV has."""
+SIMULATION: Final = (
+    Service("simulation/list_parts", srv.ListSimulationParts, "ListParts"),
+    Service("simulation/pilot_arm", Trigger, "PilotArm"),
+    Service("simulation/pilot_disarm", Trigger, "PilotDisarm"),
+    Service("simulation/pilot_take_over", Trigger, "PilotTakeOver"),
+    Service("simulation/pilot_move_sticks", srv.MoveSticks, "PilotMoveSticks"),
+    Service("simulation/pilot_give_back", Trigger, "PilotGiveBack"),
+    Service("simulation/begin_fault", srv.BeginFault, "BeginFault"),
+    Service("simulation/end_fault", srv.EndFault, "EndFault"),
+    Service("simulation/list_faults", srv.ListFaults, "ListFaults"),
+    Service("simulation/set_speed_factor", srv.SetSpeedFactor, "SetSpeedFactor"),
+    Service("simulation/step", srv.StepTime, "Step"),
+    Service("simulation/set_noise", srv.SetNoise, "SetNoise"),
+    Service("simulation/set_wind", srv.SetWind, "SetWind"),
+    Service("simulation/place_on_ground", srv.PlaceOnGround, "PlaceOnGround"),
+)
+"""Those that a simulated UAV has beside."""

@@ -1,0 +1,284 @@
+"""Writes ``ual_ros2/derived``: the code of the node that fills and reads messages, its calls and its services.
+
+The tests' own program in ROS has the other direction, in ``ual_ros2/test/derived.py``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from tools.contract.compiled import ROOT
+from tools.contract.formatting import formatted
+from tools.contract.ros_rules import Item
+from tools.contract.ros_shapes import Served, Shapes, Struct, snake
+
+PACKAGE = ROOT / "clients" / "ros2" / "ual_ros2"
+_FIELDS = (
+    "Fields", "angle_range", "geo_point_fields", "in_bytes", "key_values", "name_of", "named", "names_of", "none_of",
+    "point_stamped", "quaternion", "ratio", "read_all", "read_geo_point", "stamp", "transform", "vector",
+)  # fmt: skip
+"""What ``ual_ros2.beside.fields`` has."""
+_READING = (
+    "error_of", "finite", "fix", "in_mib", "intrinsics", "link_of", "number", "orientation", "parameter_value",
+    "percent", "point_of", "pose_stamped", "read_angle_range", "read_viewpoint", "transform_of", "transform_stamped",
+    "twist_stamped",
+)  # fmt: skip
+"""What ``reading`` of the tests has."""
+_BY_HAND = ("GeoPoint",)
+"""Messages whose code is in ``ual_ros2.beside.fields``: a pair of numbers in Python."""
+
+
+def code(shapes: Shapes) -> dict[Path, str]:
+    """Returns the modules, by path."""
+    structs = [each for each in shapes.structs() if each.name not in _BY_HAND]
+    served = list(shapes.served())
+    derived = PACKAGE / "ual_ros2" / "derived"
+    return {
+        derived / "values.py": _values(structs),
+        derived / "calls.py": _calls(served, structs),
+        derived / "services.py": _services(served),
+        PACKAGE / "test" / "derived_values.py": _client_values(structs, served),
+        PACKAGE / "test" / "derived_members.py": _client_members(structs, served),
+    }
+
+
+# --- Values -----------------------------------------------------------------------------------------------------------
+
+
+def _values(structs: Sequence[Struct]) -> str:
+    body = [*(_told(each) for each in structs if each.is_told), *(_read(each) for each in structs if each.is_asked)]
+    return _module("Messages of ``ual_msgs`` and values of UAL, by the rules of the contract.", "\n\n".join(body))
+
+
+def _told(struct: Struct) -> str:
+    """Returns the function that makes the fields of a message."""
+    head = (
+        f"def {snake(struct.name)}_fields(value: {struct.kind}) -> Fields:\n"
+        f'    """Returns the fields of a message `{struct.name}`."""\n'
+    )
+    if not struct.variants:
+        return f"{head}    return {{{_entries(struct.part.items, 'value.')}}}\n"
+    common = _entries(struct.part.items, "value.")
+    cases = "".join(
+        f"        case {each.kind}():\n"
+        f'            return {{{common} "kind": "{each.name}", {_entries(each.part.items, "value.")}}}\n'
+        for each in struct.variants
+    )
+    return f'{head}    match value:\n{cases}    raise TypeError(f"{{value!r}} is no {struct.name}")\n'
+
+
+def _read(struct: Struct) -> str:
+    """Returns the function that makes a value of a message."""
+    head = (
+        f"def read_{snake(struct.name)}(message: Message) -> {struct.kind}:\n"
+        f'    """Reads a message `{struct.name}`."""\n'
+    )
+    if struct.is_part:
+        head = head.replace(f"-> {struct.kind}", "-> dict[str, Any]").replace("Reads", "Reads attributes out of")
+        entries = "".join(f'"{name}": {read.replace("{m}", "message")},' for name, read in struct.part.reads)
+        return f"{head}    return {{{entries}}}\n"
+    if not struct.variants:
+        return f"{head}    return {struct.kind}({_arguments(struct.part.reads)})\n"
+    cases = "".join(
+        f'        case "{each.name}":\n'
+        f"            return {each.kind}({_arguments((*each.part.reads, *struct.part.reads))})\n"
+        for each in struct.variants
+    )
+    names = tuple(each.name for each in struct.variants)
+    return f'{head}    match message.kind:\n{cases}    raise none_of("kind", message.kind, {names!r})\n'
+
+
+def _entries(items: Iterable[Item], owner: str) -> str:
+    return "".join(f'"{each.name}": {_of(each.told, owner)},' for each in items if each.told)
+
+
+def _of(told: str, owner: str) -> str:
+    """Returns an expression of the attributes of an owner, or of arguments."""
+    told = told.replace("{self}", owner.rstrip(".")).replace("{{}}", "\0")
+    return re.sub(r"\{(\w+)\}", lambda found: f"{owner}{found[1]}", told).replace("\0", "{}")
+
+
+def _arguments(reads: Iterable[tuple[str, str]], message: str = "message") -> str:
+    found = ((name, read.replace("{m}", message)) for name, read in reads)
+    return ", ".join(f"**{read}" if name == "**" else f"{name}={read}" for name, read in found)
+
+
+# --- Calls ------------------------------------------------------------------------------------------------------------
+
+
+def _calls(served: Sequence[Served], structs: Sequence[Struct]) -> str:
+    own = [each for each in served if each.member and not each.is_by_hand]
+    functions = [_call(each) for each in own]
+    table = "".join(f'    "{each.name}": {_function(each)},\n' for each in own)
+    body = "\n\n".join(functions)
+    table = (
+        f"\n\nCALLS: Final[Mapping[str, Serves]] = {{\n{table}}}\n"
+        '"""The calls that do no more than pass on what they are given, by the names of their services."""\n'
+    )
+    return _module("The calls of the node that follow from the contract.", body + table, structs)
+
+
+def _function(served: Served) -> str:
+    return served.name.replace("simulation/", "simulation_")
+
+
+def _call(served: Served) -> str:
+    call = f"await {served.member}({_arguments(served.arguments, 'request')})"
+    request = "request" if "request" in call else "_"
+    head = (
+        f"async def {_function(served)}(uav: ual.aio.Uav, {request}: Message) -> Fields:\n"
+        f'    """Serves {served.type}."""\n'
+    )
+    if not served.response_items:
+        return f"{head}    {call}\n    return {{}}\n"
+    attributes = {name for name, _ in served.response.reads}
+    if len(attributes) == 1:
+        [attribute] = attributes
+        told = "".join(
+            f'"{each.name}": {each.told.replace(f"{{{attribute}}}", "found")},' for each in served.response.items
+        )
+    else:
+        told = _entries(served.response.items, "found.")
+    return f"{head}    found = {call}\n    return {{{told}}}\n"
+
+
+# --- Services ---------------------------------------------------------------------------------------------------------
+
+
+def _services(served: Sequence[Served]) -> str:
+    beside = [each for each in served if each.is_beside]
+    ours = "".join(_row(each) for each in beside if not each.is_simulation)
+    world = "".join(_row(each) for each in beside if each.is_simulation)
+    return formatted(
+        f'''"""The services of the node beside flying. ``make proto`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from std_srvs.srv import Trigger
+from ual_msgs import srv
+
+from ual_ros2.command import Service
+
+SERVICES: Final = ({ours})
+"""Those that each UAV has."""
+SIMULATION: Final = ({world})
+"""Those that a simulated UAV has beside."""
+'''
+    )
+
+
+def _row(served: Served) -> str:
+    frames = f", {served.frames!r}" if served.frames else ""
+    return f'Service("{served.name}", {_type(served)}, "{served.method}"{frames}),\n'
+
+
+# --- The program of the tests -----------------------------------------------------------------------------------------
+
+
+def _client_values(structs: Sequence[Struct], served: Sequence[Served]) -> str:
+    body = [
+        *(_told(each) for each in structs if not each.is_told),
+        *(_read(each) for each in structs if not each.is_asked),
+        *(_asked(each) for each in _members(served)),
+    ]
+    return _module("What the tests' program in ROS asks and reads.", "\n\n".join(body), structs)
+
+
+def _client_members(structs: Sequence[Struct], served: Sequence[Served]) -> str:
+    rows = "".join(
+        f'("{_owner(each)}", "{each.member.rpartition(".")[2]}"): '
+        f'Member({_type(each)}, "{each.name}", {_asks(each)}, {_answer(each)}),\n'
+        for each in _members(served)
+    )
+    body = f"MEMBERS: Final[Mapping[tuple[str, str], Member]] = {{\n{rows}}}\n"
+    return _module(
+        "The members of `ual.interface` that are services in ROS.",
+        body,
+        structs,
+        [_asks(each) for each in _members(served)],
+    )
+
+
+def _members(served: Sequence[Served]) -> list[Served]:
+    return [each for each in served if each.member and each.is_whole]
+
+
+def _type(served: Served) -> str:
+    return "Trigger" if served.type == "Trigger" else f"srv.{served.type}"
+
+
+def _owner(served: Served) -> str:
+    owner = served.member.removeprefix("uav.").rpartition(".")[0]
+    return re.sub(r"s\[.*", "", owner)
+
+
+def _asks(served: Served) -> str:
+    return f"ask_{_function(served)}"
+
+
+def _asked(served: Served) -> str:
+    names = [name for name, _ in served.arguments]
+    signature = f"*, {', '.join(f'{each}: Any' for each in names)}" if names else ""
+    items = [each for each in served.request.items if re.search(r"\{\w+\}", each.told)]
+    told = [each for each in items if set(re.findall(r"\{(\w+)\}", each.told)) <= set(names)]
+    return (
+        f"def {_asks(served)}({signature}) -> Fields:\n"
+        f'    """Returns the request of {served.name}."""\n'
+        f"    return {{{_entries(told, '')}}}\n"
+    )
+
+
+def _answer(served: Served) -> str:
+    reads = served.response.reads
+    if not reads:
+        return "nothing"
+    if len(reads) == 1:
+        return f"lambda answer: {reads[0][1].replace('{m}', 'answer')}"
+    return f"lambda answer: {served.answer_kind}({_arguments(reads, 'answer')})"
+
+
+# --- Modules ----------------------------------------------------------------------------------------------------------
+
+
+def _module(title: str, body: str, structs: Sequence[Struct] = (), asks: Sequence[str] = ()) -> str:
+    """Returns a module with the imports that its body needs."""
+    modules = sorted({found.rpartition(".")[0] for found in re.findall(r"\bual(?:\.[a-z]+)+\.[A-Z]\w+", body)})
+    own = set(re.findall(r"^(?:async )?def (\w+)", body, re.MULTILINE))
+    used = set(re.findall(r"(?<![.\w\"])(\w+)\(", body)) | set(re.findall(r"(?:map|read_all)\((\w+)", body))
+    used |= {
+        each for each in ("Any", "Fields", "Final", "Mapping", "Message", "Member", "Serves", "nothing") if each in body
+    }
+    used |= {each for each in ("math", "pictures", "values") if re.search(rf"(?<![.\w]){each}\.", body)}
+    used -= own
+    told = {f"{snake(each.name)}_fields" for each in structs if each.is_told} | {
+        f"read_{snake(each.name)}" for each in structs if each.is_asked
+    }
+    others = {f"read_{snake(each.name)}" for each in structs} | {f"{snake(each.name)}_fields" for each in structs}
+    others = (others - told | {each for each in asks if each in body}) - own
+    lines = [
+        f'"""{title}\n\n``make proto`` writes this file: do not edit it.\n"""\n',
+        "from __future__ import annotations\n",
+        *(["import math"] if "math" in used else []),
+        *(["from collections.abc import Mapping"] if "Mapping" in used else []),
+        *([f"from typing import {', '.join(sorted({'Any', 'Final'} & used))}"] if {"Any", "Final"} & used else []),
+        "import ual",
+        *(f"import {each}" for each in modules if each != "ual"),
+        *(["from std_srvs.srv import Trigger", "from ual_msgs import srv"] if "srv." in body else []),
+        *_imported("ual_ros2", sorted({"pictures", "values"} & used)),
+        *_imported("ual_ros2.beside.fields", sorted(set(_FIELDS) & used)),
+        *_imported("reading", sorted((set(_READING) | {"Member", "nothing"}) & used)),
+        *_imported("ual_ros2.command", sorted({"Serves"} & used)),
+        *_imported("ual_ros2.derived.values", sorted(told & used - own)),
+        *_imported("derived_values", sorted(others & (used | set(asks)))),
+        *_imported("ual_ros2.messages", sorted({"Message"} & used)),
+    ]
+    return formatted("\n".join(lines) + "\n\n\n" + body)
+
+
+def _imported(module: str, names: Sequence[str]) -> Iterator[str]:
+    if names:
+        yield f"from {module} import {', '.join(names)}"
