@@ -66,7 +66,7 @@ class Credentials:
 
         """
         if token_file is not None:
-            token: str | None = read_token(token_file, "--token-file")
+            token: str | None = read_token(token_file, "token_file")
         elif (token := environment.value(TOKEN_VARIABLE)) is None and (file := environment.value(TOKEN_FILE_VARIABLE)):
             token = read_token(file, TOKEN_FILE_VARIABLE)
         return cls(
@@ -110,8 +110,9 @@ def read_token(file: str | Path, field_name: str) -> str:
         InvalidArgumentError: It cannot be read, or is no text.
 
     """
+    content = read(file, field_name)
     try:
-        return decoded(read(file, field_name)).strip()
+        return decoded(content).strip()
     except ValueError as error:
         raise InvalidArgumentError(f"{field_name}: {file} {error}", {"field": field_name}) from None
 
