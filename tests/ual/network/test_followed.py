@@ -17,7 +17,7 @@ class Case:
     """A UAV that is followed over a roster."""
 
     def __init__(self) -> None:
-        self.roster = Roster(lambda _: None)
+        self.roster = Roster(lambda _, __: None)
         self.followed = Followed("uav_1", self.roster.called, "site farm")
 
     def tell(self, instance: int, address: str, host: str = "a", started_s: float = 1.0) -> None:

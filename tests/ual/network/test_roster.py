@@ -15,7 +15,7 @@ class Case:
 
     def __init__(self) -> None:
         self.dropped: list[str] = []
-        self.roster = Roster(self.dropped.append)
+        self.roster = Roster(lambda _, why: self.dropped.append(why))
 
     def names(self) -> list[str]:
         return [each.ns for each in self.roster.uavs()]
@@ -27,15 +27,15 @@ def case() -> Case:
 
 
 def test_a_uav_is_there_once_its_daemon_is_present_and_has_told(case: Case) -> None:
-    assert not case.roster.is_complete  # on a busy computer nothing may have been heard yet
+    assert not case.roster.is_complete(10.0)  # on a busy computer nothing may have been heard yet
     case.roster.on_alive(source(), 10.0)
     assert case.names() == []
-    assert not case.roster.is_complete
+    assert not case.roster.is_complete(10.0)
     case.roster.on_report(source(), report(), 10.5)
     [found] = case.roster.uavs()
     assert (found.ns, found.publisher, found.addresses, found.heard_s) == ("uav_1", "uav_1", ("10.0.0.1:50051",), 10.5)
     assert (found.gone_s, found.is_contested, found.telemetry.state) == (None, False, State.FLYING_AUTO)
-    assert case.roster.is_complete
+    assert case.roster.is_complete(10.5)
     assert case.dropped == []
 
 
@@ -87,15 +87,15 @@ def test_a_sample_under_anothers_name_is_dropped_and_told(case: Case) -> None:
 def test_what_shows_no_sign_of_life_is_not_heard(case: Case) -> None:
     case.roster.on_report(source(), report(), 1.0)
     assert case.dropped == []  # its sign of life may be on its way
-    assert case.roster.is_doubtful(1.0)
-    case.roster.on_answer([], 1.5)
-    assert not case.roster.is_doubtful(1.5)
+    assert case.roster.doubtful(1.0)
+    case.roster.on_answer(["uav_1"], [], 1.5)
+    assert not case.roster.doubtful(1.5)
     assert case.names() == []
     case.roster.on_alive(source(), 2.0)
     case.roster.on_report(source(), report(), 2.0)
     case.roster.on_gone(source(), 3.0)
     case.roster.on_report(source(), report(uav(state=State.LANDING)), 4.0)
-    case.roster.on_answer([source("uav_2", 2)], 5.0)
+    case.roster.on_answer(["uav_1"], [source("uav_2", 2)], 5.0)
     assert [each.telemetry.state for each in case.roster.uavs()] == [State.FLYING_AUTO]
     assert case.dropped == ["uav_1 tells of UAVs, but shows no sign of life: dropped"] * 2
 
@@ -105,7 +105,7 @@ def test_a_sign_of_life_that_was_lost_is_asked_for(case: Case) -> None:
     case.roster.on_report(source(), report(), 1.0)
     case.roster.on_gone(source(), 2.0)
     case.roster.on_report(source(), report(), 4.0)
-    case.roster.on_answer([source()], 4.5)
+    case.roster.on_answer(["uav_1"], [source()], 4.5)
     case.roster.on_report(source(), report(), 5.0)
     [found] = case.roster.uavs()
     assert (found.gone_s, found.heard_s, case.dropped) == (None, 5.0, [])
@@ -115,9 +115,9 @@ def test_one_that_is_silent_and_not_there_when_it_is_asked_for_is_gone(case: Cas
     for name, instance, heard_s in (("uav_1", 1, 1.0), ("uav_2", 2, 4.0)):
         case.roster.on_alive(source(name, instance), 0.0)
         case.roster.on_report(source(name, instance), report(uav(name)), heard_s)
-    assert not case.roster.is_doubtful(2.9)
-    assert case.roster.is_doubtful(3.1)
-    case.roster.on_answer([], 4.5)
+    assert not case.roster.doubtful(2.9)
+    assert case.roster.doubtful(3.1)
+    case.roster.on_answer(["uav_1", "uav_2"], [], 4.5)
     assert [each.gone_s for each in case.roster.uavs()] == [4.5, None]
 
 
@@ -159,15 +159,76 @@ def test_a_fleet_is_complete_when_it_has_told_of_all(case: Case) -> None:
     fleet = source("uav_9-11")
     case.roster.on_alive(fleet, 0.0)
     case.roster.on_report(fleet, report(uav("uav_10"), uav("uav_9"), count=3), 1.0)
-    assert not case.roster.is_complete
+    assert not case.roster.is_complete(1.0)
     case.roster.on_report(fleet, report(uav("uav_11"), count=3), 1.0)
-    assert case.roster.is_complete
+    assert case.roster.is_complete(1.0)
     assert (case.roster.pieces(fleet), case.roster.pieces(source("uav_1"))) == (2, None)
     assert case.names() == ["uav_9", "uav_10", "uav_11"]
 
 
 def test_however_many_say_that_they_are_there_memory_is_limited(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST_PROCESSES", 3)
+    monkeypatch.setattr(module, "MOST_PUBLISHERS", 3)
     for instance in range(5):
         case.roster.on_alive(source(f"uav_{instance}", instance), 0.0)
     assert case.dropped == [f"more than 3 daemons: uav_{instance} is not shown" for instance in (3, 4)]
+
+
+def test_one_publisher_takes_no_place_of_others(case: Case) -> None:
+    """Its certificate lets it show as many signs of life as it wants."""
+    for instance in range(5000):
+        case.roster.on_alive(source("uav_2", instance), instance * 1e-3)
+    case.roster.on_alive(source(), 5.0)
+    case.roster.on_report(source(), report(), 5.0)
+    assert case.names() == ["uav_1"]
+    assert case.roster.is_complete(5.0)  # those that never tell are not waited for, however many come
+    assert set(case.dropped) == {"uav_2 shows more than 8 signs of life: not all are shown"}
+    case.roster.on_report(source("uav_2", 4999), report(uav("uav_2")), 5.0)
+    assert case.names() == ["uav_1", "uav_2"]
+
+
+def test_a_daemon_that_is_started_again_and_again_has_its_place(case: Case) -> None:
+    for instance in range(50):
+        case.roster.on_alive(source(instance=instance), float(instance))
+        case.roster.on_report(source(instance=instance), report(host=str(instance), started_s=instance), instance + 0.1)
+        case.roster.on_gone(source(instance=instance), instance + 0.5)
+        assert [each.teller.host for each in case.roster.uavs()] == [str(instance)]
+    assert case.dropped == []
+
+
+def test_what_tells_nothing_is_named_and_not_waited_for(case: Case) -> None:
+    case.roster.on_alive(source(), 0.0)
+    case.roster.on_report(source(), report(), 0.5)
+    assert case.roster.unseen() == ()
+    case.roster.on_alive(source("uav_2", 2), 1.0)
+    assert not case.roster.is_complete(2.9)
+    assert case.roster.is_known("uav_1", 1.0)  # which another's silence does not keep from flying
+    assert not case.roster.is_known("uav_2", 1.0)
+    assert case.roster.is_complete(3.1)
+    assert case.roster.unseen() == ("uav_2 shows a sign of life, and has not told of all its UAVs",)
+    for number in range(3, 12):
+        case.roster.on_alive(source(f"uav_{number}", number), 1.0)
+    assert case.roster.unseen()[-1] == "so do 5 more"
+
+
+def test_a_second_daemon_of_a_name_is_waited_for(case: Case) -> None:
+    """It may be another UAV of this name, which is then not flown."""
+    case.roster.on_alive(source(), 0.0)
+    case.roster.on_report(source(), report(), 0.5)
+    case.roster.on_alive(source(instance=2), 1.0)
+    assert not case.roster.is_known("uav_1", 2.9)
+    assert case.roster.is_known("uav_1", 3.1)
+
+
+def test_what_is_not_heard_is_not_there_whatever_its_sign_of_life_says(case: Case) -> None:
+    for name, instance, rate_hz in (("uav_1", 1, 1.0), ("uav_2", 2, 0.5)):
+        case.roster.on_alive(source(name, instance), 0.0)
+        case.roster.on_report(source(name, instance), report(uav(name), rate_hz=rate_hz), 10.0)
+    assert not case.roster.look(14.9)
+    assert case.roster.look(15.1)
+    assert [each.gone_s for each in case.roster.uavs()] == [15.1, None]
+    assert not case.roster.look(16.0)
+    assert case.roster.look(20.1)
+    case.roster.on_report(source("uav_1", 1), report(), 21.0)
+    assert [each.gone_s for each in case.roster.uavs()] == [None, 20.1]
+    case.roster.on_gone(source("uav_2", 2), 30.0)
+    assert [each.gone_s for each in case.roster.uavs()] == [None, 20.1]

@@ -103,6 +103,38 @@ def test_list_shows_what_uavs_tell_and_where_they_are(net: ZenohNet, config: str
     assert {each["needed_role"] for each in found} == {"pilot"}
 
 
+def test_what_is_there_and_not_seen_is_a_result(net: ZenohNet, config: str, telling: ExitStack) -> None:
+    """A list without a word of it would pass for all UAVs."""
+    Telling(telling, [(net.publication("uav_1", 1), report())])
+    net.publication("uav_2", 2)
+    until(lambda: "uav_1" in run("--network-config", config, "list").stdout)
+    result = run("--json", "--network-config", config, "list")
+    assert result.exit_code == 1
+    first, last = (json.loads(line) for line in result.stdout.splitlines())
+    assert (first["ns"], last["error"]["reason"]) == ("uav_1", "DAEMON_UNREACHABLE")
+    why = "not all UAVs of the network are seen: uav_2 shows a sign of life, and has not told of all its UAVs"
+    assert last["error"]["message"] == why
+    assert why in result.stderr
+    every = run("--network-config", config, "--all", "state")  # what asks them, or flies them, says it, too
+    assert "ual: network: not all UAVs are seen: uav_2 shows a sign of life" in every.stderr
+
+
+def test_a_flood_of_signs_of_life_hides_nobody_and_every_end_comes(net: ZenohNet, telling: ExitStack) -> None:
+    net.router()
+    Telling(telling, [(net.publication(), report())])
+    network = net.network()
+    flooding = net.publication("uav_2", 2)
+    for number in range(1500):
+        telling.callback(
+            flooding._session.liveliness().declare_token(source("uav_2", number, net.site).alive).undeclare
+        )
+    until(lambda: any("uav_2 shows more than 8 signs of life" in why for why in network.problems))
+    until(lambda: [uav.ns for uav in network.uavs() if uav.gone_s is None] == ["uav_1"])
+    network.close()
+    later = net.network()
+    until(lambda: [uav.ns for uav in later.uavs()] == ["uav_1"])
+
+
 def test_a_uav_that_listens_only_on_its_own_computer_is_not_flown(
     net: ZenohNet, config: str, telling: ExitStack
 ) -> None:
@@ -194,7 +226,7 @@ class Case:
 
     def __init__(self) -> None:
         self.said: list[str] = []
-        self.roster = Roster(self.said.append)
+        self.roster = Roster(lambda _, why: self.said.append(why))
 
     def uavs(self) -> tuple[Any, ...]:
         return self.roster.uavs()

@@ -42,9 +42,9 @@ def source_of(key: str) -> Source | None:
     return None if match is None else Source(match[1], match[2], match[3])
 
 
-def all_alive(site: str) -> str:
-    """Returns the key expression of all liveliness tokens of a site."""
-    return f"{ROOT}/{site}/*/*/{_ALIVE}"
+def all_alive(site: str, publisher: str = "*") -> str:
+    """Returns the key expression of all liveliness tokens of a site, or of one publisher."""
+    return f"{ROOT}/{site}/{publisher}/*/{_ALIVE}"
 
 
 def all_telemetry(site: str) -> str:

@@ -6,7 +6,7 @@ import atexit
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -19,11 +19,12 @@ from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.network import keys, settings
 from ual.network.followed import Followed, conflict
 from ual.network.lost_links import LostLinks
-from ual.network.roster import Roster
+from ual.network.roster import MOST_PUBLISHERS, Roster
 from ual.network.session import close_session, forked, has_router, open_session, queue, require, ring
 from ual.network.settings import LOOPBACK, NetworkSettings
 from ual.network.values import NetworkUav
 from ual.shared.guard import WorkGuard
+from ual.shared.pauses import GrowingPauses
 from ual.wire import network as wire
 
 if TYPE_CHECKING:
@@ -32,9 +33,12 @@ if TYPE_CHECKING:
 _JOIN_S = 3.0
 _LEAST_LOOK_S = 0.5
 """Who is there says so within this time."""
-_ASK_S, _ANSWER_S = 0.25, 2.0
+_ASK_S, _LONGEST_ASK_S, _ANSWER_S = 0.25, 8.0, 2.0
 _CLOSE_S = 5.0
-_MOST_PROBLEMS = 100
+_MOST_PROBLEMS = 10
+"""Of one publisher: none can hide what others do."""
+_MOST_ASKED = 8
+"""Publishers of which it is asked one by one. More are asked of with all others."""
 
 
 class Network:
@@ -72,7 +76,8 @@ class Network:
         require("the network", "ual-client[network]")
         self.settings = settings.read(config)
         self._on_problem = on_problem
-        self._problems: Counter[str] = Counter()
+        self._problems: dict[str, Counter[str]] = {}
+        """By publisher."""
         self._changed = threading.Condition()
         self._roster = Roster(self._drop)
         self._is_closed = False
@@ -147,13 +152,25 @@ class Network:
 
         Where `ns` is empty, it is the only one of the network.
         """
-        return Followed(ns, self._called, self.described, self._is_settled, self._names)
+        return Followed(ns, self._called, self.described, partial(self._is_settled, ns), self._names)
 
     @property
     def problems(self) -> Mapping[str, int]:
         """What was dropped and why, and how often."""
+        self._require_own()
         with self._changed:
-            return dict(self._problems)
+            return {why: count for of in self._problems.values() for why, count in of.items()}
+
+    @property
+    def unseen(self) -> Sequence[str]:
+        """What is there and not shown in `uavs`, human-readable: daemons that tell nothing, or no router is reached.
+
+        It is empty where all is seen.
+        """
+        self._require_own()
+        with self._changed:
+            found = self._roster.unseen()
+        return found if self.is_connected else (f"no router is reached ({self.described})", *found)
 
     @property
     def described(self) -> str:
@@ -164,7 +181,8 @@ class Network:
     def wait_until_complete(self, timeout_s: float = _JOIN_S) -> bool:
         """Waits until each daemon that is there has told of all its UAVs, or for the whole time where none is there.
 
-        Returns whether that was so in time.
+        One that is there for 2 s and has not told is not waited for: `unseen` names it. Returns whether that was so in
+        time.
         """
         return self.wait_for(
             lambda _: time.monotonic() - self._since_s >= _LEAST_LOOK_S and self._is_complete, timeout_s
@@ -184,26 +202,34 @@ class Network:
 
     def close(self) -> None:
         """Leaves the network. What was heard last stays to be read."""
-        if not self._is_closed:
-            self._is_closed = True
-            self._closing.set()
-            atexit.unregister(self.close)
+        if self._is_closed:
+            return
+        self._is_closed = True
+        self._closing.set()
+        atexit.unregister(self.close)
+        if not self._readers:
             close_session(self._session)
-            # One that came back from Zenoh while Python ends would abort the program.
-            for reader in self._readers:
-                if reader is not threading.current_thread():
-                    reader.join(_CLOSE_S)
+        # One that came back from Zenoh while Python ends would abort the program.
+        end_s = time.monotonic() + _CLOSE_S
+        for reader in self._readers:
+            if reader is not threading.current_thread():
+                reader.join(max(0.0, end_s - time.monotonic()))
 
-    def _is_settled(self) -> bool:
-        """Whether all that are there have told of themselves, or have had the time for it."""
+    def _is_settled(self, ns: str) -> bool:
+        """Whether all that may be this UAV have told of themselves, or have had the time for it."""
         if self._is_parents:
             return True
-        looked_s = time.monotonic() - self._since_s
-        return looked_s >= _JOIN_S or (looked_s >= _LEAST_LOOK_S and self._is_complete)
+        now_s = time.monotonic()
+        looked_s = now_s - self._since_s
+        if looked_s < _LEAST_LOOK_S:
+            return False
+        with self._changed:
+            is_known = (ns and self._roster.is_known(ns, now_s)) or self._roster.is_complete(now_s)
+        return looked_s >= _JOIN_S or is_known
 
     @property
     def _is_complete(self) -> bool:
-        return self._roster.is_complete
+        return self._roster.is_complete(time.monotonic())
 
     def _called(self, ns: str) -> tuple[NetworkUav, ...]:
         with self._changed:
@@ -233,27 +259,37 @@ class Network:
 
     def _keep_asking(self) -> None:
         """Asks who is there where signs of life and reports contradict each other."""
-        links = LostLinks(self._session.info.links)
+        links, pauses = LostLinks(self._session.info.links), _Pauses()
         while not self._closing.wait(_ASK_S):
-            self._guard.contain(partial(self._look, links))
+            self._guard.contain(partial(self._look, links, pauses))
+        close_session(self._session)
 
-    def _look(self, links: LostLinks) -> None:
+    def _look(self, links: LostLinks, pauses: _Pauses) -> None:
         links.look()
+        now_s = time.monotonic()
         with self._changed:
-            is_doubtful = self._roster.is_doubtful(time.monotonic())
-        if is_doubtful:
-            self._ask()
+            if self._roster.look(now_s):
+                self._changed.notify_all()
+            doubtful = self._roster.doubtful(now_s)
+        if asked := pauses.due(doubtful, now_s):
+            self._ask(asked)
 
-    def _ask(self) -> None:
+    def _ask(self, asked: Collection[str]) -> None:
         import zenoh
 
+        site = self.settings.site
+        about = [keys.all_alive(site)] if len(asked) > _MOST_ASKED else [keys.all_alive(site, each) for each in asked]
         try:
-            replies = list(self._session.liveliness().get(keys.all_alive(self.settings.site), timeout=_ANSWER_S))
+            replies = [
+                reply
+                for each in about
+                for reply in self._session.liveliness().get(each, timeout=_ANSWER_S / len(about))
+            ]
         except zenoh.ZError:
             return  # closed meanwhile
         found = [self._source(reply.ok) for reply in replies if reply.ok is not None]
         with self._changed:
-            self._roster.on_answer([each for each in found if each is not None], time.monotonic())
+            self._roster.on_answer(asked, [each for each in found if each is not None], time.monotonic())
             self._changed.notify_all()
 
     def _on_tokens(self, samples: Sequence[zenoh.Sample]) -> None:
@@ -277,7 +313,7 @@ class Network:
         try:
             report = wire.report_from_bytes(sample.payload.to_bytes())
         except ValueError as error:
-            self._drop(f"{source.publisher} sends what is no report ({error}): dropped")
+            self._drop(source.publisher, f"{source.publisher} sends what is no report ({error}): dropped")
             return
         with self._changed:
             self._roster.on_report(source, report, now_s)
@@ -286,18 +322,39 @@ class Network:
     def _source(self, sample: zenoh.Sample) -> keys.Source | None:
         source = keys.source_of(str(sample.key_expr))
         if source is None:
-            self._drop("something was sent under a key that no daemon has: dropped")
+            self._drop("", "something was sent under a key that no daemon has: dropped")
         return source
 
-    def _drop(self, why: str) -> None:
+    def _drop(self, publisher: str, why: str) -> None:
         """Counts what was dropped, and says each reason once."""
         with self._changed:
-            is_new = why not in self._problems
-            if is_new and len(self._problems) >= _MOST_PROBLEMS:
+            if publisher not in self._problems and len(self._problems) >= MOST_PUBLISHERS:
                 return
-            self._problems[why] += 1
+            problems = self._problems.setdefault(publisher, Counter())
+            is_new = why not in problems
+            if is_new and len(problems) >= _MOST_PROBLEMS:
+                return
+            problems[why] += 1
         if is_new and self._on_problem is not None:
             self._on_problem(why)
+
+
+class _Pauses:
+    """When it is asked again of each publisher whether it is there: ever more seldom, where that settles nothing."""
+
+    def __init__(self) -> None:
+        self._of: dict[str, GrowingPauses] = {}
+
+    def due(self, doubtful: Collection[str], now_s: float) -> list[str]:
+        """Returns those of which it is to be asked now."""
+        if len(self._of) > 2 * MOST_PUBLISHERS:
+            self._of.clear()
+        due = [
+            each for each in doubtful if self._of.setdefault(each, GrowingPauses(_ASK_S, _LONGEST_ASK_S)).is_due(now_s)
+        ]
+        for each in due:
+            self._of[each].failed(now_s)
+        return due
 
 
 def _read(subscriber: zenoh.Subscriber[Any], take: Callable[[Sequence[zenoh.Sample]], None]) -> None:

@@ -52,6 +52,8 @@ class Joined:
         from ual.network.followed import best_address
 
         found = []
+        for why in self.network().unseen:
+            self._say(f"ual: network: not all UAVs are seen: {why}")
         for uav in self.network().uavs():
             if uav.gone_s is not None:
                 continue

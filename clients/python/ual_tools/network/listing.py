@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ual.errors import DaemonUnreachableError
 from ual_tools import condition
 from ual_tools.condition import STYLES, Condition, Level
 from ual_tools.network.joined import Joined, label
@@ -16,15 +17,26 @@ from ual_tools.session import Session
 from ual_tools.tables import print_table
 
 if TYPE_CHECKING:
-    from ual.network import NetworkUav
+    from ual.network import Network, NetworkUav
 
 _HEADER = ("uav", "state", "backend", "address", "host", "age", "battery", "to fly it")
 _GREY = "bright_black"
 
 
 def list_uavs(session: Session, joined: Joined) -> None:
-    """Prints a line for each UAV, the worst first."""
+    """Prints a line for each UAV, the worst first.
+
+    Raises:
+        DaemonUnreachableError: Something is there that is not seen.
+
+    """
     network = joined.network()
+    _print(session, network)
+    if unseen := network.unseen:
+        raise DaemonUnreachableError(f"not all UAVs of the network are seen: {'; '.join(unseen)}")
+
+
+def _print(session: Session, network: Network) -> None:
     now_s, utc_s = time.monotonic(), time.time()
     known = condition.worst_first(network.uavs(), lambda uav: condition_of(uav, now_s), lambda uav: uav.ns)
     if session.as_json:
