@@ -14,7 +14,7 @@ TOOLS := clients/python/ual_tools
 DISTRIBUTIONS := pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml ual_daemon/_version.py \
 	$(CLIENT)/ual/__init__.py $(TOOLS)/__init__.py
 
-.PHONY: help install dev dist release run test test-all test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs format clients proto proto-check proto-baseline sbom wire interface bench bench-guard bench-fleet bench-tracker clean
+.PHONY: help install dev dist release run test test-all test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs pages format clients proto proto-check proto-baseline sbom wire interface bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -162,6 +162,9 @@ $(VENV)/.docs: $(INSTALLED)
 format: $(DEV)  ## The code in its style
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+pages: $(DEV)  ## The parts of the manuals that follow from the code: options, settings, Telemetry's fields, pictures
+	$(BIN)/python -m tools.pages
 
 proto: $(DEV)  ## What follows from the contract: stubs, the facts of its methods, tables of the manuals
 	$(BIN)/python -m tools.contract

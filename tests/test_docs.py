@@ -34,6 +34,7 @@ from tests.pages import (
     why_wrong,
     wrong_commands,
 )
+from tools.pages.__main__ import out_of_date
 from ual import errors
 from ual_daemon.backends.light import LightSettings
 from ual_daemon.backends.values import Cause
@@ -355,9 +356,9 @@ def test_every_key_of_the_configuration_is_listed() -> None:
     assert keys - words == set()
 
 
-def test_every_error_is_listed_with_its_reason() -> None:
+def test_every_error_has_a_heading_with_its_reason() -> None:
     text = (DOCS / "reference" / "errors.md").read_text(encoding="utf-8")
-    listed = {name: reason for reason, name in re.findall(r"^\| (\w+) \| `(\w+)`", text, re.MULTILINE)}
+    listed = {name: reason for reason, name in re.findall(r"^## ([A-Z_]+)\n\n`(\w+)`", text, re.MULTILINE)}
     raised = {
         name: kind for name, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, errors.UalError)
     }
@@ -374,6 +375,10 @@ def test_who_or_what_ends_a_task_is_listed() -> None:
     literals = set(re.findall(r'"by": "(.+?)"', code))
     causes = {cause.value for cause in Cause if cause.value} | {trouble.value for trouble in Trouble}
     assert listed - {"go_to_waypoint", "set_velocity", "abort"} == literals | causes | {"cancel"}
+
+
+def test_what_follows_from_the_code_is_up_to_date() -> None:
+    assert out_of_date() == []
 
 
 def test_every_event_of_the_log_that_is_listed_exists() -> None:

@@ -653,7 +653,7 @@ def test_it_returns_home_and_takes_off_again_in_one_script(flying: DaemonProcess
 
 
 def test_a_task_is_paused_and_resumed(flying: DaemonProcess) -> None:
-    assert run("pause").stderr == "ual: WRONG_STATE: pause: no task runs\n"
+    assert run("pause").stderr == "ual: WRONG_STATE: pause: no task runs (see docs/reference/errors.md#wrong_state)\n"
     with ual.Uav() as uav:
         uav.simulation.set_speed_factor(0.1)  # the go-to lasts
         task = uav.go_to_waypoint(ual.Pose.at(5.0, 0.0, 3.0), blocking=False)

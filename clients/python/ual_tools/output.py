@@ -17,6 +17,11 @@ def error_text(error: UalError) -> str:
     return f"{error.reason}: {' '.join(error.message.split())}"
 
 
+def remedy_text(error: UalError) -> str:
+    """Returns where the pages say what to do about a reason."""
+    return f"see docs/reference/errors.md#{error.reason.lower()}"
+
+
 def to_json(value: object) -> object:
     """Converts a value to what JSON can express: the names of enums, null for a number that is not finite."""
     if isinstance(value, Enum):

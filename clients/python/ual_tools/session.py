@@ -16,7 +16,7 @@ from ual.shared import environment
 from ual.types import TaskInfo
 from ual_tools import start
 from ual_tools.help import as_typed
-from ual_tools.output import error_text, to_json
+from ual_tools.output import error_text, remedy_text, to_json
 from ual_tools.streams import Line, write
 
 if TYPE_CHECKING:
@@ -158,8 +158,8 @@ class Session:
             self._say(line if self.as_json else self._prefix + line, kind)
 
     def fail(self, error: UalError) -> None:
-        """Prints in one line why the command was refused or failed."""
-        self._say(f"{self._prefix or 'ual: '}{as_typed(error_text(error))}", Line.MESSAGE)
+        """Prints in one line why the command was refused or failed, and where its remedy is described."""
+        self._say(f"{self._prefix or 'ual: '}{as_typed(error_text(error))} ({remedy_text(error)})", Line.MESSAGE)
         if self.as_json:
             self._say(json.dumps(self._named({"error": to_json(error)}), allow_nan=False), Line.DONE)
 

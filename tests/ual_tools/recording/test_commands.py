@@ -24,6 +24,8 @@ from ual.recording.reader import Recording
 from ual.types import State
 from ual_tools.main import cli
 
+_SEE = "(see docs/reference/errors.md#invalid_argument)"
+
 
 def run(*words: str | Path) -> str:
     result = CliRunner().invoke(cli, [str(word) for word in words])
@@ -250,7 +252,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, words: tuple[str, ...],
     file.write_bytes(content)
     result = CliRunner().invoke(cli, [*words, str(file)])
     assert (result.exit_code, result.stdout) == (1, "")
-    assert result.stderr == f"ual: INVALID_ARGUMENT: cannot read {file}: {why}\n"
+    assert result.stderr == f"ual: INVALID_ARGUMENT: cannot read {file}: {why} {_SEE}\n"
     assert list(tmp_path.iterdir()) == [file]
 
 
@@ -258,5 +260,5 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, words: tuple[str, ...],
 def test_a_recording_without_telemetry_makes_no_files(tmp_path: Path, words: tuple[str, ...]) -> None:
     file = empty_recording(tmp_path)
     result = CliRunner().invoke(cli, [*words, str(file)])
-    assert (result.exit_code, result.stderr) == (1, f"ual: INVALID_ARGUMENT: {file} has no telemetry\n")
+    assert (result.exit_code, result.stderr) == (1, f"ual: INVALID_ARGUMENT: {file} has no telemetry {_SEE}\n")
     assert list(tmp_path.iterdir()) == [file]
