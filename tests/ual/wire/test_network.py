@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from tests.ual.network.samples import report, telemetry, uav
 from ual.network.values import UavReport
+from ual.shared.text import printable
 from ual.types import Health, Telemetry
 from ual.v1 import network_pb2 as pb
 from ual.wire import network as wire
-from ual.wire.network import printable, report_from_bytes, report_to_bytes
+from ual.wire.network import report_from_bytes, report_to_bytes
 
 
 def test_a_report_comes_back_as_it_was() -> None:

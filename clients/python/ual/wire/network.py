@@ -9,6 +9,7 @@ from google.protobuf.message import DecodeError
 
 from ual.errors import UalError
 from ual.network.values import Report, Teller, UavReport
+from ual.shared.text import printable
 from ual.types import Telemetry
 from ual.v1 import network_pb2 as pb
 from ual.v1 import ual_pb2
@@ -16,7 +17,6 @@ from ual.wire import convert
 
 _NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 _ADDRESS = re.compile(r"unix:\S{1,200}|(?:\[[0-9A-Fa-f:.]{2,45}\]|[A-Za-z0-9._-]{1,255}):[0-9]{1,5}")
-_LONGEST_TEXT = 500
 _MOST_ADDRESSES = 8
 _LEAST_RATE_HZ, _MOST_RATE_HZ = 1e-3, 1e3
 
@@ -113,13 +113,6 @@ def _read_uav(message: pb.NetworkUav) -> UavReport:
         printable(message.needed_role),
         message.is_watch_only,
     )
-
-
-def printable(text: str) -> str:
-    """Returns a text without what would act on a terminal, cut to a length that fits a table."""
-    if len(text) <= _LONGEST_TEXT and text.isprintable():
-        return text
-    return "".join(each if each.isprintable() else "?" for each in text[:_LONGEST_TEXT])
 
 
 def _make_printable(message: ual_pb2.Telemetry) -> None:

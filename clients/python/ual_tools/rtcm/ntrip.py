@@ -1,177 +1,102 @@
-"""An NTRIP caster as a source of corrections. pygnssutils speaks with it, and is imported only for this."""
+"""An NTRIP caster as a source of corrections."""
 
 from __future__ import annotations
 
-import logging
-import threading
 import time
 from collections.abc import Callable, Generator
-from queue import Empty, Queue
-from typing import Any, NamedTuple
 from urllib.parse import unquote, urlsplit
 
-from typing_extensions import Self, override
+from typing_extensions import override
 
 from ual.errors import InvalidArgumentError
-from ual.shared import environment, extras
+from ual.shared import environment
 from ual.types import GeoPoint
-from ual_tools.rtcm.source import EXTRA, SILENCE_S, WAIT_S, Source, SourceError
+from ual_tools.rtcm import ntrip_protocol as protocol
+from ual_tools.rtcm.ntrip_protocol import Caster, Connection, Head, connected
+from ual_tools.rtcm.source import Source, SourceError
 
 USER_VARIABLE, PASSWORD_VARIABLE = "UAL_NTRIP_USER", "UAL_NTRIP_PASSWORD"
 GGA_S = 10
 """How often a caster that wants to know where the UAV is, is told."""
 _PORTS = {"ntrip": 2101, "ntrips": 443}
-_TABLE_S = 10.0
 _WANTS_POSITION = 10
 """The field of a line of the caster's table that is 1 where the caster wants to be told the position."""
-_START = b"\xd3"
+_MOST_NAMED = 10
 
 Position = Callable[[], GeoPoint | None]
 """Returns where the UAV is; None while that is not known."""
 
 
-class Caster(NamedTuple):
-    """What an address of a caster says."""
-
-    host: str
-    port: int
-    mountpoint: str
-    user: str
-    password: str
-    has_tls: bool
-
-    @property
-    def shown(self) -> str:
-        """Its address without the password."""
-        return f"{self.host}:{self.port}/{self.mountpoint}"
-
-
 class NtripSource(Source):
-    """A mount point of a caster. `position` is told to the caster each `gga_s`; None: where its table says so."""
+    """A mount point of a caster. `position` is told to the caster at once and then each `gga_s`.
+
+    Where that is None, the caster's table says whether it wants to be told. What the table does not say is told where
+    it is known: a caster that computes for a place sends nothing before, and others do not mind.
+    """
 
     def __init__(self, caster: Caster, position: Position, gga_s: int | None = None) -> None:
-        with extras.needs("ual rtcm --ntrip", EXTRA):
-            import pygnssutils  # noqa: F401 - only to see whether it is installed
         self.name = caster.shown
         self._caster = caster
         self._position = position
         self._gga_s = gga_s
+        self._is_wanted: bool | None = bool(gga_s) if gga_s is not None else None
+        self._has_asked = gga_s is not None
 
     @override
     def chunks(self) -> Generator[bytes, None, None]:
-        if self._gga_s is None:
-            self._gga_s = GGA_S if self._wants_position() else 0
-        if self._gga_s and self._position() is None:
+        if not self._has_asked:
+            self._is_wanted, self._has_asked = self._looked_up(), True
+        if self._is_wanted and self._position() is None:
             raise SourceError("it wants to know where the UAV is, and that is not known yet")
-        with _Connection(self._caster, self._position, self._gga_s, self._caster.mountpoint) as connection:
-            while True:
-                received = connection.next(WAIT_S)
-                data = b"" if received is None else received[0]
-                yield data if data[:1] == _START else b""  # it also shows the position that it has sent
+        for is_version_2 in (True, False):
+            with connected(self._caster) as connection:
+                connection.ask(self._caster, self._caster.mountpoint, self._gga(), is_version_2=is_version_2)
+                if (head := connection.head()) is not None:
+                    self._require_data(head, connection)
+                    yield from self._told_on_time(connection)
+                    raise SourceError("the caster has closed the connection")
+        raise SourceError("it has closed the connection without an answer")
 
-    def _wants_position(self) -> bool:
-        """Looks the mount point up in the caster's table."""
-        with _Connection(self._caster, self._position, 0, "") as connection:
-            end_s = time.monotonic() + _TABLE_S
-            while time.monotonic() < end_s:
-                received = connection.next(WAIT_S)
-                if received is not None and isinstance(received[0], list):
-                    return _is_wanted(received[0], self._caster)
-        raise SourceError(f"its table of mount points did not come within {_TABLE_S:g} s")
+    def _told_on_time(self, connection: Connection) -> Generator[bytes, None, None]:
+        """Yields what comes, and tells the caster where the UAV is, whether anything comes or not."""
+        due_s = time.monotonic()
+        for data in connection.body():
+            yield data
+            if self._is_wanted is not False and time.monotonic() >= due_s:
+                due_s = time.monotonic() + (self._gga_s or GGA_S)
+                if sentence := self._gga():
+                    connection.tell(sentence)
 
+    def _gga(self) -> str:
+        """Returns the sentence with the position; empty where none is wanted or known."""
+        point = None if self._is_wanted is False else self._position()
+        return "" if point is None else protocol.gga(point, time.time())
 
-def _is_wanted(table: list[list[str]], caster: Caster) -> bool:
-    lines = [line for line in table if line and line[0] == caster.mountpoint]
-    if not lines:
-        known = ", ".join(sorted({line[0] for line in table if line})[:10]) or "none"
-        text = f"ntrip: {caster.host}:{caster.port} has no mount point {caster.mountpoint} (it has {known})"
-        raise InvalidArgumentError(text, {"field": "ntrip"})
-    told = {line[_WANTS_POSITION].strip() if len(line) > _WANTS_POSITION else "" for line in lines}
-    if told not in ({"0"}, {"1"}):
-        has = " and ".join(map(repr, sorted(told)))
-        text = (
-            f"ntrip: the table of {caster.host}:{caster.port} has {has} where it is to say whether {caster.mountpoint} "
-            "wants to know the position (0 or 1): say so by --gga"
-        )
-        raise InvalidArgumentError(text, {"field": "ntrip"})
-    return told == {"1"}
+    def _looked_up(self) -> bool | None:
+        """Returns whether the caster's table says that the mount point wants the position; None where it does not say.
 
-
-class _Connection:
-    """One connection of pygnssutils, which has a thread of its own, and tells its end to an "application"."""
-
-    def __init__(self, caster: Caster, position: Position, gga_s: int, mountpoint: str) -> None:
-        from pygnssutils import GNSSNTRIPClient
-        from pygnssutils.globals import VERBOSITY_CRITICAL
-
-        self._position = position
-        self._received: Queue[Any] = Queue()
-        self._failure = ""
-        self._is_over = threading.Event()
-        logging.getLogger("pygnssutils").addHandler(logging.NullHandler())  # what it has to say comes by `set_controls`
-        # Not again by itself: what it does while it waits is not told.
-        self._client = GNSSNTRIPClient(self, retries=0, timeout=SILENCE_S, verbosity=VERBOSITY_CRITICAL)
-        self._client.run(
-            server=caster.host,
-            port=caster.port,
-            https=caster.has_tls,
-            mountpoint=mountpoint,
-            ntripuser=caster.user,
-            ntrippassword=caster.password,
-            ggainterval=gga_s or -1,
-            output=self._received,
-            stopevent=threading.Event(),
-        )
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._client.stop()
-
-    def next(self, timeout_s: float) -> Any:  # noqa: ANN401 (bytes or a table, with what pygnssutils made of them)
-        """Returns what comes next; None where nothing does in time.
-
-        Raises:
-            SourceError: The connection has ended.
-
+        A table that is forbidden, or lacks the mount point, is none that says so: the mount point itself is asked.
         """
-        try:
-            received = self._received.get(timeout=timeout_s)
-        except Empty:
-            if self._is_over.is_set():
-                raise SourceError(self._failure or "the connection has ended") from None
-            return None
-        if not received[0]:  # again and again from now on
-            self._client.stop()
-            raise SourceError("the caster has closed the connection")
-        return received
+        with connected(self._caster) as connection:
+            connection.ask(self._caster, "", "", is_version_2=True)
+            head = connection.head()
+            if head is None or head.status != protocol.OK:
+                return None
+            lines = [line for line in connection.table() if line and line[0] == self._caster.mountpoint]
+        told = {line[_WANTS_POSITION].strip() if len(line) > _WANTS_POSITION else "" for line in lines}
+        return {"0": False, "1": True}.get(told.pop()) if len(told) == 1 else None
 
-    # --- What pygnssutils calls ---------------------------------------------------------------------------------------
-
-    def dialog(self, _name: str) -> _Connection:
-        """Returns what is told of the connection."""
-        return self
-
-    def set_controls(self, is_up: bool, told: tuple[str, str]) -> None:
-        """Takes how the connection is."""
-        if not is_up:
-            self._failure = str(told[0])
-            self._is_over.set()
-
-    def get_coordinates(self) -> dict[str, object]:
-        """Returns where the UAV is. A `ValueError` has nothing sent."""
-        point = self._position()
-        if point is None:
-            raise ValueError("it is not known where the UAV is")
-        altitude_m = point.altitude_amsl_m or 0.0
-        ellipsoid_m = altitude_m if point.altitude_ellipsoid_m is None else point.altitude_ellipsoid_m
-        return {
-            "lat": point.latitude_deg,
-            "lon": point.longitude_deg,
-            "alt": altitude_m,
-            "sep": ellipsoid_m - altitude_m,
-        }
+    def _require_data(self, head: Head, connection: Connection) -> None:
+        """Refuses an answer without corrections: for good, where the caster has no such mount point."""
+        if head.is_table or head.status == protocol.MISSING:
+            names = sorted({line[0] for line in connection.table() if line})[:_MOST_NAMED] if head.is_table else []
+            has = f" (it has {', '.join(names) or 'none'})" if head.is_table else ""
+            where = f"{self._caster.host}:{self._caster.port}"
+            text = f"ntrip: {where} has no mount point {self._caster.mountpoint}{has}"
+            raise InvalidArgumentError(text, {"field": "ntrip"})
+        if head.status != protocol.OK:
+            who = " (UAL_NTRIP_USER, UAL_NTRIP_PASSWORD)" if head.status in protocol.FORBIDDEN else ""
+            raise SourceError(f"it refuses: {head.text[:80]}{who}")
 
 
 def parse_caster(text: str) -> Caster:
