@@ -126,6 +126,8 @@ _PILOTS_MODES = frozenset(
         "TURTLE",
     }
 )
+_KEEPING_HEIGHT = frozenset({"ALT_HOLD", "LOITER", "POSHOLD", "FLOWHOLD", "ZIGZAG"})
+"""Pilot's modes in which it bounds the descent (PILOT_SPEED_DN)."""
 _ON_ARMING = {
     **dict.fromkeys((*_PILOTS_MODES, "GUIDED", "GUIDED_NOGPS"), OnArming.STANDS),
     **dict.fromkeys(
@@ -305,6 +307,7 @@ class ArduCopter(Autopilot):
             _CONTROL.get(name, Control.OTHER),
             is_autonomous=name in _AUTONOMOUS,
             on_arming=_ON_ARMING.get(name, self.on_arming_elsewhere),
+            keeps_height=name in _KEEPING_HEIGHT,
         )
 
     @override

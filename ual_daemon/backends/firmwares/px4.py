@@ -73,6 +73,8 @@ _CONTROL = {
 }
 _AUTONOMOUS = frozenset({"AUTO.LOITER", "AUTO.MISSION", "AUTO.RTL", "AUTO.FOLLOW_TARGET", "POSCTL.ORBIT"})
 _PILOTS_MODES = frozenset({"MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "POSCTL.SLOW", "ALTITUDE_CRUISE"})
+_KEEPING_HEIGHT = frozenset({"ALTCTL", "POSCTL", "POSCTL.SLOW", "ALTITUDE_CRUISE"})
+"""Pilot's modes in which it bounds the descent (MPC_Z_VEL_MAX_DN)."""
 _ON_ARMING = {
     **dict.fromkeys((*_PILOTS_MODES, "AUTO.LOITER"), OnArming.STANDS),
     "OFFBOARD": OnArming.REFUSES,  # without a stream of setpoints; PX4 enters it by itself after we have landed it
@@ -207,6 +209,7 @@ class Px4(Autopilot):
             _CONTROL.get(name, Control.OTHER),
             is_autonomous=name in _AUTONOMOUS,
             on_arming=_ON_ARMING.get(name, self.on_arming_elsewhere),
+            keeps_height=name in _KEEPING_HEIGHT,
         )
 
     @override

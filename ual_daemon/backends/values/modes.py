@@ -106,6 +106,7 @@ class Mode:
     `is_autonomous` is whether the autopilot surely flies by itself in it, without sticks (hold, return): a landing may
     replace such a mode, and never one that the pilot flies. `own_text` has what the autopilot itself calls a mode that
     has no name here (an external mode of PX4, a script's of ArduPilot). It is only told: nothing is decided by it.
+    `keeps_height` is whether the autopilot bounds the descent in it, though a pilot flies.
     """
 
     name: str
@@ -113,6 +114,7 @@ class Mode:
     is_autonomous: bool = False
     own_text: str = field(default="", compare=False)
     on_arming: OnArming = OnArming.STANDS
+    keeps_height: bool = False
 
     @property
     def text(self) -> str:

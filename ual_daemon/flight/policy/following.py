@@ -7,6 +7,7 @@ fall.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from enum import Enum
 from typing import NamedTuple
@@ -14,7 +15,7 @@ from typing import NamedTuple
 from ual.errors import WrongStateError
 from ual.types import State
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, Snapshot
+from ual_daemon.backends.values import Cause, Control, Mode, Sample, Snapshot
 from ual_daemon.flight.policy.touch_down import STANDS_M_S
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Hold, Reference, Velocity
@@ -33,8 +34,16 @@ _EVERY_S = 0.09
 """Between two looks: a velocity that comes sooner shows no more."""
 _DESCENDS_M_S = 0.5
 """What descends more slowly does not fall, whatever was asked."""
+_RECENT_COUNT = 9
+"""Looks that are kept: those of `_OLDEST_S`."""
 _FALLS_S = 0.1
 """So long a fall must last: three velocities at 30 Hz."""
+GAIN_S, _OLDEST_S = 0.35, 0.75
+"""A descent is compared with the newest one that is so much older, and not older than that."""
+GAIN_M_S = 2.2
+"""A descent that has become faster by so much since is a fall: 6.3 m/s^2 for 0.35 s. No controller brakes so late."""
+_GAIN_SHARE = 1.5
+"""The same, of what the autopilot may gain by its own acceleration in that time."""
 _DROP_SHARE = 0.4
 """The part of a fall by the velocities that must show in the positions: a wrong estimate of the velocity is no fall."""
 TILT_RAD = math.radians(70.0)
@@ -67,6 +76,10 @@ _STOPPED_DROP_M, _STOPPED_S = 1.0, 8.0
 """
 _LONGEST_GAP_S = 1.0
 """After so long without a velocity nothing follows from those before."""
+_UNSEEN_M, _UNSEEN_S = 1.5, 30.0
+"""So much lower than it can have descended a UAV is that fell while nobody looked, for so long at most."""
+_LED_ON_S = 3.0
+"""ArduPilot follows the last velocity for so long where no setpoint comes (GUID_TIMEOUT)."""
 _IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 _GROUND_NOISE_M = 1.2
 _UNKNOWN_GROUND_M = 3.0
@@ -136,6 +149,10 @@ class Following:
         """Since when a velocity is off, and by how much it was then."""
         self._armed_s = -math.inf
         """When it was in the air and armed last."""
+        self._recent: deque[_Seen] = deque(maxlen=_RECENT_COUNT)
+        self._before: _Seen | None = None
+        """What was seen last, where that was in the air."""
+        self._boots_count = 0
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -195,7 +212,13 @@ class Following:
         self.why, self.trouble, self._is_now, self._worst, self.lies = "", None, False, 0.0, False
 
     def forget(self) -> None:
-        """Forgets the motion from before: the estimate has jumped."""
+        """Forgets the motion and the place from before: the estimate has jumped."""
+        self._before = None
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """Forgets the motion from before a gap."""
+        self._recent.clear()
         self._fall, self._hold, self._stopped, self._off = None, None, None, (-math.inf, math.inf)
         self._still_s = None
         self._tilted_s = self._astray_s = self._slow_s = math.inf
@@ -212,10 +235,12 @@ class Following:
         if self._is_released:
             self._is_released, self.why, self.trouble = False, "", None  # an update may have told it meanwhile
             self.forget()
+        if snapshot.link.boots_count != self._boots_count:
+            self._begin_boot(snapshot.link.boots_count)
         motion = snapshot.motion
         velocity, pose = motion.velocity, motion.pose
         if velocity is None or pose is None or raw.state is State.UNINITIALIZED:
-            self.forget()
+            self._note_blind(snapshot)
             return
         now_s = motion.measured_s or velocity.time_s
         passed_s = now_s - self._seen_s
@@ -223,9 +248,9 @@ class Following:
             return
         self._seen_s = now_s
         if passed_s < 0.0:  # it has booted
-            self._asked_s = self._armed_s = -math.inf
+            self._asked_s, self._armed_s, self._before = -math.inf, -math.inf, None
         if not 0.0 < passed_s <= _LONGEST_GAP_S or snapshot.time_s - velocity.time_s > _LONGEST_GAP_S:
-            self.forget()
+            self._begin_anew()
         x, y, z = velocity.value.linear
         self._speed_squared = x * x + y * y + z * z
         if self._speed_squared > _STILL_M_S * _STILL_M_S:
@@ -234,7 +259,8 @@ class Following:
             self._still_s = now_s
         else:
             self.is_still = now_s - self._still_s >= _STILL_S
-        found = self._find(snapshot, raw.state, current)
+        found = self._find(snapshot, raw.state, current) or self._fell_unseen(snapshot, raw.state)
+        self._before = _Seen(now_s, pose.value.position.z, -z) if raw.state in _IN_AIR else None
         if found is not None:
             self._note(*found)
             if self.trouble is Trouble.STOPPED and not self.lies:
@@ -242,6 +268,16 @@ class Following:
         elif self.why:
             self._is_now = self.lies = False
             self._settle(raw.state)
+
+    def _note_blind(self, snapshot: Snapshot) -> None:
+        """Notes that it is not known how it moves: once it is known again, it may have fallen meanwhile.
+
+        Where the autopilot had lost its place, it may take itself to be elsewhere then.
+        """
+        self._begin_anew()
+        estimator = snapshot.motion.estimator
+        if estimator is not None and not estimator.value.is_good:
+            self._before = None
 
     def _settle(self, state: State) -> None:
         """Tells what was in the past tense, and ends it where it lies disarmed."""
@@ -292,15 +328,17 @@ class Following:
             self._stopped = None
         elif self.trouble is Trouble.STOPPED or (is_in_air and self._is_stopped_in_air(state, now_s, z_m)):
             return Trouble.STOPPED, down_m_s
-        mode = control.mode
-        if state is State.FLYING_MANUAL and not (mode is not None and mode.value.is_autonomous):
-            self._fall = None
+        if _is_by_hand(state, control.mode):
+            self._begin_anew()
             return None  # its pilot may fly as he likes
+        self._recent.append(_Seen(now_s, z_m, down_m_s))
         if down_m_s <= _DESCENDS_M_S:
             self._fall = None
         else:
-            asked_m_s = self._asked(snapshot, state, None if current is None else current())
-            if self._falls(now_s, z_m, down_m_s, (0.0 if is_stopped else asked_m_s) + FALL_M_S):
+            is_pilots = state is State.FLYING_MANUAL and not _is_autonomous(control.mode)
+            asked_m_s = math.inf if is_pilots else self._asked(snapshot, state, None if current is None else current())
+            most_m_s = (0.0 if is_stopped else asked_m_s) + FALL_M_S
+            if self._falls(now_s, z_m, down_m_s, min(most_m_s, self._may_have_gained(now_s))):
                 return (Trouble.STOPPED if is_stopped else Trouble.FALL), down_m_s
         if not is_in_air or now_s - self._looked_s < _LOOK_S:
             return None
@@ -358,6 +396,41 @@ class Following:
         left_m_s = self._asked_down_m_s - _BRAKES_M_S2 * (self._seen_s - self._asked_s)
         self._asked_down_m_s, self._asked_s = max(asked_m_s, left_m_s, 0.0), self._seen_s
         return self._asked_down_m_s
+
+    def _may_have_gained(self, now_s: float) -> float:
+        """Returns how fast it may descend by its descent shortly before; infinite where that is not known."""
+        seen = next((each for each in reversed(self._recent) if now_s - each.time_s >= GAIN_S), None)
+        if seen is None or now_s - seen.time_s > _OLDEST_S:
+            return math.inf
+        own_m_s = _GAIN_SHARE * self._backend.info().limits.vertical_acceleration_m_s2 * (now_s - seen.time_s)
+        return max(seen.down_m_s, 0.0) + max(GAIN_M_S, own_m_s)
+
+    def _fell_unseen(self, snapshot: Snapshot, state: State) -> tuple[Trouble, float] | None:
+        """Returns that it is lower after a gap than it can have descended in it; None where it need not have fallen."""
+        before, now_s = self._before, self._seen_s
+        if (
+            before is None
+            or _is_by_hand(state, snapshot.control.mode)
+            or not _LONGEST_GAP_S < now_s - before.time_s <= _UNSEEN_S
+        ):
+            return None
+        passed_s, mode = now_s - before.time_s, snapshot.control.mode
+        assert snapshot.motion.pose is not None
+        lost_m = before.z_m - snapshot.motion.pose.value.position.z
+        own_m_s = max(OWN_DESCENT_M_S, self._backend.info().limits.descent_speed_m_s, before.down_m_s)
+        if state is State.FLYING_AUTO and mode is not None and mode.value.control is Control.REFERENCES:
+            # Nobody has led it meanwhile, but where it was led down it may have gone on.
+            passed_s = min(passed_s, _LED_ON_S) if before.down_m_s > _STILL_M_S else 0.0
+        may_m = own_m_s * passed_s
+        return (Trouble.FALL, lost_m / (now_s - before.time_s)) if lost_m > may_m + _UNSEEN_M else None
+
+    def _begin_boot(self, boots_count: int) -> None:
+        """A UAV whose autopilot boots stands: whatever was told of the boot before is over."""
+        if self._boots_count:
+            self.release()
+            self._is_released = False
+            self.forget()
+        self._boots_count = boots_count
 
     def _falls(self, now_s: float, z_m: float, down_m_s: float, most_m_s: float) -> bool:
         """Whether it has descended faster than `most_m_s` for long enough, by its velocities and its heights."""
@@ -424,6 +497,17 @@ class Following:
         elif self._seen_s - since_s >= (_NAMED_S if is_named else _OFF_S):
             return Trouble.ASTRAY, off_m_s
         return None
+
+
+def _is_autonomous(mode: Sample[Mode] | None) -> bool:
+    return mode is not None and mode.value.is_autonomous
+
+
+def _is_by_hand(state: State, mode: Sample[Mode] | None) -> bool:
+    """Whether a pilot flies it in a mode in which nothing bounds its descent."""
+    return state is State.FLYING_MANUAL and not (
+        mode is not None and (mode.value.is_autonomous or mode.value.keeps_height)
+    )
 
 
 _COS_TILT = math.cos(TILT_RAD)

@@ -1,0 +1,156 @@
+"""Rules of the watch of falls, look by look."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import pytest
+
+from tests.snapshots import changed
+from tests.ual_daemon.flight.hand_made import Autopilot
+from ual.types import State
+from ual_daemon.backends.base import Backend, BackendOptions
+from ual_daemon.backends.light import LightBackend
+from ual_daemon.backends.values import Control, Estimator, LandedState, Mode, Sample
+from ual_daemon.flight.policy.following import Following, Trouble
+from ual_daemon.flight.state import estimate
+
+LOOK_S, G_M_S2 = 0.1, 9.81
+
+
+class Watched:
+    """A UAV in the air, and the watch of it."""
+
+    def __init__(self, control: Control = Control.REFERENCES, mode: str = "GUIDED", z_m: float = 6.0) -> None:
+        self.autopilot = Autopilot(z=z_m, landed=LandedState.IN_AIR, control=control, mode=mode)
+        self.backend = LightBackend(BackendOptions("uav_1", settings={"speed_factor": 0}))
+        self.following = Following(cast("Backend", self.backend))
+        self.boots_count, self.keeps_height, self.is_placed = 1, False, True
+
+    def look(self) -> None:
+        snapshot = self.autopilot.snapshot()
+        assert snapshot.control.mode is not None
+        told = snapshot.control.mode.value
+        mode = Mode(told.name, told.control, keeps_height=self.keeps_height)
+        now_s = snapshot.time_s
+        snapshot = changed(
+            snapshot,
+            mode=Sample(mode, now_s),
+            boots_count=self.boots_count,
+            estimator=Sample(Estimator(self.is_placed, ""), now_s),
+        )
+        self.following.observe(snapshot, estimate(snapshot, self.backend.freshness), None)
+
+    def fly(self, duration_s: float, gains_m_s2: float = 0.0) -> float | None:
+        """Returns how far it had descended when a trouble was found first; None while none is."""
+        begin_m = self.autopilot.z
+        for _ in range(round(duration_s / LOOK_S)):
+            self.autopilot.time_s += LOOK_S
+            self.autopilot.z += (self.autopilot.climb_m_s - gains_m_s2 * LOOK_S / 2.0) * LOOK_S
+            self.autopilot.climb_m_s -= gains_m_s2 * LOOK_S
+            self.look()
+            if self.following.why:
+                return begin_m - self.autopilot.z
+        return None
+
+    def lie(self, landed: LandedState = LandedState.IN_AIR) -> None:
+        self.autopilot.z, self.autopilot.climb_m_s, self.autopilot.landed = 0.1, 0.0, landed
+
+
+@pytest.mark.parametrize("descends_m_s", [0.5, 1.5])
+def test_a_fall_of_two_metres_in_a_landing_is_found_by_what_it_gains(descends_m_s: float) -> None:
+    """By its speed alone it was not: 4.5 m/s come after 1 m, and last 0.2 s. ArduCopter, campaign 11200023."""
+    watched = Watched(Control.LAND, "LAND")
+    watched.autopilot.climb_m_s = -descends_m_s
+    assert watched.fly(3.0) is None
+    fallen_m = watched.fly(1.0, G_M_S2)
+    assert fallen_m is not None
+    assert fallen_m < 1.9
+
+
+@pytest.mark.parametrize("gains_m_s2", [1.0, 3.0, 4.0])
+def test_no_descent_by_an_autopilots_own_acceleration_is_a_fall(gains_m_s2: float) -> None:
+    watched = Watched(Control.LAND, "LAND", 30.0)
+    watched.fly(2.0)
+    assert watched.fly(4.0 / gains_m_s2, gains_m_s2) is None
+    assert watched.fly(3.0) is None
+
+
+@pytest.mark.parametrize(("keeps_height", "is_told"), [(True, True), (False, False)])
+def test_a_fall_in_a_pilots_mode_is_told_where_the_autopilot_bounds_the_descent(
+    *, keeps_height: bool, is_told: bool
+) -> None:
+    """PX4, a dead motor in POSCTL, campaign 11000145. In ACRO a pilot may dive."""
+    watched = Watched(Control.OTHER, "POSCTL", 9.0)
+    watched.keeps_height = keeps_height
+    watched.fly(2.0)
+    assert (watched.fly(1.0, G_M_S2) is not None) is is_told
+
+
+def test_a_pilot_who_descends_fast_does_not_fall() -> None:
+    watched = Watched(Control.OTHER, "LOITER", 60.0)
+    watched.keeps_height = True
+    watched.fly(1.0)
+    assert watched.fly(2.0, 2.5) is None  # to 5 m/s
+    assert watched.fly(3.0) is None
+
+
+@pytest.mark.parametrize("pause_s", [2.0, 3.0, 8.0])
+def test_what_lies_after_a_pause_in_which_it_hovered_has_fallen(pause_s: float) -> None:
+    """While this computer stands nothing is seen. ArduCopter hovers by itself where no setpoints come."""
+    watched = Watched()
+    watched.fly(2.0)
+    watched.lie()
+    watched.autopilot.time_s += pause_s
+    watched.look()
+    assert watched.following.trouble is Trouble.FALL
+
+
+@pytest.mark.parametrize(
+    ("pause_s", "z_m", "is_told"), [(2.0, 0.1, True), (3.0, 0.1, False), (2.0, 3.0, False), (40.0, 0.1, False)]
+)
+def test_an_autopilot_that_may_have_landed_by_itself_in_a_pause_has_not_fallen(
+    pause_s: float, z_m: float, *, is_told: bool
+) -> None:
+    watched = Watched(z_m=9.0 if is_told else 6.0)
+    watched.fly(2.0)
+    watched.autopilot.control, watched.autopilot.mode = Control.LAND, "LAND"
+    watched.autopilot.z = z_m
+    watched.autopilot.time_s += pause_s
+    watched.look()
+    assert bool(watched.following.why) is is_told
+
+
+def test_a_descent_that_goes_on_in_a_pause_is_no_fall() -> None:
+    watched = Watched(z_m=20.0)
+    watched.autopilot.climb_m_s = -1.4
+    assert watched.fly(2.0) is None
+    watched.autopilot.z -= 4.2
+    watched.autopilot.time_s += 3.0
+    watched.look()
+    assert watched.following.why == ""
+
+
+def test_where_the_place_was_lost_it_may_be_elsewhere() -> None:
+    watched = Watched()
+    watched.fly(2.0)
+    watched.is_placed = False
+    watched.autopilot.time_s += 1.0
+    watched.look()
+    watched.is_placed, watched.autopilot.z = True, 1.0
+    watched.autopilot.time_s += 1.0
+    watched.look()
+    assert watched.following.why == ""
+
+
+def test_a_boot_ends_what_was_told_of_a_fall() -> None:
+    """It still said for 1.2 s after the boot that it fell (campaign, 10200003)."""
+    watched = Watched()
+    watched.fly(2.0)
+    assert watched.fly(1.0, G_M_S2) is not None
+    watched.lie(LandedState.ON_GROUND)
+    watched.autopilot.armed, watched.boots_count = False, 2
+    watched.autopilot.time_s += 2.0
+    watched.look()
+    assert watched.following.why == ""
+    assert estimate(watched.autopilot.snapshot(), watched.backend.freshness).state is State.LANDED_DISARMED
