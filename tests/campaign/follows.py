@@ -22,7 +22,7 @@ from tests.campaign.evidence import (
     nearest,
     until_s,
 )
-from tests.campaign.record import DAEMON_STARTED, Located, Record, Sent
+from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Located, Record, Sent
 
 TOLD_S = 1.0
 """By then it is told."""
@@ -280,6 +280,8 @@ def _is_lifted_by_somebody(record: Record, lay_s: float, time_s: float) -> bool:
     """Whether a command goes on, or was done, since it lay for the last time, or something else flies it."""
     if is_befallen(record, _STRANGERS, lay_s - TOLD_S, time_s) or any(order.what == "fly" for order in record.orders):
         return True
+    if _is_left_to_itself(record, lay_s, time_s):
+        return True
     if any(
         call.name == "take_off" and call.outcome in _BROKEN_OFF and 0.0 < time_s - call.began_s < _OWN_CLIMB_S
         for call in record.called
@@ -289,6 +291,14 @@ def _is_lifted_by_somebody(record: Record, lay_s: float, time_s: float) -> bool:
     return any(
         until_s(call) + TOLD_S + WAKE_S >= time_s or (not call.outcome and call.ended_s > lay_s) for call in asked
     )
+
+
+def _is_left_to_itself(record: Record, lay_s: float, time_s: float) -> bool:
+    """Whether its daemon was killed before it lay, and none has sent anything since: its autopilot follows what that
+    has asked last.
+    """
+    killed_s = [life.time_s for life in record.lives if life.what == DAEMON_KILLED and life.time_s <= lay_s]
+    return bool(killed_s) and not any(killed_s[-1] < sent.time_s <= time_s for sent in record.sent)
 
 
 def _ground_m(record: Record) -> float:

@@ -13,6 +13,7 @@ from tests.campaign.judge import ON_GROUND
 from tests.campaign.modes import ARDUPILOT
 from tests.campaign.plan import has, plan
 from tests.campaign.record import (
+    DAEMON_KILLED,
     DAEMON_STARTED,
     Called,
     Life,
@@ -176,6 +177,11 @@ def test_what_lifts_off_again_after_a_fall_is_found() -> None:
         for each in record.truth
     ]
     assert "nothing flies" in rules(record)
+    record.lives += [Life(DEAD_S + 0.1, DAEMON_KILLED), Life(DEAD_S + 4.0, DAEMON_STARTED)]
+    assert "nothing flies" in rules(record)
+    sent, record.sent = record.sent, [each for each in record.sent if each.time_s < DEAD_S]
+    assert "nothing flies" not in rules(record)  # by what was asked of it before its daemon was killed
+    record.sent = sent
     record.called.append(Called("recover", DEAD_S + 4.0, DEAD_S + 4.5))
     assert "nothing flies" not in rules(record)
 

@@ -221,6 +221,7 @@ class Commands:
             self._preconditions.require_capability(Capability.LAND, "land")
             self._flight.require_replaceable("land")
             snapshot = self._preconditions.require_no_pilot("land", order.lease_id)
+            self._preconditions.require_no_mission_of_others("land", snapshot)
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal("land"):

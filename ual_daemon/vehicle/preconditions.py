@@ -7,6 +7,7 @@ from collections.abc import Collection
 from ual.errors import LinkLostError, NotSupportedError, WrongStateError
 from ual.types import Capability, State
 from ual_daemon.backends.base import Backend
+from ual_daemon.backends.offers.missions import AutopilotMissions
 from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.manoeuvres.manoeuvre import ONLY_OTHERS_END_IT, takes_back
@@ -103,11 +104,24 @@ class Preconditions(RefusalLog):
         if mode is not None and mode.value.is_autonomous:
             return snapshot
         name = "" if mode is None else f" in mode {mode.value.text}"
-        raise WrongStateError(
-            f"{command} needs the state FLYING_AUTO, but it is FLYING_MANUAL: the safety pilot flies{name} and lands "
-            f"it by hand; recover_from_manual takes control back, and then {command} is possible",
-            {"state": State.FLYING_MANUAL.name, "needed": State.FLYING_AUTO.name, "command": command},
-        )
+        raise _flown_by_others(command, f"the safety pilot flies{name} and lands it by hand")
+
+    def require_no_mission_of_others(self, command: str, snapshot: Snapshot) -> None:
+        """Checks that the autopilot flies no mission that others have begun. A failsafe may use one to land.
+
+        Raises:
+            WrongStateError: It does.
+
+        """
+        offer = self._backend.offer(AutopilotMissions)  # type: ignore[type-abstract]  # it is only looked for
+        held_by, is_ours = snapshot.control.held_by, self._flight.arming.is_ours_to_end or self._flight.is_on_mission
+        if offer is None or is_ours or (held_by is not None and held_by.is_failsafe):
+            return
+        if (
+            self._flight.raw_estimate(snapshot).state is State.FLYING_MANUAL
+            and snapshot.control.mode_name == offer.mode
+        ):
+            raise _flown_by_others(command, "the autopilot flies a mission that UAL has not begun")
 
     def require_no_failsafe(self, command: str, snapshot: Snapshot, *, force: bool) -> None:
         """Checks that no failsafe of the autopilot is active or holds the control, unless forced.
@@ -198,3 +212,11 @@ def _needing_force(cause: Cause | None) -> Cause | None:
 def _require_link(command: str, found: Estimate) -> None:
     if not found.is_link_up:
         raise LinkLostError(f"{command}: {found.why}", {"state": found.state.name})
+
+
+def _flown_by_others(command: str, how: str) -> WrongStateError:
+    return WrongStateError(
+        f"{command} needs the state FLYING_AUTO, but it is FLYING_MANUAL: {how}; recover_from_manual takes control "
+        f"back, and then {command} is possible",
+        {"state": State.FLYING_MANUAL.name, "needed": State.FLYING_AUTO.name, "command": command},
+    )

@@ -274,7 +274,7 @@ class AutopilotMission(Manoeuvre):
             return self._step_blind(snapshot, estimate)
         self._seen_s = snapshot.time_s
         self._look_after_silence(snapshot)
-        self._look_at_items()
+        self._look_at_items(snapshot)
         self._was_in_air = self._was_in_air or estimate.state not in _LANDED
         if estimate.state in _LANDED and self._was_in_air:
             return self._landed(snapshot, estimate) if self._touch_down.has_landed(snapshot, estimate) else Step()
@@ -321,12 +321,12 @@ class AutopilotMission(Manoeuvre):
         if self._phase is _Phase.FLYING:
             self._phase, self._waited = _Phase.VERIFYING, None
 
-    def _look_at_items(self) -> None:
+    def _look_at_items(self, snapshot: Snapshot) -> None:
         report, item = self._offer.report(), self._told_item()
         if self._phase is not _Phase.FLYING or report is None or report.time_s <= self._entered_s:
             self._left_out.forget()
             return
-        self._left_out.on_report(report)
+        self._left_out.step(report, snapshot)
         if item != self._item:
             self._item = item
             self._update_words()
@@ -551,7 +551,7 @@ class AutopilotMission(Manoeuvre):
         logs.event(_log, logging.WARNING, "mission_not_paused", task_id=self._task.id, why=str(failure))
 
     def _paused(self, snapshot: Snapshot) -> Step:
-        if (step := self._unless_ours(snapshot)) is not None:
+        if (step := self._unless_ours(snapshot) or self._unless_another(snapshot)) is not None:
             return step
         if not self._task.is_paused:
             self._phase, self._waited = _Phase.REREADING, None

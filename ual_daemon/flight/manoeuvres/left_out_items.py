@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from ual.missions.items import PLACED, Item, Jump
+from ual.types import AltitudeReference
 from ual_daemon.backends.offers.missions import MissionReport
+from ual_daemon.backends.values import Snapshot
 from ual_daemon.geodesy import FlatProjection
 
 _LONGEST_S = 1.5
 """Between two reports that follow each other in time. What was flown in a longer gap is not known."""
 _APART_M = 3.0
-"""A place that is so near the one before is reached at once, by both autopilots' radius of 2 m, and may not be told."""
+"""So near a place it is reached, by both autopilots' radius of 2 m. One so near the one before may not be told."""
 
 
 class LeftOutItems:
@@ -25,6 +28,8 @@ class LeftOutItems:
         self._own: int | None = None
         """The item to which UAL has jumped, until that is told."""
         self._left_out: set[int | None] = set()
+        self._nearest_m = math.inf
+        """How near it has come to the place of the item that was told last; 0 where that is not known."""
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -37,19 +42,38 @@ class LeftOutItems:
 
     def forget(self) -> None:
         """Begins anew with the next report: the mission was not flown, or not seen, for a while."""
-        self._told = None
+        if self._told is not None:
+            self._told, self._nearest_m = None, 0.0
 
-    def on_report(self, report: MissionReport) -> None:
-        """Takes what the autopilot tells while it flies the mission."""
+    def step(self, report: MissionReport, snapshot: Snapshot) -> None:
+        """Takes what the autopilot tells while it flies the mission, and where it is."""
         item, before = report.item, self._told
-        if item is None or (before is not None and report.time_s <= before[1]):
+        if item is None or (before is not None and report.time_s < before[1]):
             return
         self._told = (item, report.time_s)
-        if self._own is not None and self._is_own(item, self._own):
+        if before is None or before[0] == item:
+            self._nearest_m = min(self._nearest_m, self._away_m(item, snapshot))
+        elif self._own is not None and self._is_own(item, self._own):
             self._own = None
-        elif before is not None and report.time_s - before[1] <= _LONGEST_S and not self._jumps_by_itself:
-            self._left_out.update(number for number in range(before[0] + 1, item) if self._is_flown_to(number))
+        elif report.time_s - before[1] <= _LONGEST_S and not self._jumps_by_itself:
+            begin = before[0] + (self._nearest_m <= _APART_M)
+            self._left_out.update(number for number in range(begin, item) if self._is_flown_to(number))
+        if before is not None and before[0] != item:
+            self._nearest_m = self._away_m(item, snapshot)
         self._left_out -= {item, report.reached}
+
+    def _away_m(self, number: int, snapshot: Snapshot) -> float:
+        """Returns how far it is from the place of an item; 0 where that is not known."""
+        item, here = self._items[number - 1], snapshot.position_geo()
+        pose, home, place = snapshot.motion.pose, snapshot.earth.home, _place(item)
+        if place is None or here is None:
+            return 0.0
+        aside = FlatProjection(*place).to_local(here.latitude_deg, here.longitude_deg, place[2])
+        is_above_home = getattr(item, "altitude_reference", None) is AltitudeReference.HOME
+        up_m = 0.0
+        if is_above_home and pose is not None and home is not None:
+            up_m = pose.value.position.z - home.z - place[2]
+        return math.hypot(aside.x, aside.y, up_m)
 
     def _is_own(self, told: int, own: int) -> bool:
         """Whether what is told is that of UAL's jump: an item that does not fly is told as the one after it."""

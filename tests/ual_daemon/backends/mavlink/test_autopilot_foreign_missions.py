@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import LIMIT_S
-from tests.simulators import Px4
+from tests.simulators import ArduPilot, Px4
+from tests.simulators.ardupilot import AUTO
+from tests.simulators.px4 import MISSION
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, keeping, landing, place_m, start
-from ual.errors import TaskAbortedError
+from ual.errors import TaskAbortedError, WrongStateError
 from ual.missions import Item
 from ual.types import State
 
@@ -48,6 +50,19 @@ def test_one_that_is_replaced_in_flight_ends_at_once(flight: Flight, count: int,
     flight.wait_for(lambda: held_by(flight) == "ground station", "who holds it")
     flight.uav.recover_from_manual()
     assert held_by(flight) == ""
+
+
+def test_one_that_is_replaced_in_its_pause_ends_at_once(flight: Flight) -> None:
+    """It was told only as it went on (campaign, ArduCopter 11300048: 1.4 s)."""
+    flight.take_off()
+    task = flight.uav.task(start(flight, four(flight)))
+    flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
+    flight.uav.mission.pause()
+    flight.wait_for(lambda: "holds on our mission" in flight.uav.telemetry().state_reason, "its hold")
+    brought_s = bring(flight, 5, (1,))
+    with pytest.raises(TaskAbortedError, match=REPLACED):
+        task.wait(LIMIT_S)
+    assert flight.first_s(lambda told: told.state is State.FLYING_MANUAL, brought_s) < brought_s + 2.0
 
 
 def held_by(flight: Flight) -> str:
@@ -108,3 +123,23 @@ def test_one_in_which_another_station_jumps_over_items_does_not_succeed(flight: 
         task.wait(LIMIT_S)
     assert error.value.metadata["by"] == "ground station"
     flight.wait_for_state(State.FLYING_AUTO)
+
+
+def test_a_landing_ends_no_mission_of_others_before_the_control_was_asked_back(flight: Flight) -> None:
+    """A pilot's own mission ended with `land` in the cleanup of a program: docs/decisions/0050."""
+    flight.take_off()
+    flight.uav.mission.upload(four(flight))
+    if isinstance(flight.autopilot, Px4):
+        assert flight.autopilot.request_mode(MISSION)
+    else:
+        assert isinstance(flight.autopilot, ArduPilot)
+        assert flight.autopilot.set_mode(AUTO)
+    flight.wait_for_state(State.FLYING_MANUAL)
+    since_s = flight.now_s
+    with pytest.raises(WrongStateError, match="a mission that UAL has not begun; recover_from_manual") as refused:
+        flight.uav.land()
+    assert refused.value.metadata["needed"] == "FLYING_AUTO"
+    assert flight.commands_since(since_s) == set()
+    flight.wait_for(lambda: held_by(flight) == "ground station", "who holds it")
+    flight.uav.recover_from_manual()
+    flight.land()
