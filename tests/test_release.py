@@ -6,6 +6,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+from datetime import date
 from pathlib import Path
 from types import ModuleType
 
@@ -46,6 +47,13 @@ def root(tmp_path: Path) -> Path:
     (ros / "package.xml").write_text('<package format="3">\n  <version>1.2.0</version>\n</package>\n')
     (ros / "setup.py").write_text('setup(\n    name="node",\n    version="1.2.0",\n)\n')
     (tmp_path / "CHANGELOG.md").write_text(CHANGELOG)
+    for name, text in (
+        ("kubernetes/kustomization.yaml", "{name: ual, newTag: 1.2.0}"),
+        ("container/README.md", "ual:1.2.0 --ns"),
+    ):
+        path = tmp_path / "deploy" / name
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
     git(tmp_path, "init", "--quiet")
     commit(tmp_path)
     return tmp_path
@@ -104,13 +112,31 @@ def test_what_is_not_committed_or_tagged_elsewhere_is_refused(root: Path) -> Non
 
 def test_a_version_begins_everywhere(root: Path) -> None:
     release.begin(root, "1.3.0")
-    assert release.version_of(root) == "1.3.0"
+    assert release.version_of(root) == "1.3.0.dev0"  # which no release has
+    assert "<version>1.3.0</version>" in (root / "clients/ros2/node/package.xml").read_text()  # ROS knows no others
+    assert "ual:1.3.0.dev0 --ns" in (root / "deploy/container/README.md").read_text()
+    assert "newTag: 1.3.0.dev0}" in (root / "deploy/kubernetes/kustomization.yaml").read_text()
     assert "## 1.3.0 - unreleased\n\n## 1.2.0 - 2026-11-25\n" in (root / "CHANGELOG.md").read_text()
     assert '"numpy>=1.2.0"' in (root / "pyproject.toml").read_text()
     with pytest.raises(release.ReleaseError, match="write the day of the release"):
         release.begin(root, "1.4.0")
     with pytest.raises(release.ReleaseError, match="is no version"):
         release.begin(root, "v2")
+    commit(root)
+    with pytest.raises(release.ReleaseError, match=re.escape("1.3.0.dev0 is no release")):
+        release.check(root)
+
+
+def test_a_version_that_was_begun_is_cut(root: Path) -> None:
+    with pytest.raises(release.ReleaseError, match="begin the next version"):
+        release.cut(root, date(2026, 12, 1))
+    release.begin(root, "1.3.0")
+    write(root, "CHANGELOG.md", "unreleased\n", "unreleased\n\n- C.\n")
+    release.cut(root, date(2026, 12, 1))
+    commit(root)
+    assert release.check(root) == "1.3.0"
+    assert (root / "CHANGELOG.md").read_text().startswith("# Changelog\n\n## 1.3.0 - 2026-12-01\n\n- C.\n")
+    assert "ual:1.3.0 --ns" in (root / "deploy/container/README.md").read_text()
 
 
 def test_all_versions_of_this_repository_are_one() -> None:

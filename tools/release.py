@@ -1,6 +1,7 @@
-"""Checks, tags and begins versions: ``python tools/release.py begin 0.2.0``. `make release` does the first two.
+"""Cuts, checks, tags and begins versions: ``python tools/release.py begin 0.3.0``. `make release` checks and tags.
 
-All distributions of this repository have one version. The changelog has a section for each, the newest first.
+All distributions of this repository have one version. The changelog has a section for each, the newest first. What is
+not released yet is a development release of it (``0.3.0.dev0``), so that no two states of main and a release agree.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from datetime import date
+from datetime import date, datetime, timezone
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -21,6 +22,12 @@ _ROS_VERSIONS = {
     "setup.py": re.compile(r'(?<=^    version=")[^"]+', re.MULTILINE),
 }
 """Files of the packages for ROS."""
+_OTHERS = {
+    "deploy/kubernetes/kustomization.yaml": re.compile(r"(?<=newTag: )[^}\s]+"),
+    "deploy/container/README.md": re.compile(r"(?<=\bual:)\d[^ ]*"),
+}
+"""Files that name the image."""
+_DEVELOPMENT = ".dev0"
 _SECTION = re.compile(r"^## (?P<version>\S+) - (?P<when>\S+)$", re.MULTILINE)
 _UNRELEASED = "unreleased"
 
@@ -40,6 +47,12 @@ def version_files(root: Path) -> Iterator[tuple[Path, re.Pattern[str]]]:
             yield path, _PINNED
     for name, form in _ROS_VERSIONS.items():
         yield from ((path, form) for path in sorted(root.glob(f"clients/ros2/*/{name}")))
+    yield from ((root / name, form) for name, form in _OTHERS.items() if (root / name).is_file())
+
+
+def stated(path: Path, version: str) -> str:
+    """Returns a version as a file states it: ROS knows no development releases."""
+    return version.removesuffix(_DEVELOPMENT) if path.name in _ROS_VERSIONS else version
 
 
 def version_of(root: Path) -> str:
@@ -54,9 +67,11 @@ def version_of(root: Path) -> str:
         for path, form in version_files(root)
         for version in form.findall(path.read_text(encoding="utf-8"))
     }
-    if len(set(found.values())) != 1:
+    # The longest: 0.3.0.dev0 beside ROS' 0.3.0.
+    version = max(found.values(), key=len)
+    if any(each != stated(Path(name), version) for name, each in found.items()):
         raise ReleaseError(f"the versions differ: {found}")
-    return next(iter(found.values()))
+    return version
 
 
 def notes_of(changelog: str, version: str) -> str:
@@ -85,6 +100,8 @@ def check(root: Path) -> str:
 
     """
     version = version_of(root)
+    if version.endswith(_DEVELOPMENT):
+        raise ReleaseError(f"{version} is no release: `python tools/release.py cut` makes it one")
     if not notes_of((root / "CHANGELOG.md").read_text(encoding="utf-8"), version):
         raise ReleaseError(f"CHANGELOG.md has no notes of {version}")
     if _git(root, "status", "--porcelain"):
@@ -109,24 +126,46 @@ def tag(root: Path) -> str:
     return f"v{version}"
 
 
+def cut(root: Path, day: date) -> None:
+    """Makes a release of the version that was begun: writes it into all files that state it, and its day.
+
+    Raises:
+        ReleaseError: None was begun.
+
+    """
+    begun = version_of(root)
+    version = begun.removesuffix(_DEVELOPMENT)
+    path = root / "CHANGELOG.md"
+    changelog = path.read_text(encoding="utf-8")
+    head = f"## {version} - {_UNRELEASED}\n"
+    if begun == version or head not in changelog:
+        raise ReleaseError(f"{begun} was released, or has no section '{head.strip()}': begin the next version")
+    path.write_text(changelog.replace(head, f"## {version} - {day.isoformat()}\n"), encoding="utf-8")
+    _write(root, version)
+
+
 def begin(root: Path, version: str) -> None:
-    """Writes a new version into all files that state it, and begins its section of the changelog.
+    """Writes a new version into all files that state it, as a development release, and begins its section.
 
     Raises:
         ReleaseError: The version is none, or the one before is not released.
 
     """
     if not re.fullmatch(r"\d+\.\d+\.\d+", version):
-        raise ReleaseError(f"{version!r} is no version: write 0.2.0")
+        raise ReleaseError(f"{version!r} is no version: write 0.3.0")
     path = root / "CHANGELOG.md"
     changelog = path.read_text(encoding="utf-8")
-    notes_of(changelog, version_of(root))
+    notes_of(changelog, version_of(root).removesuffix(_DEVELOPMENT))
     first = _SECTION.search(changelog)
     assert first is not None
     head = f"## {version} - {_UNRELEASED}\n\n"
     path.write_text(changelog[: first.start()] + head + changelog[first.start() :], encoding="utf-8")
+    _write(root, version + _DEVELOPMENT)
+
+
+def _write(root: Path, version: str) -> None:
     for file, form in list(version_files(root)):
-        file.write_text(form.sub(version, file.read_text(encoding="utf-8")), encoding="utf-8")
+        file.write_text(form.sub(stated(file, version), file.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 def _git(root: Path, *words: str) -> str:
@@ -139,11 +178,14 @@ def main(words: Sequence[str]) -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("check", help="Print the version, if the present commit can become its release.")
     commands.add_parser("tag", help="Tag that commit.")
+    commands.add_parser("cut", help="Make a release of the version that was begun, today.")
     commands.add_parser("begin", help="Begin the next version.").add_argument("version")
     arguments = parser.parse_args(words)
     try:
         if arguments.command == "begin":
             begin(ROOT, arguments.version)
+        elif arguments.command == "cut":
+            cut(ROOT, datetime.now(timezone.utc).date())
         else:
             print({"check": check, "tag": tag}[arguments.command](ROOT))
     except ReleaseError as error:

@@ -142,7 +142,7 @@ __all__ = [
     "aio",
 ]
 
-__version__ = "0.2.0"
+__version__ = "0.3.0.dev0"
 
 
 _MODULES = (

@@ -16,7 +16,7 @@ def shared(folder: str) -> tuple[str, list[str]]:
 
 setup(
     name=NAME,
-    version="0.2.0",
+    version="0.3.0",
     packages=[NAME, f"{NAME}.beside", f"{NAME}.derived"],
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
