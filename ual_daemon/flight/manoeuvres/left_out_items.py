@@ -47,9 +47,10 @@ class LeftOutItems:
 
     def step(self, report: MissionReport, snapshot: Snapshot) -> None:
         """Takes what the autopilot tells while it flies the mission, and where it is."""
-        item, before = report.item, self._told
-        if item is None or (before is not None and report.time_s < before[1]):
+        before = self._told
+        if report.item is None or (before is not None and report.time_s < before[1]):
             return
+        item = min(report.item, len(self._items))  # ArduPilot tells one more at its end
         self._told = (item, report.time_s)
         if before is None or before[0] == item:
             self._nearest_m = min(self._nearest_m, self._away_m(item, snapshot))

@@ -47,6 +47,7 @@ FIVE = way(0, 10, 20, 30, 40)
         (FIVE, (1, 4, 5), (2, 3)),
         (FIVE, (1, 4, 2, 3, 4), ()),  # it comes back to them
         (FIVE, (3, 1, 2, 3), ()),
+        (FIVE, (4, 5, 6), ()),  # ArduPilot tells one more at its end
         (way(0, 10, 12, 30), (1, 2, 4), ()),  # the third is reached together with the second
         ([*way(0, 10), HoldTime(1.0), *way(30)], (1, 2, 4), ()),
         ([*FIVE, Jump(1, 2)], (1, 4, 5), ()),  # the mission jumps by itself
