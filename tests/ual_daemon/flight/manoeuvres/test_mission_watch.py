@@ -42,12 +42,12 @@ def test_without_a_checksum_it_is_read_once_the_upload_has_ended() -> None:
     assert offer.asked == ["download", "download"]
 
 
-def test_without_a_checksum_it_is_read_again_and_again_for_a_tenth_of_the_time() -> None:
+def test_without_a_checksum_it_is_read_again_and_again_for_a_third_of_the_time() -> None:
     """ArduPilot: a mission with as many items was told after 1.54 s, and where no text comes at the next item only."""
     offer = Missions()
     watch = MissionWatch(offer, KEPT)
     tell(offer, 0, 4, 0)
-    for began_s, took_s, next_s in ((0.0, 0.02, LOOK_S), (2.0, 0.2, 1.8)):
+    for began_s, took_s, next_s in ((0.0, 0.02, LOOK_S), (2.0, 0.2, 0.4)):
         watch.step(began_s)
         offer.read.set_result(KEPT)
         ended_s = began_s + took_s
