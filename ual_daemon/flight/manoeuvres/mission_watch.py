@@ -17,6 +17,8 @@ has ended, and up to a second late: then it is read at once."""
 LOOK_S = 0.3
 """The time from one read to the next where nothing is told. ArduPilot does not tell as many other items further on, nor
 any while it does not fly to a waypoint."""
+_STEP_S = 0.1
+"""The longest time between two steps that follow each other."""
 _PAUSE_FACTOR = 2.0
 """Reads without a change wait so many times as long as the last one took: they get a third of the time. A read of four
 items takes 0.15 s on a busy computer."""
@@ -46,6 +48,7 @@ class MissionWatch:
         self._reading: Future[KeptMission] | None = None
         self._is_of_end = self._is_end_read = False
         self._began_s, self._next_s, self._next_look_s = 0.0, -math.inf, -math.inf
+        self._stepped_s = -math.inf
         self.is_other = False
         """Whether the autopilot has another mission."""
         self.failure: UalError | None = None
@@ -53,8 +56,10 @@ class MissionWatch:
 
     def step(self, now_s: float, *, is_end: bool = False) -> None:
         """Compares, takes what was read, and begins to read where that is due. `is_end`: all items seem to be flown."""
+        # While it is open who has chosen a mode no step is made: that is no time of the read.
+        looked_s, self._stepped_s = min(now_s, self._stepped_s + _STEP_S), now_s
         if self._reading is not None and self._reading.done():
-            self._take(self._reading, now_s)
+            self._take(self._reading, now_s, looked_s)
         told = self._told()
         if told is None or self._reading is not None or self.is_other:
             return
@@ -83,7 +88,7 @@ class MissionWatch:
         report = self._offer.report()
         return None if report is None else _told(report)
 
-    def _take(self, reading: Future[KeptMission], now_s: float) -> None:
+    def _take(self, reading: Future[KeptMission], now_s: float, looked_s: float) -> None:
         self._reading, self.failure = None, None
         error = None if reading.cancelled() else reading.exception()
         if reading.cancelled() or error is not None:
@@ -92,7 +97,7 @@ class MissionWatch:
             return
         self.is_other = reading.result().digest != self._kept.digest
         self._sure, self._is_end_read = self._asked, self._is_of_end
-        self._next_look_s = now_s + max(LOOK_S, _PAUSE_FACTOR * (now_s - self._began_s))
+        self._next_look_s = looked_s + max(LOOK_S, _PAUSE_FACTOR * (looked_s - self._began_s))
 
 
 def _told(report: MissionReport) -> _Told:

@@ -49,8 +49,10 @@ def test_without_a_checksum_it_is_read_again_and_again_for_a_third_of_the_time()
     tell(offer, 0, 4, 0)
     for began_s, took_s, next_s in ((0.0, 0.02, LOOK_S), (2.0, 0.2, 0.4)):
         watch.step(began_s)
-        offer.read.set_result(KEPT)
         ended_s = began_s + took_s
+        for tenth in range(1, round(10 * took_s)):
+            watch.step(began_s + 0.1 * tenth)
+        offer.read.set_result(KEPT)
         for time_s in (ended_s, ended_s + 0.95 * next_s):
             asked = list(offer.asked)
             watch.step(time_s)
@@ -72,3 +74,15 @@ def test_with_a_checksum_it_is_read_only_where_that_changes() -> None:
     for tenth in range(100):
         watch.step(0.1 * tenth)
     assert offer.asked == []
+
+
+def test_a_time_in_which_no_step_is_made_is_none_of_the_read() -> None:
+    """While it was open who had chosen a mode (0.4 s) it counted, and the next read came a second later."""
+    offer = Missions()
+    watch = MissionWatch(offer, KEPT)
+    tell(offer, 0, 4, 0)
+    watch.step(0.0)
+    offer.read.set_result(KEPT)
+    watch.step(0.5)
+    watch.step(0.55)
+    assert offer.asked == ["download", "download"]
