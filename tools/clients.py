@@ -11,23 +11,11 @@ import ast
 import inspect
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import NamedTuple
 
-from ual import (
-    _camera_calls,
-    _cameras_calls,
-    _fence_calls,
-    _gimbal_calls,
-    _gimbals_calls,
-    _log_calls,
-    _mission_calls,
-    _parameter_calls,
-)
 from ual._calls import MEMBERS
-from ual._service_calls import gripper as _gripper_calls
 from ual.contract.method import Kind
 from ual.shared import views
 
@@ -52,21 +40,6 @@ _WAYS = {
     Kind.EXTERNAL_POSE: _Way("_external_poses.send"),
     Kind.SIMULATION: _Way("_connection.run"),
 }
-PARTS: Mapping[str, ModuleType] = {
-    "Camera": _camera_calls,
-    "Cameras": _cameras_calls,
-    "Gimbal": _gimbal_calls,
-    "Gimbals": _gimbals_calls,
-    "Parameters": _parameter_calls,
-    "Mission": _mission_calls,
-    "Fence": _fence_calls,
-    "Gripper": _gripper_calls,
-    "Logs": _log_calls,
-}
-"""The services beside that of the UAV, by the class of their interface: the module with their calls. A member of the
-UAV returns each of them (`ual.Uav.parameters`). Where the module has `BOUND`, there are several of the class, as of
-cameras: its objects have a value of that name, which each call takes first.
-"""
 _OF_UAV_BY_HAND = {"wait_for": "ask"}
 """Members that each client has of its own, and how a team gives them to its UAVs."""
 
@@ -78,10 +51,6 @@ class _Member(NamedTuple):
     arguments: ast.arguments
     returned: str
     documentation: str
-
-    @property
-    def is_stream(self) -> bool:
-        return self.returned.startswith("Iterator[")
 
     @property
     def signature(self) -> str:
@@ -128,88 +97,7 @@ def sources() -> dict[Path, str]:
         "aio/_derived.py": (_AIO, [_AIO_UAV, *map(_aio_call, of_aio), _AIO_SIMULATION, *map(_aio_call, of_simulation)]),
         "aio/_derived_team.py": (_AIO_TEAM_HEAD, [_AIO_TEAM, *map(_aio_team_member, of_team)]),
     }
-    parts = [(owner, calls, _members_of_part(tree, owner, calls)) for owner, calls in PARTS.items()]
-    imports = "".join(map(_import, PARTS.values()))
-    for name, head, part in (
-        ("_derived_parts.py", _PARTS, _sync_part),
-        ("aio/_derived_parts.py", _AIO_PARTS, _aio_part),
-    ):
-        modules[name] = head + imports, [part(*each) for each in parts]
     return {CLIENT / name: _module(tree, head, "".join(body)) for name, (head, body) in modules.items()}
-
-
-def _members_of_part(tree: ast.Module, owner: str, calls: ModuleType) -> list[_Member]:
-    members = _members(tree, owner)
-    if {each.name for each in members} != set(calls.MEMBERS):
-        sys.exit(f"tools/clients.py: ual.interface.{owner} and {calls.__name__} have other members")
-    return members
-
-
-def _name(calls: ModuleType) -> str:
-    room, _, name = calls.__name__.rpartition(".")
-    return f"_{name}_calls" if room == "ual._service_calls" else name
-
-
-def _import(calls: ModuleType) -> str:
-    room, _, name = calls.__name__.rpartition(".")
-    return f"from {room} import {name}" + f" as {_name(calls)}" * (name != _name(calls)) + "\n"
-
-
-def _part_call(calls: ModuleType, member: _Member) -> str:
-    way = "iterate" if member.is_stream else "run"
-    bound = _bound(calls)
-    passed = ", ".join(filter(None, (f"self._{bound}" if bound else "", member.passed())))
-    return f"self._connection.{way}({_name(calls)}.{calls.MEMBERS[member.name].__name__}({passed}))"
-
-
-def _bound(calls: ModuleType) -> str:
-    bound: str = getattr(calls, "BOUND", "")
-    return bound
-
-
-def _sync_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
-    body = [
-        f"""
-    @override
-    def {member.signature} -> {member.returned}:
-        {member.returning(_part_call(calls, member))}
-"""
-        for member in members
-    ]
-    return _part_head(owner, calls, f"(interface.{owner})") + "".join(body)
-
-
-def _aio_part(owner: str, calls: ModuleType, members: list[_Member]) -> str:
-    body = [
-        f"""
-    {"" if member.is_stream else "async "}def {member.signature} -> {_of_aio(member)}:
-{_documented(_without_example(member.documentation))}
-        {member.returning(f"{'' if member.is_stream else 'await '}{_part_call(calls, member)}")}
-"""
-        for member in members
-    ]
-    return _part_head(owner, calls, "") + "".join(body)
-
-
-def _of_aio(member: _Member) -> str:
-    return f"Async{member.returned}" if member.is_stream else member.returned
-
-
-def _part_head(owner: str, calls: ModuleType, bases: str) -> str:
-    bound = _bound(calls)
-    parameter, kept, shown = "", "", owner
-    if bound:
-        parameter, kept, shown = f", {bound}: int", f"\n        self._{bound} = {bound}", f"{owner} {{self._{bound}}}"
-    return f"""
-class {owner}{bases}:
-    \"\"\"`ual.interface.{owner}`, over gRPC.\"\"\"
-
-    def __init__(self, connection: Connection{parameter}) -> None:
-        self._connection = connection{kept}
-
-    def __repr__(self) -> str:
-        return f"<{shown} of {{self._connection.described}}>"
-"""
 
 
 def _members(tree: ast.Module, owner: str) -> list[_Member]:
@@ -359,25 +247,6 @@ class SimulationMembers(interface.Simulation):
     """Those of `ual.Uav.simulation`."""
 
     _connection: Connection
-'''
-_PARTS = '''"""The services beside that of the UAV. ``make clients`` writes this file: do not edit it."""
-
-from __future__ import annotations
-
-from typing_extensions import override
-
-from ual import interface
-from ual._connection import Connection
-# imports
-'''
-_AIO_PARTS = '''"""The services beside that of the UAV, for asyncio. ``make clients`` writes it: do not edit."""
-
-from __future__ import annotations
-
-from collections.abc import AsyncIterator
-
-from ual.aio._connection import Connection
-# imports
 '''
 _SYNC_TEAM_HEAD = '''"""A team's members that are one call each. ``make clients`` writes this file: do not edit it."""
 

@@ -11,7 +11,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
@@ -28,7 +28,7 @@ from ual.geometry import (
     stamped_pose,
     stamped_twist,
 )
-from ual.interface import DryRun, Lease, Simulation, Subscription, Task, Uav
+from ual.interface import DryRun, Lease, Simulation, Subscription, Task
 from ual.shared import environment, views
 from ual.shared.callbacks import Callbacks, Listener
 from ual.shared.flags import flag
@@ -54,14 +54,7 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.choice import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
-from ual_daemon.extensions.shipped.cameras import Cameras
-from ual_daemon.extensions.shipped.corrections import Corrections
-from ual_daemon.extensions.shipped.derived import Gripper
-from ual_daemon.extensions.shipped.fence import Fence
-from ual_daemon.extensions.shipped.gimbals import Gimbals
-from ual_daemon.extensions.shipped.logs import Logs
-from ual_daemon.extensions.shipped.missions import Mission
-from ual_daemon.extensions.shipped.parameters import Parameters
+from ual_daemon.extensions.shipped._derived import PartMembers, Parts
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
@@ -77,7 +70,7 @@ _CLOSE_PATIENCE_S = 60.0
 _THIS_PROCESS = "this process"
 
 
-class UAL(Uncopied, Uav):
+class UAL(Uncopied, PartMembers):
     """One UAV in this process, without a server and without delay. Its members are those of `ual.interface.Uav`.
 
     `close`, or the end of its ``with`` block, hands the UAV over to its autopilot. It belongs to this process: in a
@@ -150,6 +143,7 @@ class UAL(Uncopied, Uav):
         """When the last pose from outside was given that was not refused."""
         self._lease_id = NOBODY
         self._is_closed = self._has_ended = False
+        self._served = Parts(vehicle, lambda: self._lease_id)
         self._extensions = Extensions(extensions, ExtensionContext(self, {}, self._require_lease, vehicle.payload()))
 
     def __repr__(self) -> str:
@@ -191,6 +185,12 @@ class UAL(Uncopied, Uav):
         if self._has_ended:
             raise ClientUnusableError("this UAL is closed")
         return self.vehicle
+
+    @property
+    @override
+    def _parts(self) -> Parts:
+        self._open  # noqa: B018  it raises where this object is closed
+        return self._served
 
     @property
     def extensions(self) -> Extensions:
@@ -372,46 +372,6 @@ class UAL(Uncopied, Uav):
     @override
     def simulation(self) -> Simulation:
         return self._open.simulation()
-
-    @property
-    @override
-    def parameters(self) -> Parameters:
-        return Parameters(self._open, lambda: self._lease_id)
-
-    @property
-    @override
-    def mission(self) -> Mission:
-        return Mission(self._open, lambda: self._lease_id)
-
-    @property
-    @override
-    def cameras(self) -> Cameras:
-        return Cameras(self._open)
-
-    @property
-    @override
-    def gimbals(self) -> Gimbals:
-        return Gimbals(self._open)
-
-    @property
-    @override
-    def fence(self) -> Fence:
-        return Fence(self._open, lambda: self._lease_id)
-
-    @property
-    @override
-    def gripper(self) -> Gripper:
-        return Gripper(self._open, lambda: self._lease_id)
-
-    @cached_property
-    @override
-    def logs(self) -> Logs:
-        return Logs(self._open)
-
-    @property
-    @override
-    def corrections(self) -> Corrections:
-        return Corrections(self._open)
 
 
 class _Task(Task):

@@ -24,7 +24,7 @@ from ual.cameras import CameraMode, CameraStatus, Image, Photo
 from ual.errors import InvalidArgumentError, NotSupportedError
 from ual.recording.reader import Recording
 from ual.v1 import camera_pb2, camera_pb2_grpc
-from ual.wire.cameras import CHUNK_BYTES, image_from_protos
+from ual.wire.images import CHUNK_BYTES, image_from_protos
 from ual_tools.main import cli
 
 

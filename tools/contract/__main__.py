@@ -13,6 +13,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from tools.contract import (
     calls_source,
+    clients_source,
     faces_source,
     methods,
     roles_page,
@@ -56,6 +57,11 @@ def _services(contract: FileDescriptorSet, values: Mapping[str, Values]) -> dict
     for file in sorted({each.file for each in derivable}):
         of_file = [each for each in derivable if each.file == file]
         found[servicers_source.ROOM / f"{file}.py"] = servicers_source.source(values[file], of_file)
+    files = {service.name: Path(file.name).stem for file in contract.file for service in file.service}
+    found[CLIENT / "_service_calls" / "stubs.py"] = calls_source.stubs_source(files)
+    found[clients_source.SYNC] = clients_source.sync_source(derivable)
+    found[clients_source.AIO] = clients_source.aio_source(derivable)
+    found[servicers_source.ROOM / "table.py"] = servicers_source.table_source(derivable)
     found[faces_source.PATH] = faces_source.source(derivable)
     return {path: formatted(source) for path, source in found.items()}
 

@@ -52,6 +52,10 @@ class Behaviour:
         """Whether any of its methods takes a lease."""
         return any("lease_id" in ast.unparse(each.args) for each in self.methods.values())
 
+    def named(self, used: set[str]) -> list[str]:
+        """Returns the classes of its module that a source uses."""
+        return sorted(used & set(classes(self.path)))
+
     @property
     def path(self) -> Path:
         """Where it is."""

@@ -33,9 +33,28 @@ MESSAGES: Mapping[str, ByHand | None] = {
     "Vector3": ByHand("ual.geometry", "Vector3", "convert.vector3"),
     "GeoPoint": ByHand("ual.types", "GeoPoint", "convert.geo_point"),
     "Task": ByHand("ual.types", "TaskInfo", "convert.task"),
+    "RallyPoint": ByHand("ual.contract.rally_point", "RallyPoint", "rally_points.rally_point"),
+    "MissionItem": ByHand("ual.missions.items", "Item", "mission_items.item"),
+    "ImageInfo": None,
+    **dict.fromkeys(
+        (
+            "MissionPlace",
+            "TakeOffItem",
+            "WaypointItem",
+            "HoldItem",
+            "SpeedItem",
+            "HeadingItem",
+            "RegionOfInterestItem",
+            "RegionOfInterestEndItem",
+            "CameraTriggerItem",
+            "LandItem",
+            "ReturnToLaunchItem",
+            "JumpItem",
+            "OtherItem",
+        )
+    ),
 }
 """By the name of the message. None: it is no value by itself."""
-FILES = frozenset(
-    {"ual", "simulation", "network", "mission", "camera", "gimbal", "fence", "logs", "corrections", "parameters"}
-)
+ENUMS = frozenset({"CameraAction"})
+FILES = frozenset({"ual", "simulation", "network"})
 """The files whose values are all written by hand."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Mapping
 
 from tools.contract import requests
 from tools.contract.parts import CLIENT, INTERFACE, Member, Part
@@ -19,15 +20,29 @@ def source(values: Values, part: Part) -> str:
     by_hand = functions(parsed(BY_HAND))
     mine = {each.name: f"{part.module}_{each.name}" for each in part.members}
     special = {name: function for name, function in mine.items() if function in by_hand}
-    calls = "".join(_call(values, part, each) for each in part.members if each.name not in special)
-    members = "".join(f'    "{each.name}": {special.get(each.name, each.function)},\n' for each in part.members)
-    body = f"{calls}\n\nMEMBERS: Mapping[str, Callable[..., Call[Any]]] = {{\n{members}}}\n"
+    unary = [each for each in part.members if not (each.method and each.method.client_streaming)]
+    calls = "".join(_call(values, part, each) for each in unary if each.name not in special)
+    members = "".join(f'    "{each.name}": {each.function},\n' for each in unary)
+    named = "".join(f"{name} = {function}\n" for name, function in special.items())
+    body = f"\n{named}{calls}\n\nMEMBERS: Mapping[str, Callable[..., Call[Any]]] = {{\n{members}}}\n"
     return f"{_head(values, part, body, sorted(special.values()))}{body}"
+
+
+def stubs_source(services: Mapping[str, str]) -> str:
+    """Returns the module that has the stub of each service, by its name. `services` has their files."""
+    stubs = "".join(f'    "{name}": {file}_pb2_grpc.{name}Stub,\n' for name, file in services.items())
+    modules = ", ".join(sorted({f"{file}_pb2_grpc" for file in services.values()}))
+    return (
+        '"""The stubs of the services. ``make proto`` writes this file: do not edit it."""\n\n'
+        "from __future__ import annotations\n\n"
+        "from collections.abc import Callable, Mapping\nfrom typing import Any\n\n"
+        f"from ual.v1 import {modules}\n\nSTUBS: Mapping[str, Callable[[Any], Any]] = {{\n{stubs}}}\n"
+    )
 
 
 def _head(values: Values, part: Part, body: str, special: list[str]) -> str:
     used = names_in(body)
-    calls = sorted({"Call", "nothing", "of", "request"} & used)
+    calls = sorted({"Call", "built", "nothing", "of", "request"} & used)
     return (
         f'"""The calls of `ual.interface.{part.name}`. ``make proto`` writes this file: do not edit it."""\n\n'
         "from __future__ import annotations\n\n"
@@ -54,7 +69,8 @@ def _call(values: Values, part: Part, member: Member) -> str:
         passed = ", ".join(
             [f"{part.bound}={part.bound}"] * bool(part.bound) + [f"{each.arg}={each.arg}" for each in member.arguments]
         )
-        request = f"requests.{snake(name)}_request({passed})"
+        first = member.arguments[0].arg
+        request = f'built(lambda: requests.{snake(name)}_request({passed}), "{first}", {first})'
     else:
         fields = list(requests.written(values, part, member))
         request = f"request(pb.{member.request.name}, {', '.join(fields)})" if fields else f"pb.{member.request.name}()"

@@ -1,9 +1,9 @@
-"""Writes ``ual_daemon/extensions/shipped/derived.py``: the services of a UAV in the process."""
+"""Writes ``ual_daemon/extensions/shipped/_derived.py``: the services of a UAV in the process."""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from tools.contract.behaviour import ROOM, Behaviour, behaviour
@@ -14,7 +14,9 @@ _HEAD = '''"""The services of a UAV in this process. ``make proto`` writes this 
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterator
+from typing import Protocol
 
 from typing_extensions import override
 
@@ -26,23 +28,52 @@ def source(parts: Sequence[Part]) -> str:
     """Returns the module."""
     owners = {each.service: each for each in parts if not each.bound}
     done = {service: behaviour(owner) for service, owner in owners.items()}
-    body = "".join(_face(each, done[each.service]) for each in parts)
+    body = "".join(_face(each, done[each.service]) for each in parts) + _all(owners.values(), done)
     used = names_in(body)
-    vehicles = "".join(_vehicle_import(each) for each in done.values())
+    vehicles = "".join(imports(each.path, {each.vehicle}) for each in done.values())
     helpers = sorted({"answer", "answers"} & used)
     return (
         _HEAD
-        + imports(INTERFACE, used - {"Callable", "Iterator"})
-        + "".join(f"from {each.module} import {each.name}\n" for each in done.values())
+        + imports(INTERFACE, used - {"Callable", "Iterator", "Protocol"})
+        + "".join(f"from {each.module} import {name}\n" for each in done.values() for name in each.named(used))
         + vehicles
         + f"from ual_daemon.extensions.shipped.answers import {', '.join(helpers)}\n"
         + body
     )
 
 
-def _vehicle_import(does: Behaviour) -> str:
-    own = classes(does.path)
-    return f"from {does.module} import {does.vehicle}\n" if does.vehicle in own else imports(does.path, {does.vehicle})
+def _all(owners: Collection[Part], done: Mapping[str, Behaviour]) -> str:
+    """What all of them need of a vehicle, and the members of `ual_daemon.UAL` that return them."""
+    vehicles = ", ".join(sorted({each.vehicle for each in done.values()} - {"ServedVehicle"}))
+    made = "".join(
+        f"        self.{each.module} = {each.name}(vehicle{', lease_id' * done[each.service].is_leased})\n"
+        for each in owners
+    )
+    members = "".join(
+        f"\n    @property\n    @override\n    def {each.module}(self) -> {each.name}:\n"
+        f"        return self._parts.{each.module}\n"
+        for each in owners
+    )
+    return f'''
+
+class ShippedVehicle({vehicles}, Protocol):
+    """What all services need of their UAV."""
+
+
+class Parts:
+    """The services of a UAV."""
+
+    def __init__(self, vehicle: ShippedVehicle, lease_id: Callable[[], str]) -> None:
+{made}
+
+class PartMembers(interface.Uav):
+    """The members of `ual_daemon.UAL` that return its services."""
+
+    @property
+    @abstractmethod
+    def _parts(self) -> Parts:
+        """The services, unless this object is closed."""
+{members}'''
 
 
 def _face(part: Part, does: Behaviour) -> str:
@@ -84,16 +115,17 @@ def _numbered(part: Part) -> str:
 
 
 def _member(part: Part, does: Behaviour, member: Member) -> str:
+    if member.method is None:
+        raise SystemExit(f"{part.name}.{member.name} is no method: {does.module}.{part.name}Base lacks it")
     arguments = ["self._number"] * bool(part.bound)
     arguments += [f"{each.arg}={each.arg}" for each in member.arguments]
     arguments += ["lease_id=self._lease_id()"] * does.takes_lease(member)
     call = f"self._of_vehicle.{member.name}({', '.join(arguments)})"
     if member.is_stream or does.waits(member):
-        what = member.method.name if member.method is not None else member.name
-        call = f'{"answers" if member.is_stream else "answer"}({call}, "{what}")'
+        call = f'{"answers" if member.is_stream else "answer"}({call}, "{member.method.name}")'
     returned = call if member.returned == "None" else f"return {call}"
     head = f"def {member.name}({ast.unparse(member.signature)}) -> {member.returned}:"
     return f"\n    @override\n    {head}\n        {returned}\n"
 
 
-PATH = ROOM / "derived.py"
+PATH = ROOM / "_derived.py"

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from tools.contract import requests
 from tools.contract.behaviour import Behaviour, behaviour
 from tools.contract.compiled import ROOT
-from tools.contract.faces_source import _vehicle_import
 from tools.contract.parts import Member, Part
-from tools.contract.python_source import classes, names_in
+from tools.contract.python_source import classes, imports, names_in
 from tools.contract.values import Values
 from tools.contract.words import snake
 
@@ -55,7 +54,8 @@ def _head(owner: Part, does: Behaviour, body: str, base: str) -> str:
         + "from ual.wire import convert\n" * ("convert" in used)
         + "from ual.wire import requests\n" * ("requests" in used)
         + "from ual_daemon.extensions.base import lease_of\n" * ("lease_of" in used)
-        + f"from {does.module} import {does.name}\n{_vehicle_import(does)}"
+        + f"from {does.module} import {', '.join(does.named({does.name, does.vehicle}))}\n"
+        + imports(does.path, {does.vehicle})
         + (f"from ual_daemon.server.shipped.by_hand import {base}\n" if base else "")
         + (f"from ual_daemon.server.shipped.waiting import {', '.join(helpers)}\n" if helpers else "")
     )
@@ -95,3 +95,22 @@ def _answer(values: Values, does: Behaviour, part: Part, member: Member) -> str:
     if "result" not in pack:
         return f"        {called}\n        return {pack}\n"
     return f"        result = {called}\n        return {pack}\n"
+
+
+def table_source(parts: Sequence[Part]) -> str:
+    """Returns the module that lists the servicers."""
+    owners = [each for each in parts if not each.bound]
+    rows, lines = "", ""
+    for each in owners:
+        grpc, servicer = f"{each.file}_pb2_grpc", f"{each.service.removesuffix('Service')}Servicer"
+        lines += f"from ual_daemon.server.shipped.{each.file} import {servicer}\n"
+        rows += f'    ("ual.v1.{each.service}", {grpc}.add_{each.service}Servicer_to_server, {servicer}),\n'
+    modules = ", ".join(f"{each.file}_pb2_grpc" for each in owners)
+    return (
+        '"""The servicers of all services. ``make proto`` writes this file: do not edit it."""\n\n'
+        "from __future__ import annotations\n\n"
+        "from collections.abc import Callable, Sequence\nfrom typing import Any\n\n"
+        f"from ual.v1 import {modules}\n{lines}\n"
+        f"SERVICES: Sequence[tuple[str, Callable[..., None], Callable[[Any], object]]] = (\n{rows})\n"
+        '"""The name of each, what registers its servicer, and what makes that for a vehicle."""\n'
+    )

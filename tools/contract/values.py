@@ -125,7 +125,11 @@ class _Reader:
 
     def values(self, file: FileDescriptorProto) -> Values:
         about = comments(file)
-        enums = {f".{file.package}.{each.name}": self._enum(each, about) for each in file.enum_type}
+        enums = {
+            f".{file.package}.{each.name}": self._enum(each, about)
+            for each in file.enum_type
+            if each.name not in by_hand.ENUMS
+        }
         self._enums |= enums
         messages = {each.name: self.message(f".{file.package}.{each.name}") for each in file.message_type}
         requests = (each for each in file.message_type if each.name.endswith("Request"))
@@ -232,8 +236,8 @@ class _Made:
         """Returns the class, what writes and what reads it, and what the reader takes more."""
         name = self._part.type_name
         if name in (_TIME, _SPAN):
-            what = "timestamp" if name == _TIME else "duration"
-            return "float", f"convert.{what}_to_proto", f"convert.{what}_from_proto", ""
+            writer, reader = ("timestamp", "stamp") if name == _TIME else ("duration", "duration")
+            return "float", f"convert.{writer}_to_proto", f"convert.{reader}_from_proto", ""
         known = by_hand.MESSAGES.get(name.rpartition(".")[2])
         if isinstance(known, ByHand):
             self.modules[known.name] = known.module

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Iterator
-from pathlib import Path
 
 from tools.contract.compiled import ROOT
+from tools.contract.python_source import classes
 from tools.contract.values import EnumValue, MessageValue, Values
 from tools.contract.words import docstring
 
-BASES = ROOT / "clients" / "python" / "ual" / "contract" / "bases.py"
+BASES = ROOT / "clients" / "python" / "ual" / "contract" / "_bases.py"
 """What values do beside holding their fields, by hand: the class ``XBase`` is a base of the value ``X``."""
 
 
 def source(values: Values) -> str:
     """Returns the module."""
-    bases = _bases(BASES)
+    bases = set(classes(BASES))
     messages = [each for each in values.messages.values() if not each.is_tuple]
     body = "".join(map(_enum, values.enums.values())) + "".join(_dataclass(each, bases) for each in messages)
     return (
@@ -26,29 +25,25 @@ def source(values: Values) -> str:
     )
 
 
-def _bases(path: Path) -> set[str]:
-    return {node.name for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef)}
-
-
 def _imports(values: Values, messages: list[MessageValue], bases: set[str]) -> Iterator[str]:
+    parts = [part.modules for each in messages for part in each.fields]
+    named = sorted({(module, name) for modules in parts for name, module in modules.items()})
     if messages:
         yield "from dataclasses import dataclass\n"
-    if values.enums:
+    if any(f"{each.name}Base" not in bases for each in values.enums.values()):
         yield "from enum import Enum\n"
-    for module, name in sorted(
-        {(module, name) for each in messages for part in each.fields for name, module in part.modules.items()}
-    ):
-        yield f"from {module} import {name}\n"
-    used = sorted(f"{each.name}Base" for each in messages if f"{each.name}Base" in bases)
-    if used:
-        yield f"from ual.contract.bases import {', '.join(used)}\n"
+    yield from (f"from {module} import {name}\n" for module, name in named)
+    made = [each.name for each in values.enums.values()] + [each.name for each in messages]
+    if used := sorted(f"{name}Base" for name in made if f"{name}Base" in bases):
+        yield f"from ual.contract._bases import {', '.join(used)}\n"
 
 
 def _enum(enum: EnumValue) -> str:
+    base = f"{enum.name}Base" if f"{enum.name}Base" in set(classes(BASES)) else "Enum"
     members = "".join(
         f"    {name} = {number}\n{docstring(text) if text else ''}" for name, number, text in enum.members
     )
-    return f"\n\nclass {enum.name}(Enum):\n{docstring(enum.text)}\n{members}"
+    return f"\n\nclass {enum.name}({base}):\n{docstring(enum.text)}\n{members}"
 
 
 def _dataclass(value: MessageValue, bases: set[str]) -> str:

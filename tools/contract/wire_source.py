@@ -5,6 +5,9 @@ from __future__ import annotations
 from tools.contract.values import EnumValue, MessageValue, Values
 from tools.contract.words import snake
 
+_BY_HAND = ("convert", "mission_items", "rally_points")
+"""The modules of codecs by hand."""
+
 
 def source(values: Values) -> str:
     """Returns the module."""
@@ -23,7 +26,7 @@ def _head(values: Values, body: str) -> str:
         + "from collections.abc import Mapping\n\n" * ("Mapping[" in body)
         + f"from ual.contract.{values.file} import {', '.join(used)}\n"
         + f"from ual.v1 import {values.file}_pb2 as pb\n"
-        + "from ual.wire import convert\n" * ("convert." in body)
+        + "".join(f"from ual.wire import {each}\n" for each in _BY_HAND if f"{each}." in body)
         + "from ual.wire.enums import member_of, number_of\n" * ("number_of(" in body)
     )
 

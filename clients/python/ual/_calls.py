@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from enum import Enum
 from typing import Any, Generic, TypeVar
 
 from google.protobuf.message import Message
@@ -78,21 +77,6 @@ def member(method: str) -> Callable[[F], F]:
     return declared
 
 
-class Service(Enum):
-    """Which of the daemon's services a method belongs to."""
-
-    UAL = "UalService"
-    SIMULATION = "SimulationService"
-    PARAMETERS = "ParameterService"
-    MISSION = "MissionService"
-    CAMERAS = "CameraService"
-    GIMBALS = "GimbalService"
-    FENCE = "FenceService"
-    GRIPPER = "GripperService"
-    LOGS = "LogService"
-    CORRECTIONS = "CorrectionsService"
-
-
 _UNTRACED: AbstractContextManager[Metadata] = nullcontext(())
 # How long a call waits for a daemon that was there before: longer than gRPC's pause between two tries to connect.
 RECONNECT_S = 1.0
@@ -109,7 +93,7 @@ class Call(Generic[T]):
     what becomes of what was asked for when the time is over.
     """
 
-    service: Service
+    service: str
     method: str
     request: Message
     read: Callable[[Any], T]
@@ -122,7 +106,7 @@ class Call(Generic[T]):
 def traced(call: Call[Any]) -> AbstractContextManager[Metadata]:
     """Traces a call, where the environment asks for it; see `ual.shared.tracing`. Returns the metadata for that."""
     tracing = of_environment()
-    return _UNTRACED if tracing is None else tracing.calling(f"ual.v1.{call.service.value}", call.method)
+    return _UNTRACED if tracing is None else tracing.calling(f"ual.v1.{call.service}", call.method)
 
 
 def deadline(call: Call[Any], timeout_s: float | None) -> float | None:
@@ -159,7 +143,7 @@ def closed() -> UalError:
 def of(method: str, request: Message, read: Callable[[Any], T], is_stream: bool = False) -> Call[T]:
     """The call of a method, with the time limit that the contract says."""
     facts = METHODS[method]
-    return Call(Service(facts.service), method, request, read, facts.caller_limit_s, facts.at_timeout, is_stream)
+    return Call(facts.service, method, request, read, facts.caller_limit_s, facts.at_timeout, is_stream)
 
 
 def nothing(_: object) -> None:
@@ -167,7 +151,7 @@ def nothing(_: object) -> None:
     return
 
 
-def request(kind: Callable[..., Any], **fields: object) -> Any:  # noqa: ANN401 (the request of a method)
+def request(kind: Callable[..., Any], /, **fields: object) -> Any:  # noqa: ANN401 (the request of a method)
     """Makes a request. Raises `InvalidArgumentError` that names a field whose value protobuf refuses."""
     try:
         return kind(**fields)

@@ -9,12 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from typing_extensions import override
 
 from ual import _calls, interface
-from ual._cameras import Cameras
 from ual._connection import Connection
-from ual._corrections import Corrections
 from ual._derived import SimulationMembers, UavMembers
-from ual._derived_parts import Fence, Gripper, Logs, Mission, Parameters
-from ual._gimbals import Gimbals
+from ual._derived_parts import PartMembers, Parts
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
@@ -30,7 +27,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Uav(Uncopied, UavMembers):
+class Uav(Uncopied, PartMembers, UavMembers):
     """One UAV, flown through its daemon. Its members are those of `ual.interface.Uav`.
 
     Nothing is connected until the first call. A daemon that was restarted is found again.
@@ -69,15 +66,8 @@ class Uav(Uncopied, UavMembers):
         self._external_poses = Setpoints(self._connection, kind=EXTERNAL_POSES)
         self._dry_run = interface.DryRun(lambda motion: self._connection.run(_calls.dry_run(motion)))
         self._simulation = Simulation(self._connection)
+        self._parts = Parts(self._connection)
         self._is_simulation = False
-        self._parameters = Parameters(self._connection)
-        self._mission = Mission(self._connection)
-        self._cameras = Cameras(self._connection)
-        self._gimbals = Gimbals(self._connection)
-        self._fence = Fence(self._connection)
-        self._gripper = Gripper(self._connection)
-        self._logs = Logs(self._connection)
-        self._corrections = Corrections(self._connection)
         self._subscriptions = Subscriptions(self._connection)
 
     def __repr__(self) -> str:
@@ -150,46 +140,6 @@ class Uav(Uncopied, UavMembers):
             self._simulation.parts()
             self._is_simulation = True
         return self._simulation
-
-    @property
-    @override
-    def parameters(self) -> Parameters:
-        return self._parameters
-
-    @property
-    @override
-    def mission(self) -> Mission:
-        return self._mission
-
-    @property
-    @override
-    def cameras(self) -> Cameras:
-        return self._cameras
-
-    @property
-    @override
-    def gimbals(self) -> Gimbals:
-        return self._gimbals
-
-    @property
-    @override
-    def fence(self) -> Fence:
-        return self._fence
-
-    @property
-    @override
-    def gripper(self) -> Gripper:
-        return self._gripper
-
-    @property
-    @override
-    def logs(self) -> Logs:
-        return self._logs
-
-    @property
-    @override
-    def corrections(self) -> Corrections:
-        return self._corrections
 
     @override
     def _command(self, call: _calls.Call[T], timeout_s: float | None = None) -> T:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import grpc
 
 from ual import _calls, _forks, _interrupts
-from ual._calls import Call, Service
+from ual._calls import Call
 from ual._target import Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
 from ual.shared.tracing import Metadata
@@ -104,7 +104,7 @@ class Connection:
         request = pb.WatchTaskRequest(task_id=task_id, rate_hz=rate_hz)
         return self._begin(lambda stubs: stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self.target.metadata))
 
-    def stream(self, method: str, elements: Iterator[Any], service: Service = Service.UAL) -> Any:  # noqa: ANN401 (as above)
+    def stream(self, method: str, elements: Iterator[Any], service: str = "UalService") -> Any:  # noqa: ANN401 (as above)
         """Sends elements until the iterator ends. Returns a future, which raises `grpc.RpcError`."""
         metadata = self.target.metadata
         return self._begin(lambda stubs: stubs.method_of(service, method).future(elements, metadata=metadata))

@@ -1,4 +1,4 @@
-"""The services beside that of the UAV. ``make clients`` writes this file: do not edit it."""
+"""The services beside that of the UAV. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from collections.abc import Iterator, Sequence
 
 from typing_extensions import override
 
-from ual import (
-    _camera_calls,
-    _cameras_calls,
-    _fence_calls,
-    _gimbal_calls,
-    _gimbals_calls,
-    _log_calls,
-    _mission_calls,
-    _parameter_calls,
-    interface,
-)
+from ual import interface
 from ual._connection import Connection
+from ual._corrections import CorrectionsBase
+from ual._service_calls import camera as _camera_calls
+from ual._service_calls import cameras as _cameras_calls
+from ual._service_calls import corrections as _corrections_calls
+from ual._service_calls import fence as _fence_calls
+from ual._service_calls import gimbal as _gimbal_calls
+from ual._service_calls import gimbals as _gimbals_calls
 from ual._service_calls import gripper as _gripper_calls
+from ual._service_calls import logs as _logs_calls
+from ual._service_calls import mission as _mission_calls
+from ual._service_calls import parameters as _parameters_calls
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
+from ual.corrections import CorrectionsStatus
 from ual.fences.values import FencePlan, KeptFence
 from ual.geometry import PointStamped, Vector3
 from ual.gimbals import GimbalInfo, GimbalReference, GimbalStatus
@@ -102,8 +103,62 @@ class Cameras(interface.Cameras):
         return f"<Cameras of {self._connection.described}>"
 
     @override
+    def __getitem__(self, number: int) -> Camera:
+        return Camera(self._connection, number)
+
+    @override
+    def __iter__(self) -> Iterator[Camera]:
+        return (self[each.number] for each in self.get_all())
+
+    @override
     def get_all(self) -> list[CameraInfo]:
         return self._connection.run(_cameras_calls.get_all())
+
+
+class Corrections(CorrectionsBase, interface.Corrections):
+    """`ual.interface.Corrections`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Corrections of {self._connection.described}>"
+
+    @override
+    def status(self) -> CorrectionsStatus:
+        return self._connection.run(_corrections_calls.status())
+
+
+class Fence(interface.Fence):
+    """`ual.interface.Fence`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Fence of {self._connection.described}>"
+
+    @override
+    def get(self) -> KeptFence:
+        return self._connection.run(_fence_calls.get())
+
+    @override
+    def upload(
+        self, plan: FencePlan | None = None, *, replace: bool = False, enable: bool = True, force: bool = False
+    ) -> KeptFence:
+        return self._connection.run(_fence_calls.upload(plan=plan, replace=replace, enable=enable, force=force))
+
+    @override
+    def clear(self, *, with_rally_points: bool = False, force: bool = False) -> KeptFence:
+        return self._connection.run(_fence_calls.clear(with_rally_points=with_rally_points, force=force))
+
+    @override
+    def enable(self) -> KeptFence:
+        return self._connection.run(_fence_calls.enable())
+
+    @override
+    def disable(self) -> KeptFence:
+        return self._connection.run(_fence_calls.disable())
 
 
 class Gimbal(interface.Gimbal):
@@ -180,30 +235,72 @@ class Gimbals(interface.Gimbals):
         return f"<Gimbals of {self._connection.described}>"
 
     @override
+    def __getitem__(self, number: int) -> Gimbal:
+        return Gimbal(self._connection, number)
+
+    @override
+    def __iter__(self) -> Iterator[Gimbal]:
+        return (self[each.number] for each in self.get_all())
+
+    @override
     def get_all(self) -> list[GimbalInfo]:
         return self._connection.run(_gimbals_calls.get_all())
 
 
-class Parameters(interface.Parameters):
-    """`ual.interface.Parameters`, over gRPC."""
+class Gripper(interface.Gripper):
+    """`ual.interface.Gripper`, over gRPC."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
     def __repr__(self) -> str:
-        return f"<Parameters of {self._connection.described}>"
+        return f"<Gripper of {self._connection.described}>"
 
     @override
-    def get(self, name: str) -> Parameter:
-        return self._connection.run(_parameter_calls.get(name))
+    def get_all(self) -> Equipment:
+        return self._connection.run(_gripper_calls.get_all())
 
     @override
-    def get_all(self) -> list[Parameter]:
-        return self._connection.run(_parameter_calls.get_all())
+    def grip(self, gripper: str = "") -> None:
+        self._connection.run(_gripper_calls.grip(gripper))
 
     @override
-    def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
-        return self._connection.run(_parameter_calls.set_(name=name, value=value, force=force))
+    def release(self, gripper: str = "") -> None:
+        self._connection.run(_gripper_calls.release(gripper))
+
+    @override
+    def order_winch(
+        self, action: WinchAction, *, winch: str = "", length_m: float | None = None, rate_m_s: float | None = None
+    ) -> None:
+        self._connection.run(
+            _gripper_calls.order_winch(action=action, winch=winch, length_m=length_m, rate_m_s=rate_m_s)
+        )
+
+    @override
+    def set_servo(self, position: str = "", *, servo: str = "", pwm_us: int | None = None) -> None:
+        self._connection.run(_gripper_calls.set_servo(position=position, servo=servo, pwm_us=pwm_us))
+
+    @override
+    def set_relay(self, state: str, *, relay: str = "") -> None:
+        self._connection.run(_gripper_calls.set_relay(state=state, relay=relay))
+
+
+class Logs(interface.Logs):
+    """`ual.interface.Logs`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Logs of {self._connection.described}>"
+
+    @override
+    def get_all(self) -> list[Log]:
+        return self._connection.run(_logs_calls.get_all())
+
+    @override
+    def download(self, log_id: str, offset: int = 0) -> Iterator[LogChunk]:
+        return self._connection.iterate(_logs_calls.download(log_id=log_id, offset=offset))
 
 
 class Mission(interface.Mission):
@@ -256,87 +353,83 @@ class Mission(interface.Mission):
         return self._connection.iterate(_mission_calls.watch())
 
 
-class Fence(interface.Fence):
-    """`ual.interface.Fence`, over gRPC."""
+class Parameters(interface.Parameters):
+    """`ual.interface.Parameters`, over gRPC."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
     def __repr__(self) -> str:
-        return f"<Fence of {self._connection.described}>"
+        return f"<Parameters of {self._connection.described}>"
 
     @override
-    def get(self) -> KeptFence:
-        return self._connection.run(_fence_calls.get())
+    def get(self, name: str) -> Parameter:
+        return self._connection.run(_parameters_calls.get(name))
 
     @override
-    def upload(
-        self, plan: FencePlan | None = None, *, replace: bool = False, enable: bool = True, force: bool = False
-    ) -> KeptFence:
-        return self._connection.run(_fence_calls.upload(plan, replace=replace, enable=enable, force=force))
+    def get_all(self) -> list[Parameter]:
+        return self._connection.run(_parameters_calls.get_all())
 
     @override
-    def clear(self, *, with_rally_points: bool = False, force: bool = False) -> KeptFence:
-        return self._connection.run(_fence_calls.clear(with_rally_points=with_rally_points, force=force))
-
-    @override
-    def enable(self) -> KeptFence:
-        return self._connection.run(_fence_calls.enable())
-
-    @override
-    def disable(self) -> KeptFence:
-        return self._connection.run(_fence_calls.disable())
+    def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
+        return self._connection.run(_parameters_calls.set_(name=name, value=value, force=force))
 
 
-class Gripper(interface.Gripper):
-    """`ual.interface.Gripper`, over gRPC."""
+class Parts:
+    """The services of a UAV."""
 
     def __init__(self, connection: Connection) -> None:
-        self._connection = connection
+        self.cameras = Cameras(connection)
+        self.corrections = Corrections(connection)
+        self.fence = Fence(connection)
+        self.gimbals = Gimbals(connection)
+        self.gripper = Gripper(connection)
+        self.logs = Logs(connection)
+        self.mission = Mission(connection)
+        self.parameters = Parameters(connection)
 
-    def __repr__(self) -> str:
-        return f"<Gripper of {self._connection.described}>"
 
+class PartMembers(interface.Uav):
+    """The members of `ual.Uav` that return its services."""
+
+    _parts: Parts
+
+    @property
     @override
-    def get_all(self) -> Equipment:
-        return self._connection.run(_gripper_calls.get_all())
+    def cameras(self) -> Cameras:
+        return self._parts.cameras
 
+    @property
     @override
-    def grip(self, gripper: str = "") -> None:
-        self._connection.run(_gripper_calls.grip(gripper))
+    def corrections(self) -> Corrections:
+        return self._parts.corrections
 
+    @property
     @override
-    def release(self, gripper: str = "") -> None:
-        self._connection.run(_gripper_calls.release(gripper))
+    def fence(self) -> Fence:
+        return self._parts.fence
 
+    @property
     @override
-    def order_winch(
-        self, action: WinchAction, *, winch: str = "", length_m: float | None = None, rate_m_s: float | None = None
-    ) -> None:
-        self._connection.run(_gripper_calls.order_winch(action, winch=winch, length_m=length_m, rate_m_s=rate_m_s))
+    def gimbals(self) -> Gimbals:
+        return self._parts.gimbals
 
+    @property
     @override
-    def set_servo(self, position: str = "", *, servo: str = "", pwm_us: int | None = None) -> None:
-        self._connection.run(_gripper_calls.set_servo(position, servo=servo, pwm_us=pwm_us))
+    def gripper(self) -> Gripper:
+        return self._parts.gripper
 
+    @property
     @override
-    def set_relay(self, state: str, *, relay: str = "") -> None:
-        self._connection.run(_gripper_calls.set_relay(state, relay=relay))
+    def logs(self) -> Logs:
+        return self._parts.logs
 
-
-class Logs(interface.Logs):
-    """`ual.interface.Logs`, over gRPC."""
-
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
-
-    def __repr__(self) -> str:
-        return f"<Logs of {self._connection.described}>"
-
+    @property
     @override
-    def get_all(self) -> list[Log]:
-        return self._connection.run(_log_calls.get_all())
+    def mission(self) -> Mission:
+        return self._parts.mission
 
+    @property
     @override
-    def download(self, log_id: str, offset: int = 0) -> Iterator[LogChunk]:
-        return self._connection.iterate(_log_calls.download(log_id=log_id, offset=offset))
+    def parameters(self) -> Parameters:
+        return self._parts.parameters

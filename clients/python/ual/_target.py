@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
@@ -12,22 +11,11 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import grpc
 
 from ual import _gevent, discovery
-from ual._calls import Call, Service
+from ual._calls import Call
+from ual._service_calls.stubs import STUBS
 from ual.credentials import Credentials, read
 from ual.errors import InvalidArgumentError
 from ual.shared import environment
-from ual.v1 import (
-    camera_pb2_grpc,
-    corrections_pb2_grpc,
-    fence_pb2_grpc,
-    gimbal_pb2_grpc,
-    gripper_pb2_grpc,
-    logs_pb2_grpc,
-    mission_pb2_grpc,
-    parameters_pb2_grpc,
-    simulation_pb2_grpc,
-    ual_pb2_grpc,
-)
 
 if TYPE_CHECKING:
     from ual.network import Network, NetworkSettings
@@ -61,39 +49,26 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
 )
 
 
-_MADE_BY: Mapping[Service, Callable[[Any], Any]] = {
-    Service.SIMULATION: simulation_pb2_grpc.SimulationServiceStub,
-    Service.PARAMETERS: parameters_pb2_grpc.ParameterServiceStub,
-    Service.MISSION: mission_pb2_grpc.MissionServiceStub,
-    Service.CAMERAS: camera_pb2_grpc.CameraServiceStub,
-    Service.GIMBALS: gimbal_pb2_grpc.GimbalServiceStub,
-    Service.FENCE: fence_pb2_grpc.FenceServiceStub,
-    Service.GRIPPER: gripper_pb2_grpc.GripperServiceStub,
-    Service.LOGS: logs_pb2_grpc.LogServiceStub,
-    Service.CORRECTIONS: corrections_pb2_grpc.CorrectionsServiceStub,
-}
-
-
 class Stubs:
     """The daemon's services over one channel of `grpc` or `grpc.aio`."""
 
     def __init__(self, channel: Any) -> None:  # noqa: ANN401 (grpc's, or grpc.aio's)
-        self.ual = ual_pb2_grpc.UalServiceStub(channel)
+        self.ual = STUBS["UalService"](channel)
         self._channel = channel
-        self._others: dict[Service, Any] = {}
+        self._others: dict[str, Any] = {}
         """Those of the other services, made when they are called first."""
 
     def method(self, call: Call[Any]) -> Any:  # noqa: ANN401 (its type depends on the method and on the channel)
         """Returns the gRPC method of a call."""
         return self.method_of(call.service, call.method)
 
-    def method_of(self, service: Service, method: str) -> Any:  # noqa: ANN401 (as above)
+    def method_of(self, service: str, method: str) -> Any:  # noqa: ANN401 (as above)
         """Returns the gRPC method of this name."""
-        return getattr(self.ual if service is Service.UAL else self._other(service), method)
+        return getattr(self.ual if service == "UalService" else self._other(service), method)
 
-    def _other(self, service: Service) -> Any:  # noqa: ANN401 (as above)
+    def _other(self, service: str) -> Any:  # noqa: ANN401 (as above)
         if service not in self._others:
-            self._others[service] = _MADE_BY[service](self._channel)
+            self._others[service] = STUBS[service](self._channel)
         return self._others[service]
 
 

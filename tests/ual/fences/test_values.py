@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from ual.fences import FencePlan, FenceZone, KeptFence, RallyPoint
 from ual.fences.values import crossing, leaves_out
 from ual.types import AltitudeReference
-from ual.v1 import fence_pb2 as pb
-from ual.wire import fences as convert
+from ual.wire import fence as wire
+from ual.wire import requests
 
 FIELD = FenceZone(True, ((47.0, 8.0), (47.002, 8.0), (47.002, 8.002), (47.0, 8.002)))
 POND = FenceZone(False, ((47.001, 8.001),), 20.0)
@@ -67,10 +67,10 @@ def test_of_several_inclusions_all_count_unless_any_is_enough() -> None:
 def test_nothing_is_lost_in_a_message(is_enabled: bool | None) -> None:
     points = (RallyPoint(1.5, 2.5, 20), RallyPoint(1.5, 2.5, -3, AltitudeReference.AMSL))
     kept = KeptFence((FIELD, POND), points, is_enabled, None if is_enabled else (47.1, 8.1))
-    assert convert.of_response(pb.GetFenceResponse(fence=convert.to_proto(kept))) == kept
-    request = pb.UploadFenceRequest(zones=convert.zones_to_proto(kept.zones))
-    request.rally_points.extend(convert.rally_to_proto(points))
-    assert convert.plan_from_proto(request) == FencePlan(kept.zones, points)
+    assert wire.kept_fence_from_proto(wire.kept_fence_to_proto(kept)) == kept
+    plan = FencePlan(kept.zones, points)
+    request = requests.upload_fence_request(plan, replace=True, enable=False, force=True)
+    assert requests.upload_fence_arguments(request) == {"plan": plan, "replace": True, "enable": False, "force": True}
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from ual import _mission_calls
+from ual._service_calls import mission
 from ual.errors import InvalidArgumentError, ResourceExhaustedError
 from ual.missions import Item, Waypoint, checks
 
@@ -15,10 +15,10 @@ from ual.missions import Item, Waypoint, checks
 def test_a_start_with_no_item_is_not_sent(first: int) -> None:
     """On the wire 0 is what was not given, and begins with the first item."""
     with pytest.raises(InvalidArgumentError, match="first_item"):
-        _mission_calls.start(first, None)
+        mission.start(first, None)
 
 
-@pytest.mark.parametrize("call", [_mission_calls.plan, _mission_calls.upload])
+@pytest.mark.parametrize("call", [mission.plan, mission.upload])
 def test_too_many_items_are_refused_before_any_of_them_is_looked_at(call: Callable[[Sequence[Item]], object]) -> None:
     many: list[Item] = [Waypoint(37.4, -6.0, 20.0)] * 200_000
     many[0] = "no item"  # type: ignore[call-overload]  # on purpose

@@ -39,10 +39,12 @@ def test_a_value_by_hand_is_the_same_as_the_number_of_32_bits_that_is_next_to_it
 def test_the_limits_of_each_type_survive_the_wire(kind: ParameterType) -> None:
     for value in kind.limits:
         sent = Parameter("X", value, kind, is_relied_on=True)
-        read = convert.from_proto(pb.Parameter.FromString(convert.to_proto(sent).SerializeToString()))
+        read = convert.parameter_from_proto(
+            pb.Parameter.FromString(convert.parameter_to_proto(sent).SerializeToString())
+        )
         assert read == sent
         assert isinstance(read.value, int) == kind.is_whole
 
 
 def test_a_type_of_a_newer_daemon_is_read_as_a_number() -> None:
-    assert convert.from_proto(pb.Parameter(name="X", value=0.5)) == Parameter("X", 0.5, ParameterType.REAL32)
+    assert convert.parameter_from_proto(pb.Parameter(name="X", value=0.5)) == Parameter("X", 0.5, ParameterType.REAL32)

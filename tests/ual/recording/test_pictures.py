@@ -21,7 +21,7 @@ from ual.recording.pictures import Pictures
 from ual.recording.reader import Recording
 from ual.recording.recorder import Recorder
 from ual.v1 import camera_pb2 as pb
-from ual.wire import cameras as convert
+from ual.wire import camera as convert
 
 LENS = CameraIntrinsics.of_view(64, 48, 1.2)
 DOWN = Quaternion.from_euler(0.0, math.pi / 2.0, 0.0)

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from tests.ual_daemon.extensions.limits import limit
 from ual.cameras import (
     OPTICAL,
     CameraAbility,
@@ -28,8 +29,8 @@ from ual.errors import (
 from ual.geometry import Pose, PoseStamped, Quaternion, Vector3
 from ual.types import State
 from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
-from ual_daemon.extensions.shipped import cameras
-from ual_daemon.extensions.shipped.cameras import Cameras, VehicleCameras
+from ual_daemon.extensions.shipped._derived import Cameras
+from ual_daemon.extensions.shipped.cameras import VehicleCameras
 
 T = TypeVar("T")
 ALL = frozenset(CameraAbility)
@@ -296,8 +297,8 @@ def test_optical_axes_are_those_of_opencv() -> None:
 def test_a_picture_that_is_never_reported_is_not_waited_for(
     vehicle: Vehicle, camera: MadeUp, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cameras, "ORDER_S", 0.0)
-    with pytest.raises(UalTimeoutError, match="taking a photo did not end within 0 s"):
+    limit(monkeypatch, "TakePhoto", 0.0)
+    with pytest.raises(UalTimeoutError, match="TakePhoto did not end within 0 s"):
         Cameras(vehicle)[0].take_photo()
     assert camera.shooting.cancelled()
 

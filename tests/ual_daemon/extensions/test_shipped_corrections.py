@@ -12,10 +12,10 @@ from ual.corrections import MOST_BYTES, CorrectionsStatus
 from ual.errors import InvalidArgumentError, NotSupportedError, PermissionDeniedError, ResourceExhaustedError
 from ual.types import State
 from ual_daemon.backends.offers.corrections import AutopilotCorrections, Injected
+from ual_daemon.extensions.shipped._derived import Corrections
 from ual_daemon.extensions.shipped.corrections import (
     BURST_BYTES,
     MOST_BYTES_PER_S,
-    Corrections,
     CorrectionsStream,
     VehicleCorrections,
 )

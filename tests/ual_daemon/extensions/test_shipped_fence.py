@@ -27,7 +27,8 @@ from ual.types import AltitudeReference, GeoPoint, Telemetry
 from ual_daemon.backends.chain import done
 from ual_daemon.backends.offers.fence import AutopilotFenceStore, FenceSwitch
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
-from ual_daemon.extensions.shipped.fence import Fence, VehicleFence
+from ual_daemon.extensions.shipped._derived import Fence
+from ual_daemon.extensions.shipped.fence import VehicleFence
 from ual_daemon.vehicle.upload_journal import UploadJournal
 
 T = TypeVar("T")
@@ -183,11 +184,11 @@ def test_nothing_is_changed_while_it_may_be_armed_unless_forced(
     for begin in (
         lambda: upload(vehicle),
         lambda: fence.clear("mine", with_rally_points=True, force=False),
-        lambda: fence.enable("mine", is_on=True),
+        lambda: fence.enable("mine"),
     ):
         assert type(refusal_of(begin)) is (LinkLostError if armed is None else WrongStateError)
     assert store.sent == []
-    switching = str(refusal_of(lambda: fence.enable("mine", is_on=False)))
+    switching = str(refusal_of(lambda: fence.disable("mine")))
     assert switching.endswith("it must be disarmed" if armed is None else "disarm first"), "there is no force for it"
     assert upload(vehicle, force=True).result(0).zones == PLAN.zones
 
@@ -214,7 +215,7 @@ def test_a_fence_that_does_not_contain_the_uav_is_refused(vehicle: Vehicle, stor
 
 def test_a_lease_of_another_and_a_daemon_that_watches_keep_it_from_changing(vehicle: Vehicle) -> None:
     fence = VehicleFence(vehicle)
-    assert isinstance(refusal_of(lambda: fence.enable("other", is_on=True)), LeaseHeldError)
+    assert isinstance(refusal_of(lambda: fence.enable("other")), LeaseHeldError)
     vehicle.is_watch_only = True
     assert isinstance(refusal_of(lambda: upload(vehicle)), PermissionDeniedError)
     assert fence.get().result(0) == KeptFence((), (), is_enabled=False)

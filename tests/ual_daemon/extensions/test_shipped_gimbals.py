@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from tests.ual_daemon.extensions.limits import limit
 from ual.errors import (
     InvalidArgumentError,
     LinkLostError,
@@ -36,7 +37,6 @@ from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.extensions.shipped import gimbals
 from ual_daemon.vehicle.gimbals import aimed, angles_of
 
 T = TypeVar("T")
@@ -274,7 +274,7 @@ def test_one_that_is_free_is_taken_first_and_only_then(lab: Lab) -> None:
 
 
 def test_one_that_never_answers_is_not_waited_for_without_an_end(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gimbals, "ORDER_S", 0.01)
+    limit(monkeypatch, "SetGimbalAngles", 0.01)
     lab.made_up.answers = Future()
     with pytest.raises(UalTimeoutError):
         lab.gimbal.set_rates(0.0)

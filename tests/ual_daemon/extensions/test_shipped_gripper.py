@@ -24,7 +24,7 @@ from ual.types import State
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import done
 from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
-from ual_daemon.extensions.shipped.derived import Gripper
+from ual_daemon.extensions.shipped._derived import Gripper
 from ual_daemon.extensions.shipped.gripper import VehicleGripper
 from ual_daemon.settings import GripperSettings, PayloadSettings, RelaySettings, ServoSettings, WinchSettings
 from ual_daemon.vehicle import equipment

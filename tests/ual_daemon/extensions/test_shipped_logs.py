@@ -18,7 +18,8 @@ from ual.errors import (
 from ual.logs import Log
 from ual.types import State
 from ual_daemon.backends.offers.logs import AutopilotLogs
-from ual_daemon.extensions.shipped.logs import CHUNK, LONGEST_ID, Logs, VehicleLogs
+from ual_daemon.extensions.shipped._derived import Logs
+from ual_daemon.extensions.shipped.logs import CHUNK, LONGEST_ID, VehicleLogs
 
 T = TypeVar("T")
 CONTENT = bytes(range(256)) * 1000
@@ -113,10 +114,11 @@ def test_what_cannot_be_is_refused_and_the_next_one_may_begin(logs: Logs, log_id
 def test_one_at_a_time(offer: Offer) -> None:
     logs = VehicleLogs(Vehicle(offer))
     first = logs.download(LOG.id, 0)
+    assert isinstance(next(first), Future)
     with pytest.raises(ResourceExhaustedError, match=r"log a/b\.ulg of uav_1 is being downloaded: one at a time"):
-        logs.download("old", 0)
+        next(logs.download("old", 0))
     first.close()
-    logs.download("old", 0).close()
+    assert isinstance(next(logs.download("old", 0)), Future)
 
 
 def test_a_broken_link_ends_a_download_and_the_next_one_may_begin(logs: Logs, offer: Offer) -> None:

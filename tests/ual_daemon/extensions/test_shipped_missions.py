@@ -15,7 +15,7 @@ from ual.missions import HoldTime, Item, ReturnToLaunch, Waypoint
 from ual.types import TaskInfo, TaskKind
 from ual_daemon.backends.chain import done
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport, OnItsOwn
-from ual_daemon.extensions.shipped.missions import VehicleMissions
+from ual_daemon.extensions.shipped.mission import VehicleMission
 
 
 class MadeUp(AutopilotMissions):
@@ -62,7 +62,7 @@ class Lab:
     def __init__(self, uav: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
         self.uav, self.offer = uav, MadeUp()
         monkeypatch.setattr(uav.vehicle, "offer", lambda _: self.offer)
-        self.starting: Future[TaskInfo] = VehicleMissions(uav.vehicle).start(1, None, "")
+        self.starting: Future[TaskInfo] = VehicleMission(uav.vehicle).start(1, None, "")
 
     def read(self) -> None:
         """The autopilot has sent its mission."""
@@ -74,7 +74,7 @@ class Lab:
 
     def upload(self) -> None:
         """Another program does."""
-        VehicleMissions(self.uav.vehicle).upload([self.here()], "")
+        VehicleMission(self.uav.vehicle).upload([self.here()], "")
 
 
 @pytest.fixture
@@ -136,6 +136,6 @@ def test_a_mission_that_is_changed_after_it_was_read_does_not_begin(lab: Lab, is
 def test_a_mission_begins_with_its_last_item_though_that_leads_to_no_place(lab: Lab, last: Item) -> None:
     """Its dry run failed as a defect of UAL."""
     lab.offer.downloaded.set_result(KeptMission((lab.here(), last), "1"))
-    starting = VehicleMissions(lab.uav.vehicle).start(2, None, "")
+    starting = VehicleMission(lab.uav.vehicle).start(2, None, "")
     assert starting.result(0).kind is TaskKind.MISSION
     assert lab.uav.vehicle.missions.plan([lab.here(), last], 2).lowest_m == pytest.approx(3.0, abs=0.2)

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from tests.ual_daemon.extensions.limits import limit
 from ual.errors import (
     InvalidArgumentError,
     LeaseHeldError,
@@ -22,8 +23,8 @@ from ual.errors import (
 from ual.parameters import Description, Parameter, ParameterType
 from ual.types import State
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
-from ual_daemon.extensions.shipped import parameters
-from ual_daemon.extensions.shipped.parameters import Parameters, VehicleParameters
+from ual_daemon.extensions.shipped._derived import Parameters
+from ual_daemon.extensions.shipped.parameters import VehicleParameters
 from ual_daemon.extensions.shipped.vehicle import wait
 from ual_daemon.server.shipped.waiting import ended
 
@@ -195,7 +196,7 @@ def test_what_the_backend_withdraws_is_not_waited_for(vehicle: Vehicle, offer: O
     offer.writing.cancel()
     assert future.cancelled()
     offer.listing.cancel()
-    with pytest.raises(UalError, match="listing the parameters was withdrawn"):
+    with pytest.raises(UalError, match="ListParameters was withdrawn"):
         Parameters(vehicle, lambda: "mine").get_all()
     with pytest.raises(UalError, match="ListParameters was withdrawn"):
         asyncio.run(ended(offer.listing, 1.0, "ListParameters"))
@@ -204,8 +205,8 @@ def test_what_the_backend_withdraws_is_not_waited_for(vehicle: Vehicle, offer: O
 def test_waiting_ends_also_where_the_backend_never_answers(
     vehicle: Vehicle, offer: Offer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(parameters, "ONE_S", 0.0)
-    with pytest.raises(UalTimeoutError, match="reading GAIN did not end within 0 s"):
+    limit(monkeypatch, "GetParameter", 0.0)
+    with pytest.raises(UalTimeoutError, match="GetParameter did not end within 0 s"):
         Parameters(vehicle, lambda: "mine").get(GAIN)
     assert offer.reading.cancelled()
     with pytest.raises(UalTimeoutError, match="GetParameter did not end within 0 s"):

@@ -8,7 +8,7 @@ from typing import Any
 
 from ual.cameras import Photo
 from ual.v1 import camera_pb2 as pb
-from ual_daemon.server.shipped.cameras import CameraServicer
+from ual_daemon.server.shipped.camera import CameraServicer
 
 
 class Cameras:
@@ -26,7 +26,7 @@ class Cameras:
 def test_a_long_list_of_pictures_is_not_made_on_the_event_loop() -> None:
     nothing: Any = None
     servicer = CameraServicer(nothing)
-    servicer._cameras = cameras = Cameras()  # type: ignore[assignment]  # all that it is asked for
+    servicer._of_vehicle = cameras = Cameras()  # type: ignore[assignment]  # all that it is asked for
     found = asyncio.run(servicer.ListPhotos(pb.ListPhotosRequest(camera=1, first=2), None))
     assert [(each.number, each.stamp.seconds, each.stamp.nanos) for each in found.photos] == [(2, 7, 500_000_000)]
     assert cameras.thread is not threading.current_thread()

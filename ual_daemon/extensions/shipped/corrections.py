@@ -95,11 +95,10 @@ class VehicleCorrections:
         return offered(self._vehicle, AutopilotCorrections, "corrections")  # type: ignore[type-abstract]  # it is only looked for
 
 
-class Corrections(interface.Corrections):
-    """The corrections in this process."""
+class CorrectionsBase(interface.Corrections):
+    """What is more than a call: the stream."""
 
-    def __init__(self, vehicle: ServedVehicle) -> None:
-        self._of_vehicle = VehicleCorrections(vehicle)
+    _of_vehicle: VehicleCorrections
 
     @override
     def stream(self, rtcm: Iterable[bytes], sender: str = "") -> CorrectionsStatus:
@@ -110,8 +109,4 @@ class Corrections(interface.Corrections):
                 stream.send(each)
         finally:
             stream.close()
-        return self.status()
-
-    @override
-    def status(self) -> CorrectionsStatus:
         return self._of_vehicle.status()

@@ -12,7 +12,6 @@ from typing import Any, Protocol
 from typing_extensions import override
 
 from ual import interface
-from ual.contract.methods import METHODS
 from ual.errors import GeofenceError, RejectedByAutopilotError, UalError, WrongStateError
 from ual.fences.values import FencePlan, FenceZone, KeptFence, RallyPoint, crossing, leaves_out
 from ual.parameters.values import Parameter
@@ -21,17 +20,15 @@ from ual_daemon import logs, validation
 from ual_daemon.backends.chain import caught, done, in_turn, then, then_wait
 from ual_daemon.backends.offers.fence import AutopilotFenceStore, FenceSwitch
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
+from ual_daemon.extensions.shipped.answers import answer, in_thread
 from ual_daemon.extensions.shipped.vehicle import (
     LoadedVehicle,
     offered,
     require_change,
     require_disarmed,
-    wait,
 )
 from ual_daemon.vehicle.upload_journal import FENCE, RALLY, Upload
 
-LIMIT_S = METHODS["UploadFence"].limit_s
-"""How long a call may take over a bad link. A backend ends by itself before."""
 MOST_CORNERS = 255
 """As ArduPilot has it (MissionItemProtocol_Fence)."""
 MOST_ITEMS = 500
@@ -74,6 +71,7 @@ class VehicleFence:
 
         return then_wait(store.read(), with_zones)
 
+    @in_thread  # it writes a file
     def upload(
         self, plan: FencePlan | None, lease_id: str, *, replace: bool, enable: bool, force: bool
     ) -> Future[KeptFence]:
@@ -101,6 +99,7 @@ class VehicleFence:
         )
         return _dropping(changing, zones, rally)
 
+    @in_thread  # it writes a file
     def clear(self, lease_id: str, *, with_rally_points: bool, force: bool) -> Future[KeptFence]:
         """See `ual.interface.Fence`."""
         store = self._store()
@@ -116,11 +115,18 @@ class VehicleFence:
         )
         return _dropping(changing, zones, rally)
 
-    def enable(self, lease_id: str, *, is_on: bool) -> Future[KeptFence]:
+    def enable(self, lease_id: str) -> Future[KeptFence]:
         """See `ual.interface.Fence`."""
         self._store()
-        if is_on:
-            self._vehicle.uploads.require_whole("enable the fence", FENCE, RALLY)
+        self._vehicle.uploads.require_whole("enable the fence", FENCE, RALLY)
+        return self._enabled(lease_id, is_on=True)
+
+    def disable(self, lease_id: str) -> Future[KeptFence]:
+        """See `ual.interface.Fence`."""
+        self._store()
+        return self._enabled(lease_id, is_on=False)
+
+    def _enabled(self, lease_id: str, *, is_on: bool) -> Future[KeptFence]:
         refusal = self._refusal(_SWITCH, lease_id, force=False)
         return in_turn(
             lambda: self._begin(refusal),
@@ -220,40 +226,15 @@ class VehicleFence:
         return offered(self._vehicle, AutopilotParameters, "parameters")  # type: ignore[type-abstract]  # as above
 
 
-class Fence(interface.Fence):
-    """The fence in this process, with the lease that the object has at the moment."""
+class FenceBase(interface.Fence):
+    """What has no method of its own: one method switches the fence on and off."""
 
-    def __init__(self, vehicle: FencedVehicle, lease_id: Callable[[], str]) -> None:
-        self._of_vehicle = VehicleFence(vehicle)
-        self._lease_id = lease_id
-
-    @override
-    def get(self) -> KeptFence:
-        return wait(self._of_vehicle.get(), LIMIT_S, "reading the fence")
-
-    @override
-    def upload(
-        self, plan: FencePlan | None = None, *, replace: bool = False, enable: bool = True, force: bool = False
-    ) -> KeptFence:
-        upload = self._of_vehicle.upload
-        uploading = upload(plan, self._lease_id(), replace=replace, enable=enable, force=force)
-        return wait(uploading, LIMIT_S, "uploading the fence")
-
-    @override
-    def clear(self, *, with_rally_points: bool = False, force: bool = False) -> KeptFence:
-        clearing = self._of_vehicle.clear(self._lease_id(), with_rally_points=with_rally_points, force=force)
-        return wait(clearing, LIMIT_S, "clearing the fence")
-
-    @override
-    def enable(self) -> KeptFence:
-        return self._enable(is_on=True)
+    _of_vehicle: VehicleFence
+    _lease_id: Callable[[], str]
 
     @override
     def disable(self) -> KeptFence:
-        return self._enable(is_on=False)
-
-    def _enable(self, *, is_on: bool) -> KeptFence:
-        return wait(self._of_vehicle.enable(self._lease_id(), is_on=is_on), LIMIT_S, "switching the fence")
+        return answer(self._of_vehicle.disable(self._lease_id()), "EnableFence")
 
 
 def _dropping(change: Callable[[], Future[KeptFence]], *uploads: Upload | None) -> Future[KeptFence]:

@@ -5,15 +5,10 @@ None of it moves the UAV, so no lease is needed: one program may fly, and anothe
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 
-from typing_extensions import override
-
-from ual import interface
-from ual.contract.methods import METHODS
 from ual.errors import InvalidArgumentError, LinkLostError, NotSupportedError, WrongStateError
 from ual.geometry import PointStamped, Vector3, stamped_point, wrap_angle
 from ual.gimbals import (
@@ -29,12 +24,11 @@ from ual.gimbals import (
 from ual_daemon import validation
 from ual_daemon.backends.chain import then, then_wait
 from ual_daemon.backends.offers.gimbals import OfferedGimbal, OfferedGimbals
-from ual_daemon.extensions.shipped.vehicle import GimbalVehicle, offered, wait
+from ual_daemon.extensions.shipped.answers import Pause, Steps
+from ual_daemon.extensions.shipped.vehicle import GimbalVehicle, offered
 from ual_daemon.flight.refusals import only_watching
 from ual_daemon.vehicle.gimbals import Followed
 
-ORDER_S = METHODS["PointGimbal"].limit_s
-"""How long a gimbal may take. A backend ends by itself before."""
 LARGEST_ANGLE_RAD = 3.1415926535897932
 LARGEST_YAW_RAD = 2.0 * LARGEST_ANGLE_RAD
 LARGEST_RATE_RAD_S = 10.0
@@ -65,12 +59,29 @@ class VehicleGimbals:
         """See `ual.interface.Gimbal`."""
         return self._vehicle.gimbals.status(self._heard(number))
 
+    def watch(self, number: int, rate_hz: float) -> Steps[GimbalStatus]:
+        """See `ual.interface.Gimbal`."""
+        pause = Pause(watch_interval_s(rate_hz))
+
+        def statuses() -> Steps[GimbalStatus]:
+            while True:
+                yield self.status(number)
+                yield pause
+
+        return statuses()
+
     def set_angles(
-        self, number: int, angles: GimbalAngles, reference: GimbalReference, frame_id: str = ""
+        self,
+        number: int,
+        pitch_rad: float,
+        yaw_rad: float,
+        roll_rad: float,
+        reference: GimbalReference,
+        frame_id: str = "",
     ) -> Future[None]:
         """See `ual.interface.Gimbal`."""
         validation.require_type(reference, GimbalReference, "reference")
-        angles = _angles(angles)
+        angles = _angles(GimbalAngles(roll_rad, pitch_rad, yaw_rad))
         if frame_id and reference is not GimbalReference.EARTH:
             raise validation.refuse(
                 "frame_id", f"only angles with the reference EARTH are in a frame, not {reference.name}"
@@ -91,16 +102,17 @@ class VehicleGimbals:
         _require_axes(gimbal.info, GimbalAngles(0.0, pitch_rad_s, yaw_rad_s))
         return self._give(gimbal, GimbalActivity.RATES, lambda: gimbal.set_rates(pitch_rad_s, yaw_rad_s))
 
-    def point_at(self, number: int, point: PointStamped) -> Future[None]:
+    def point_at(self, number: int, point: PointStamped | Vector3) -> Future[None]:
         """See `ual.interface.Gimbal`."""
+        stamped = stamped_point(point)
         gimbal = self._ordered(number, GimbalAbility.HORIZON, "point the gimbal")
-        goal = self._vehicle.gimbals.goal(number, point)
+        goal = self._vehicle.gimbals.goal(number, stamped)
         aim = self._vehicle.gimbals.aim_now(gimbal, goal)  # what is refused is refused now, and not silently later
 
         def begin() -> Future[None]:
             return gimbal.set_angles(aim.angles, aim.reference)
 
-        return self._give(gimbal, GimbalActivity.POINT, begin, Followed(point, goal))
+        return self._give(gimbal, GimbalActivity.POINT, begin, Followed(stamped, goal))
 
     def move_to_neutral(self, number: int) -> Future[None]:
         """See `ual.interface.Gimbal`."""
@@ -184,98 +196,12 @@ class VehicleGimbals:
         _require_angle(info, "yaw_rad", yaw_rad, info.yaw)
 
 
-class Gimbal(interface.Gimbal):
-    """A gimbal in this process."""
-
-    def __init__(self, gimbals: VehicleGimbals, number: int) -> None:
-        self._gimbals = gimbals
-        self._number = number
-
-    def __repr__(self) -> str:
-        return f"<Gimbal {self._number}>"
-
-    @override
-    def status(self) -> GimbalStatus:
-        return self._gimbals.status(self._number)
-
-    @override
-    def watch(self, rate_hz: float = USUAL_RATE_HZ) -> Iterator[GimbalStatus]:
-        interval_s, never = watch_interval_s(rate_hz), threading.Event()
-
-        def statuses() -> Iterator[GimbalStatus]:
-            while True:
-                yield self.status()
-                never.wait(interval_s)
-
-        return statuses()
-
-    @override
-    def set_angles(
-        self,
-        pitch_rad: float,
-        yaw_rad: float = 0.0,
-        roll_rad: float = 0.0,
-        *,
-        reference: GimbalReference = GimbalReference.HORIZON,
-        frame_id: str = "",
-    ) -> None:
-        angles = GimbalAngles(roll_rad, pitch_rad, yaw_rad)
-        _done(self._gimbals.set_angles(self._number, angles, reference, frame_id), "turning the gimbal")
-
-    @override
-    def set_rates(self, pitch_rad_s: float, yaw_rad_s: float = 0.0) -> None:
-        _done(self._gimbals.set_rates(self._number, pitch_rad_s, yaw_rad_s), "turning the gimbal")
-
-    @override
-    def point_at(self, point: PointStamped | Vector3) -> None:
-        _done(self._gimbals.point_at(self._number, stamped_point(point)), "pointing the gimbal")
-
-    @override
-    def move_to_neutral(self) -> None:
-        _done(self._gimbals.move_to_neutral(self._number), "moving the gimbal to neutral")
-
-    @override
-    def retract(self) -> None:
-        _done(self._gimbals.retract(self._number), "retracting the gimbal")
-
-    @override
-    def take_control(self) -> None:
-        _done(self._gimbals.take_control(self._number), "taking the gimbal's control")
-
-    @override
-    def release_control(self) -> None:
-        _done(self._gimbals.release_control(self._number), "releasing the gimbal's control")
-
-
-class Gimbals(interface.Gimbals):
-    """The gimbals in this process."""
-
-    def __init__(self, vehicle: GimbalVehicle) -> None:
-        self._of_vehicle = VehicleGimbals(vehicle)
-
-    @override
-    def get_all(self) -> list[GimbalInfo]:
-        return self._of_vehicle.get_all()
-
-    @override
-    def __getitem__(self, number: int) -> Gimbal:
-        return Gimbal(self._of_vehicle, number)
-
-    @override
-    def __iter__(self) -> Iterator[Gimbal]:
-        return (self[each.number] for each in self.get_all())
-
-
 def watch_interval_s(rate_hz: float) -> float:
     """Returns the time between two statuses. 0: the usual rate. Raises `InvalidArgumentError` for another one."""
     rate_hz = validation.number(rate_hz, "rate_hz", at_most=HIGHEST_RATE_HZ) or USUAL_RATE_HZ
     if rate_hz < LEAST_RATE_HZ:
         raise validation.refuse("rate_hz", f"{rate_hz:g} is not from {LEAST_RATE_HZ:g} to {HIGHEST_RATE_HZ:g}")
     return 1.0 / rate_hz
-
-
-def _done(future: Future[None], what: str) -> None:
-    wait(future, ORDER_S, what)
 
 
 def _angles(angles: GimbalAngles) -> GimbalAngles:

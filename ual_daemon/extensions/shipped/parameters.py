@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import replace
 
-from typing_extensions import override
-
-from ual import interface
-from ual.contract.methods import METHODS
 from ual.errors import UalError
 from ual.parameters.values import Description, Parameter, range_text, real32
 from ual_daemon import logs, validation
@@ -22,12 +18,8 @@ from ual_daemon.extensions.shipped.vehicle import (
     offered,
     require_change,
     require_disarmed,
-    wait,
 )
 
-ONE_S = METHODS["SetParameter"].limit_s
-"""How long one parameter may take, with those that others have asked for before. A backend ends by itself before."""
-ALL_S = METHODS["ListParameters"].limit_s
 _NAME = re.compile(r"[!-~]{1,64}")
 _SET = "set a parameter"
 
@@ -101,26 +93,6 @@ class VehicleParameters:
 
     def _offer(self) -> AutopilotParameters:
         return offered(self._vehicle, AutopilotParameters, "parameters")  # type: ignore[type-abstract]  # it is only looked for
-
-
-class Parameters(interface.Parameters):
-    """The parameters in this process, with the lease that the object has at the moment."""
-
-    def __init__(self, vehicle: ServedVehicle, lease_id: Callable[[], str]) -> None:
-        self._of_vehicle = VehicleParameters(vehicle)
-        self._lease_id = lease_id
-
-    @override
-    def get(self, name: str) -> Parameter:
-        return wait(self._of_vehicle.get(name), ONE_S, f"reading {name}")
-
-    @override
-    def get_all(self) -> list[Parameter]:
-        return wait(self._of_vehicle.get_all(), ALL_S, "listing the parameters")
-
-    @override
-    def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
-        return wait(self._of_vehicle.set(name, value, self._lease_id(), force=force), ONE_S, f"writing {name}")
 
 
 def _checked_name(name: str) -> str:

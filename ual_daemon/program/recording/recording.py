@@ -19,9 +19,7 @@ from ual.recording.telemetry import TelemetryTopics
 from ual.types import Info, Telemetry
 from ual_daemon import logs
 from ual_daemon.backends.values import Packet, Setpoint
-from ual_daemon.extensions.shipped.cameras import Cameras
-from ual_daemon.extensions.shipped.derived import Gripper
-from ual_daemon.extensions.shipped.gimbals import Gimbals
+from ual_daemon.extensions.shipped._derived import Cameras, Gimbals, Gripper
 from ual_daemon.program.recording.calls import CallTopic
 from ual_daemon.program.recording.packets import PacketTopics
 from ual_daemon.program.recording.setpoints import SetpointTopic

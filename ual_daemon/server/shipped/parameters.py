@@ -1,49 +1,40 @@
-"""`ParameterService`: the parameters of the autopilot."""
+"""`ParameterService`: unpack, call, pack. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from functools import partial
-from typing import Any
 
 from typing_extensions import override
 
 from ual.v1 import parameters_pb2 as pb
 from ual.v1 import parameters_pb2_grpc
-from ual.wire import parameters as convert
+from ual.wire import parameters as wire
 from ual_daemon.extensions.base import lease_of
-from ual_daemon.extensions.shipped.parameters import ALL_S, ONE_S, VehicleParameters
+from ual_daemon.extensions.shipped.parameters import VehicleParameters
 from ual_daemon.extensions.shipped.vehicle import ServedVehicle
-from ual_daemon.server.shipped.waiting import ended
+from ual_daemon.server.shipped.waiting import answer
 
 
 class ParameterServicer(parameters_pb2_grpc.ParameterServiceServicer):
-    """The parameters of one UAV. ``ual/v1/parameters.proto`` describes each method."""
+    """The methods of `ParameterService` for one UAV. ``ual/v1/parameters.proto`` describes each of them."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
-        self._parameters = VehicleParameters(vehicle)
-
-    # Names and order are those of the contract.
+        self._of_vehicle = VehicleParameters(vehicle)
 
     @override
     async def GetParameter(self, request: pb.GetParameterRequest, context: object) -> pb.GetParameterResponse:
-        found = await ended(self._parameters.get(request.name), ONE_S, "GetParameter")
-        return pb.GetParameterResponse(parameter=convert.to_proto(found))
+        result = await answer(self._of_vehicle.get(name=request.name), "GetParameter")
+        return pb.GetParameterResponse(parameter=wire.parameter_to_proto(result))
 
     @override
     async def ListParameters(self, request: pb.ListParametersRequest, context: object) -> pb.ListParametersResponse:
-        found = await ended(self._parameters.get_all(), ALL_S, "ListParameters")
-        return pb.ListParametersResponse(parameters=map(convert.to_proto, found))
+        result = await answer(self._of_vehicle.get_all(), "ListParameters")
+        return pb.ListParametersResponse(parameters=map(wire.parameter_to_proto, result))
 
     @override
     async def SetParameter(self, request: pb.SetParameterRequest, context: object) -> pb.SetParameterResponse:
-        writing = self._parameters.set(request.name, request.value, lease_of(context), force=request.force)
-        found = await ended(writing, ONE_S, "SetParameter")
-        return pb.SetParameterResponse(parameter=convert.to_proto(found))
-
-
-def parameter_service(vehicle: ServedVehicle) -> tuple[str, Callable[[Any], None]]:
-    """Returns the name of the service, and what registers its methods."""
-    name: str = pb.DESCRIPTOR.services_by_name["ParameterService"].full_name
-    add = parameters_pb2_grpc.add_ParameterServiceServicer_to_server
-    return name, partial(add, ParameterServicer(vehicle))
+        result = await answer(
+            self._of_vehicle.set(
+                name=request.name, value=request.value, force=request.force, lease_id=lease_of(context)
+            ),
+            "SetParameter",
+        )
+        return pb.SetParameterResponse(parameter=wire.parameter_to_proto(result))

@@ -10,8 +10,7 @@
 from __future__ import annotations
 
 from ual.aio._client import Simulation, Uav
-from ual.aio._corrections import Corrections
-from ual.aio._derived_parts import Fence, Logs, Parameters
+from ual.aio._derived_parts import Corrections, Fence, Logs, Parameters
 from ual.aio._lease import Lease
 from ual.aio._subscription import Subscription
 from ual.aio._task import Task

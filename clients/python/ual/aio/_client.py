@@ -13,12 +13,9 @@ from ual import _calls
 from ual._calls import Call
 from ual._setpoints import EXTERNAL_POSES
 from ual._target import Target
-from ual.aio._cameras import Cameras
 from ual.aio._connection import Connection
-from ual.aio._corrections import Corrections
 from ual.aio._derived import SimulationMembers, UavMembers
-from ual.aio._derived_parts import Fence, Gripper, Logs, Mission, Parameters
-from ual.aio._gimbals import Gimbals
+from ual.aio._derived_parts import PartMembers, Parts
 from ual.aio._lease import Lease
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
@@ -38,7 +35,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Uav(Uncopied, UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
+class Uav(Uncopied, PartMembers, UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
     """One UAV, flown through its daemon from one event loop. The members of `ual.interface.Uav` are coroutines here.
 
     It is made as `ual.Uav` is. A call that is cancelled is cancelled in the daemon, too: a go-to or path ends then, and
@@ -67,14 +64,7 @@ class Uav(Uncopied, UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
         self._external_poses = Setpoints(self._connection, EXTERNAL_POSES)
         self._dry_run: DryRun[Coroutine[Any, Any, Plan]] = DryRun(self._plan)
         self._simulation = Simulation(self._connection)
-        self._parameters = Parameters(self._connection)
-        self._mission = Mission(self._connection)
-        self._cameras = Cameras(self._connection)
-        self._gimbals = Gimbals(self._connection)
-        self._fence = Fence(self._connection)
-        self._gripper = Gripper(self._connection)
-        self._logs = Logs(self._connection)
-        self._corrections = Corrections(self._connection)
+        self._parts = Parts(self._connection)
         self._subscriptions: set[Subscription] = set()
 
     def __repr__(self) -> str:
@@ -211,46 +201,6 @@ class Uav(Uncopied, UavMembers, TaskCommands[Coroutine[Any, Any, Task]]):
     def simulation(self) -> Simulation:
         """The world around a simulated UAV. Its members raise `NotSupportedError` for a real one."""
         return self._simulation
-
-    @property
-    def parameters(self) -> Parameters:
-        """The autopilot's own parameters."""
-        return self._parameters
-
-    @property
-    def mission(self) -> Mission:
-        """The mission that the autopilot flies by itself."""
-        return self._mission
-
-    @property
-    def cameras(self) -> Cameras:
-        """The cameras that it carries."""
-        return self._cameras
-
-    @property
-    def gimbals(self) -> Gimbals:
-        """The gimbals that it carries."""
-        return self._gimbals
-
-    @property
-    def fence(self) -> Fence:
-        """The fence and the rally points that the autopilot keeps."""
-        return self._fence
-
-    @property
-    def gripper(self) -> Gripper:
-        """The grippers, winches, servos and relays that it carries."""
-        return self._gripper
-
-    @property
-    def logs(self) -> Logs:
-        """The logs that the autopilot has written."""
-        return self._logs
-
-    @property
-    def corrections(self) -> Corrections:
-        """Corrections for its satellite receiver (RTK)."""
-        return self._corrections
 
     async def _plan(self, motion: MotionRequest) -> Plan:
         return await self._connection.run(_calls.dry_run(motion))

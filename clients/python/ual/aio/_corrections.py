@@ -1,4 +1,4 @@
-"""Corrections for the receiver of a UAV, over gRPC, for asyncio."""
+"""The stream of corrections, over gRPC, for asyncio."""
 
 from __future__ import annotations
 
@@ -6,21 +6,16 @@ from collections.abc import AsyncIterable
 
 import grpc.aio
 
-from ual import _corrections_calls as calls
-from ual._calls import Service
+from ual._corrections import AsyncElements
 from ual.aio._connection import Connection
 from ual.corrections import CorrectionsStatus
-from ual.wire import corrections as convert
+from ual.wire.corrections import corrections_status_from_proto
 
 
-class Corrections:
-    """`ual.interface.Corrections`, over gRPC."""
+class CorrectionsBase:
+    """What is more than a call: the stream."""
 
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
-
-    def __repr__(self) -> str:
-        return f"<Corrections of {self._connection.described}>"
+    _connection: Connection
 
     async def stream(self, rtcm: AsyncIterable[bytes], sender: str = "") -> CorrectionsStatus:
         """Passes on a stream of RTCM 3, cut anywhere, until it ends. Needs no lease. Returns what has become of it.
@@ -34,10 +29,10 @@ class Corrections:
             PermissionDeniedError: The daemon only watches.
 
         """
-        elements = calls.AsyncElements(rtcm, sender)
+        elements = AsyncElements(rtcm, sender)
         connection = self._connection
         async with connection.calling() as route:
-            method = route.stubs.method_of(Service.CORRECTIONS, calls.METHOD)
+            method = route.stubs.method_of("CorrectionsService", "StreamCorrections")
             call = method(elements.__aiter__(), metadata=connection.target.metadata)
             try:
                 response = await call
@@ -47,8 +42,4 @@ class Corrections:
                 call.cancel()
         if elements.failure is not None:
             raise elements.failure
-        return convert.of_response(response)
-
-    async def status(self) -> CorrectionsStatus:
-        """Returns what has been sent and dropped since the daemon began, and by whom."""
-        return await self._connection.run(calls.status())
+        return corrections_status_from_proto(response.status)

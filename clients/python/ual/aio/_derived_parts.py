@@ -1,22 +1,23 @@
-"""The services beside that of the UAV, for asyncio. ``make clients`` writes it: do not edit."""
+"""The services beside that of the UAV, for asyncio. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Sequence
 
-from ual import (
-    _camera_calls,
-    _cameras_calls,
-    _fence_calls,
-    _gimbal_calls,
-    _gimbals_calls,
-    _log_calls,
-    _mission_calls,
-    _parameter_calls,
-)
+from ual._service_calls import camera as _camera_calls
+from ual._service_calls import cameras as _cameras_calls
+from ual._service_calls import corrections as _corrections_calls
+from ual._service_calls import fence as _fence_calls
+from ual._service_calls import gimbal as _gimbal_calls
+from ual._service_calls import gimbals as _gimbals_calls
 from ual._service_calls import gripper as _gripper_calls
+from ual._service_calls import logs as _logs_calls
+from ual._service_calls import mission as _mission_calls
+from ual._service_calls import parameters as _parameters_calls
 from ual.aio._connection import Connection
+from ual.aio._corrections import CorrectionsBase
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
+from ual.corrections import CorrectionsStatus
 from ual.fences.values import FencePlan, KeptFence
 from ual.geometry import PointStamped, Vector3
 from ual.gimbals import GimbalInfo, GimbalReference, GimbalStatus
@@ -119,9 +120,120 @@ class Cameras:
     def __repr__(self) -> str:
         return f"<Cameras of {self._connection.described}>"
 
+    def __getitem__(self, number: int) -> Camera:
+        """Returns that of a number. Asks nothing: whether there is one shows when it is used."""
+        return Camera(self._connection, number)
+
+    async def __aiter__(self) -> AsyncIterator[Camera]:
+        """Yields each that was found."""
+        for each in await self.get_all():
+            yield self[each.number]
+
+    __iter__ = None  # Python would else count numbers without an end
+
     async def get_all(self) -> list[CameraInfo]:
         """Returns all cameras that were found, also those that are not heard any more."""
         return await self._connection.run(_cameras_calls.get_all())
+
+
+class Corrections(CorrectionsBase):
+    """`ual.interface.Corrections`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Corrections of {self._connection.described}>"
+
+    async def status(self) -> CorrectionsStatus:
+        """Returns what has been sent and dropped since the daemon began, and by whom."""
+        return await self._connection.run(_corrections_calls.status())
+
+
+class Fence:
+    """`ual.interface.Fence`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Fence of {self._connection.described}>"
+
+    async def get(self) -> KeptFence:
+        """Returns what the autopilot keeps, read from it now.
+
+        Raises:
+            LinkLostError: It is not heard.
+            RejectedByAutopilotError: It refuses, or what it has is no fence.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_fence_calls.get())
+
+    async def upload(
+        self, plan: FencePlan | None = None, *, replace: bool = False, enable: bool = True, force: bool = False
+    ) -> KeptFence:
+        """Uploads a fence, reads it back, and has the autopilot apply it. Returns what was read back.
+
+        Args:
+            plan: The zones and the rally points. None: the polygon of UAL's own geofence.
+            replace: Also where the autopilot has another fence, or other rally points.
+            enable: Have the autopilot apply its zones; False leaves it as it is.
+            force: Upload it also while the UAV is armed.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known; or the autopilot has another fence.
+            InvalidArgumentError: A zone is none that an autopilot can have.
+            GeofenceError: The UAV is not where the fence lets it be.
+            RejectedByAutopilotError: It refuses an item, or keeps another one.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: it is not known what it has now.
+
+        """
+        return await self._connection.run(_fence_calls.upload(plan=plan, replace=replace, enable=enable, force=force))
+
+    async def clear(self, *, with_rally_points: bool = False, force: bool = False) -> KeptFence:
+        """Removes all zones of the autopilot's fence, and returns what it then keeps.
+
+        Args:
+            with_rally_points: Remove these, too.
+            force: Remove them also while the UAV is armed.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known.
+            LeaseHeldError: Another program holds the lease.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered: it is not known what it has now.
+
+        """
+        return await self._connection.run(_fence_calls.clear(with_rally_points=with_rally_points, force=force))
+
+    async def enable(self) -> KeptFence:
+        """Has the autopilot apply its zones. Returns what it keeps.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known. Or an upload of zones or rally points was cut off.
+            LeaseHeldError: Another program holds the lease.
+            RejectedByAutopilotError: It keeps another value of a parameter.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_fence_calls.enable())
+
+    async def disable(self) -> KeptFence:
+        """Has the autopilot no longer apply its zones. Returns what it keeps, as `enable`.
+
+        Raises:
+            WrongStateError: The UAV is armed, or that is not known.
+            LeaseHeldError: Another program holds the lease.
+            RejectedByAutopilotError: It keeps another value of a parameter.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_fence_calls.disable())
 
 
 class Gimbal:
@@ -214,60 +326,112 @@ class Gimbals:
     def __repr__(self) -> str:
         return f"<Gimbals of {self._connection.described}>"
 
+    def __getitem__(self, number: int) -> Gimbal:
+        """Returns that of a number. Asks nothing: whether there is one shows when it is used."""
+        return Gimbal(self._connection, number)
+
+    async def __aiter__(self) -> AsyncIterator[Gimbal]:
+        """Yields each that was found."""
+        for each in await self.get_all():
+            yield self[each.number]
+
+    __iter__ = None  # Python would else count numbers without an end
+
     async def get_all(self) -> list[GimbalInfo]:
         """Returns all gimbals that were found, also those that are not heard any more."""
         return await self._connection.run(_gimbals_calls.get_all())
 
 
-class Parameters:
-    """`ual.interface.Parameters`, over gRPC."""
+class Gripper:
+    """`ual.interface.Gripper`, over gRPC."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
     def __repr__(self) -> str:
-        return f"<Parameters of {self._connection.described}>"
+        return f"<Gripper of {self._connection.described}>"
 
-    async def get(self, name: str) -> Parameter:
-        """Returns a parameter, read from the autopilot now.
+    async def get_all(self) -> Equipment:
+        """Returns all that is configured, with what is known of each now."""
+        return await self._connection.run(_gripper_calls.get_all())
 
-        Raises:
-            InvalidArgumentError: It has none of this name.
-            LinkLostError: It is not heard.
-            UalTimeoutError: It has not answered. Not every autopilot says that it has none of a name.
+    async def grip(self, gripper: str = "") -> None:
+        """Closes a gripper. Returns once that is acknowledged, which may be before it is closed."""
+        await self._connection.run(_gripper_calls.grip(gripper))
 
-        """
-        return await self._connection.run(_parameter_calls.get(name))
+    async def release(self, gripper: str = "") -> None:
+        """Opens a gripper, as `grip`."""
+        await self._connection.run(_gripper_calls.release(gripper))
 
-    async def get_all(self) -> list[Parameter]:
-        """Returns all parameters, read from the autopilot now. That may take minutes over a slow link.
-
-        Raises:
-            LinkLostError: It is not heard.
-            UalTimeoutError: Some have not come; the metadata `missing` says how many.
-
-        """
-        return await self._connection.run(_parameter_calls.get_all())
-
-    async def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
-        """Writes a parameter, and returns it as it was read back.
+    async def order_winch(
+        self, action: WinchAction, *, winch: str = "", length_m: float | None = None, rate_m_s: float | None = None
+    ) -> None:
+        """Has a winch do something. Returns once that is acknowledged, which is before it is done.
 
         Args:
-            name: The autopilot's own name.
-            value: In the autopilot's own unit. A whole number where the parameter is one.
-            force: Write it also while the UAV is armed, or out of the range that the autopilot tells. Armed, those on
-                which a flight relies are refused all the same.
-
-        Raises:
-            WrongStateError: The UAV is armed, or that is not known.
-            InvalidArgumentError: There is none of this name, or the value does not fit its type or its range.
-            RejectedByAutopilotError: The autopilot has kept another value, which the metadata `kept` has.
-            LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
-            UalTimeoutError: It has not answered: it is not known whether it was written.
+            action: What it is to do.
+            winch: Its name.
+            length_m: For LENGTH: how much line it lets out; negative takes in.
+            rate_m_s: For RATE: how fast it lets out; negative takes in. For LENGTH: how fast, positive, where the winch
+                takes that.
 
         """
-        return await self._connection.run(_parameter_calls.set_(name=name, value=value, force=force))
+        await self._connection.run(
+            _gripper_calls.order_winch(action=action, winch=winch, length_m=length_m, rate_m_s=rate_m_s)
+        )
+
+    async def set_servo(self, position: str = "", *, servo: str = "", pwm_us: int | None = None) -> None:
+        """Moves a servo. Returns once that is acknowledged, which is before it is there.
+
+        Args:
+            position: The name of one of its positions.
+            servo: Its name.
+            pwm_us: A pulse width within its bounds, instead of a position.
+
+        """
+        await self._connection.run(_gripper_calls.set_servo(position=position, servo=servo, pwm_us=pwm_us))
+
+    async def set_relay(self, state: str, *, relay: str = "") -> None:
+        """Switches a relay to the state of a name, such as "on"."""
+        await self._connection.run(_gripper_calls.set_relay(state=state, relay=relay))
+
+
+class Logs:
+    """`ual.interface.Logs`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Logs of {self._connection.described}>"
+
+    async def get_all(self) -> list[Log]:
+        """Returns all logs, the oldest first. Those that the autopilot has not described come last (`Log.is_missing`).
+
+        Raises:
+            RejectedByAutopilotError: It gives none now, in its own words.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return await self._connection.run(_logs_calls.get_all())
+
+    def download(self, log_id: str, offset: int = 0) -> AsyncIterator[LogChunk]:
+        """Yields the pieces of a log, in order. `ual.logs.fetch` writes them into a file, and goes on where it broke.
+
+        Args:
+            log_id: As listed by `get_all`.
+            offset: Where to begin, in bytes.
+
+        Raises:
+            InvalidArgumentError: There is no such log, or it ends before the offset.
+            ResourceExhaustedError: Another download is under way.
+            RejectedByAutopilotError: The autopilot refuses it, or the log has become shorter.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered.
+
+        """
+        return self._connection.iterate(_logs_calls.download(log_id=log_id, offset=offset))
 
 
 class Mission:
@@ -390,179 +554,112 @@ class Mission:
         return self._connection.iterate(_mission_calls.watch())
 
 
-class Fence:
-    """`ual.interface.Fence`, over gRPC."""
+class Parameters:
+    """`ual.interface.Parameters`, over gRPC."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
     def __repr__(self) -> str:
-        return f"<Fence of {self._connection.described}>"
+        return f"<Parameters of {self._connection.described}>"
 
-    async def get(self) -> KeptFence:
-        """Returns what the autopilot keeps, read from it now.
+    async def get(self, name: str) -> Parameter:
+        """Returns a parameter, read from the autopilot now.
+
+        Raises:
+            InvalidArgumentError: It has none of this name.
+            LinkLostError: It is not heard.
+            UalTimeoutError: It has not answered. Not every autopilot says that it has none of a name.
+
+        """
+        return await self._connection.run(_parameters_calls.get(name))
+
+    async def get_all(self) -> list[Parameter]:
+        """Returns all parameters, read from the autopilot now. That may take minutes over a slow link.
 
         Raises:
             LinkLostError: It is not heard.
-            RejectedByAutopilotError: It refuses, or what it has is no fence.
-            UalTimeoutError: It has not answered.
+            UalTimeoutError: Some have not come; the metadata `missing` says how many.
 
         """
-        return await self._connection.run(_fence_calls.get())
+        return await self._connection.run(_parameters_calls.get_all())
 
-    async def upload(
-        self, plan: FencePlan | None = None, *, replace: bool = False, enable: bool = True, force: bool = False
-    ) -> KeptFence:
-        """Uploads a fence, reads it back, and has the autopilot apply it. Returns what was read back.
+    async def set(self, name: str, value: float, *, force: bool = False) -> Parameter:
+        """Writes a parameter, and returns it as it was read back.
 
         Args:
-            plan: The zones and the rally points. None: the polygon of UAL's own geofence.
-            replace: Also where the autopilot has another fence, or other rally points.
-            enable: Have the autopilot apply its zones; False leaves it as it is.
-            force: Upload it also while the UAV is armed.
-
-        Raises:
-            WrongStateError: The UAV is armed, or that is not known; or the autopilot has another fence.
-            InvalidArgumentError: A zone is none that an autopilot can have.
-            GeofenceError: The UAV is not where the fence lets it be.
-            RejectedByAutopilotError: It refuses an item, or keeps another one.
-            LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
-            UalTimeoutError: It has not answered: it is not known what it has now.
-
-        """
-        return await self._connection.run(_fence_calls.upload(plan, replace=replace, enable=enable, force=force))
-
-    async def clear(self, *, with_rally_points: bool = False, force: bool = False) -> KeptFence:
-        """Removes all zones of the autopilot's fence, and returns what it then keeps.
-
-        Args:
-            with_rally_points: Remove these, too.
-            force: Remove them also while the UAV is armed.
+            name: The autopilot's own name.
+            value: In the autopilot's own unit. A whole number where the parameter is one.
+            force: Write it also while the UAV is armed, or out of the range that the autopilot tells. Armed, those on
+                which a flight relies are refused all the same.
 
         Raises:
             WrongStateError: The UAV is armed, or that is not known.
+            InvalidArgumentError: There is none of this name, or the value does not fit its type or its range.
+            RejectedByAutopilotError: The autopilot has kept another value, which the metadata `kept` has.
             LeaseHeldError: Another program holds the lease.
             LinkLostError: It is not heard.
-            UalTimeoutError: It has not answered: it is not known what it has now.
+            UalTimeoutError: It has not answered: it is not known whether it was written.
 
         """
-        return await self._connection.run(_fence_calls.clear(with_rally_points=with_rally_points, force=force))
-
-    async def enable(self) -> KeptFence:
-        """Has the autopilot apply its zones. Returns what it keeps.
-
-        Raises:
-            WrongStateError: The UAV is armed, or that is not known. Or an upload of zones or rally points was cut off.
-            LeaseHeldError: Another program holds the lease.
-            RejectedByAutopilotError: It keeps another value of a parameter.
-            LinkLostError: It is not heard.
-            UalTimeoutError: It has not answered.
-
-        """
-        return await self._connection.run(_fence_calls.enable())
-
-    async def disable(self) -> KeptFence:
-        """Has the autopilot no longer apply its zones. Returns what it keeps, as `enable`.
-
-        Raises:
-            WrongStateError: The UAV is armed, or that is not known.
-            LeaseHeldError: Another program holds the lease.
-            RejectedByAutopilotError: It keeps another value of a parameter.
-            LinkLostError: It is not heard.
-            UalTimeoutError: It has not answered.
-
-        """
-        return await self._connection.run(_fence_calls.disable())
+        return await self._connection.run(_parameters_calls.set_(name=name, value=value, force=force))
 
 
-class Gripper:
-    """`ual.interface.Gripper`, over gRPC."""
+class Parts:
+    """The services of a UAV."""
 
     def __init__(self, connection: Connection) -> None:
-        self._connection = connection
-
-    def __repr__(self) -> str:
-        return f"<Gripper of {self._connection.described}>"
-
-    async def get_all(self) -> Equipment:
-        """Returns all that is configured, with what is known of each now."""
-        return await self._connection.run(_gripper_calls.get_all())
-
-    async def grip(self, gripper: str = "") -> None:
-        """Closes a gripper. Returns once that is acknowledged, which may be before it is closed."""
-        await self._connection.run(_gripper_calls.grip(gripper))
-
-    async def release(self, gripper: str = "") -> None:
-        """Opens a gripper, as `grip`."""
-        await self._connection.run(_gripper_calls.release(gripper))
-
-    async def order_winch(
-        self, action: WinchAction, *, winch: str = "", length_m: float | None = None, rate_m_s: float | None = None
-    ) -> None:
-        """Has a winch do something. Returns once that is acknowledged, which is before it is done.
-
-        Args:
-            action: What it is to do.
-            winch: Its name.
-            length_m: For LENGTH: how much line it lets out; negative takes in.
-            rate_m_s: For RATE: how fast it lets out; negative takes in. For LENGTH: how fast, positive, where the winch
-                takes that.
-
-        """
-        await self._connection.run(
-            _gripper_calls.order_winch(action, winch=winch, length_m=length_m, rate_m_s=rate_m_s)
-        )
-
-    async def set_servo(self, position: str = "", *, servo: str = "", pwm_us: int | None = None) -> None:
-        """Moves a servo. Returns once that is acknowledged, which is before it is there.
-
-        Args:
-            position: The name of one of its positions.
-            servo: Its name.
-            pwm_us: A pulse width within its bounds, instead of a position.
-
-        """
-        await self._connection.run(_gripper_calls.set_servo(position, servo=servo, pwm_us=pwm_us))
-
-    async def set_relay(self, state: str, *, relay: str = "") -> None:
-        """Switches a relay to the state of a name, such as "on"."""
-        await self._connection.run(_gripper_calls.set_relay(state, relay=relay))
+        self.cameras = Cameras(connection)
+        self.corrections = Corrections(connection)
+        self.fence = Fence(connection)
+        self.gimbals = Gimbals(connection)
+        self.gripper = Gripper(connection)
+        self.logs = Logs(connection)
+        self.mission = Mission(connection)
+        self.parameters = Parameters(connection)
 
 
-class Logs:
-    """`ual.interface.Logs`, over gRPC."""
+class PartMembers:
+    """The members of `ual.aio.Uav` that return its services."""
 
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
+    _parts: Parts
 
-    def __repr__(self) -> str:
-        return f"<Logs of {self._connection.described}>"
+    @property
+    def cameras(self) -> Cameras:
+        """The cameras that it carries."""
+        return self._parts.cameras
 
-    async def get_all(self) -> list[Log]:
-        """Returns all logs, the oldest first. Those that the autopilot has not described come last (`Log.is_missing`).
+    @property
+    def corrections(self) -> Corrections:
+        """Corrections for its satellite receiver (RTK)."""
+        return self._parts.corrections
 
-        Raises:
-            RejectedByAutopilotError: It gives none now, in its own words.
-            LinkLostError: It is not heard.
-            UalTimeoutError: It has not answered.
+    @property
+    def fence(self) -> Fence:
+        """The fence and the rally points that the autopilot keeps."""
+        return self._parts.fence
 
-        """
-        return await self._connection.run(_log_calls.get_all())
+    @property
+    def gimbals(self) -> Gimbals:
+        """The gimbals that it carries."""
+        return self._parts.gimbals
 
-    def download(self, log_id: str, offset: int = 0) -> AsyncIterator[LogChunk]:
-        """Yields the pieces of a log, in order. `ual.logs.fetch` writes them into a file, and goes on where it broke.
+    @property
+    def gripper(self) -> Gripper:
+        """The grippers, winches, servos and relays that it carries."""
+        return self._parts.gripper
 
-        Args:
-            log_id: As listed by `get_all`.
-            offset: Where to begin, in bytes.
+    @property
+    def logs(self) -> Logs:
+        """The logs that the autopilot has written."""
+        return self._parts.logs
 
-        Raises:
-            InvalidArgumentError: There is no such log, or it ends before the offset.
-            ResourceExhaustedError: Another download is under way.
-            RejectedByAutopilotError: The autopilot refuses it, or the log has become shorter.
-            LinkLostError: It is not heard.
-            UalTimeoutError: It has not answered.
+    @property
+    def mission(self) -> Mission:
+        """The mission that the autopilot flies by itself."""
+        return self._parts.mission
 
-        """
-        return self._connection.iterate(_log_calls.download(log_id=log_id, offset=offset))
+    @property
+    def parameters(self) -> Parameters:
+        """The autopilot's own parameters."""
+        return self._parts.parameters

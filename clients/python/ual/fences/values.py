@@ -2,59 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ual.types import AltitudeReference
+from ual.contract.fence import FenceZone, KeptFence
+from ual.contract.rally_point import RallyPoint
 
-_EARTH_M = 6_371_000.0
-
-
-@dataclass(frozen=True, slots=True)
-class FenceZone:
-    """A polygon or a circle: to be kept inside (an inclusion) or outside of.
-
-    `points` are latitude and longitude in degrees. They are the corners of a polygon in order, whose last side leads
-    back to the first, or the one centre of a circle, which has a radius.
-    """
-
-    is_inclusion: bool
-    points: tuple[tuple[float, float], ...]
-    radius_m: float | None = None
-
-    @property
-    def text(self) -> str:
-        """Human-readable."""
-        kind = "inclusion" if self.is_inclusion else "exclusion"
-        if self.radius_m is None:
-            return f"{kind} polygon of {len(self.points)} corners"
-        return f"{kind} circle of {self.radius_m:g} m"
-
-    def encloses(self, latitude_deg: float, longitude_deg: float) -> bool:
-        """Returns whether a place is in its polygon or its circle. A side is straight in latitude and longitude."""
-        if self.radius_m is not None:
-            return _away_m(*self.points[0], latitude_deg, longitude_deg) <= self.radius_m
-        is_in = False
-        for i, (a_lat, a_lon) in enumerate(self.points):
-            b_lat, b_lon = self.points[i - 1]
-            if (a_lon > longitude_deg) != (b_lon > longitude_deg):
-                share = (longitude_deg - a_lon) / (b_lon - a_lon)
-                is_in ^= latitude_deg < a_lat + (b_lat - a_lat) * share
-        return is_in
-
-
-@dataclass(frozen=True, slots=True)
-class RallyPoint:
-    """A place to which an autopilot may return instead of its home.
-
-    `height_m` is whole, as ArduPilot keeps it: above home, or above mean sea level.
-    """
-
-    latitude_deg: float
-    longitude_deg: float
-    height_m: int
-    reference: AltitudeReference = AltitudeReference.HOME
+__all__ = ["FencePlan", "FenceZone", "KeptFence", "RallyPoint", "crossing", "leaves_out"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,20 +22,6 @@ class FencePlan:
     zones: tuple[FenceZone, ...]
     rally_points: tuple[RallyPoint, ...] = ()
     left_out: tuple[str, ...] = field(default=(), compare=False)
-
-
-@dataclass(frozen=True, slots=True)
-class KeptFence:
-    """What an autopilot keeps.
-
-    `is_enabled` is whether it applies its zones; None where it does not say. `return_point` is the latitude and the
-    longitude of ArduPilot's point to return to; None where it has none. An upload keeps it.
-    """
-
-    zones: tuple[FenceZone, ...]
-    rally_points: tuple[RallyPoint, ...] = ()
-    is_enabled: bool | None = None
-    return_point: tuple[float, float] | None = None
 
 
 def leaves_out(
@@ -145,11 +85,3 @@ def _turns_back(a: _Place, b: _Place, c: _Place, d: _Place) -> bool:
         return False
     along = (one[0] - corner[0]) * (other[0] - corner[0]) + (one[1] - corner[1]) * (other[1] - corner[1])
     return along > 0
-
-
-def _away_m(a_lat: float, a_lon: float, b_lat: float, b_lon: float) -> float:
-    """Returns the distance of two places along a sphere."""
-    a, b = math.radians(a_lat), math.radians(b_lat)
-    half = math.sin((b - a) / 2.0) ** 2
-    half += math.cos(a) * math.cos(b) * math.sin(math.radians(b_lon - a_lon) / 2.0) ** 2
-    return 2.0 * _EARTH_M * math.asin(min(1.0, math.sqrt(half)))

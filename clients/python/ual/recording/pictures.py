@@ -21,7 +21,7 @@ from ual.recording.topics import of_protobuf
 from ual.shared.guard import WorkGuard
 from ual.shared.new_photos import NewPhotos
 from ual.v1 import camera_pb2 as pb
-from ual.wire import cameras as convert
+from ual.wire import camera as convert
 
 _LOOK_S = 1.0
 """How often it is asked what was taken."""

@@ -167,9 +167,9 @@ Global___ImageKind: typing_extensions.TypeAlias = ImageKind
 
 @typing.final
 class CameraIntrinsics(google.protobuf.message.Message):
-    """How the points that a camera sees lie in its picture: a pinhole camera without distortion.
-    A point x right, y down, z forward of the camera is at column fx * x / z + cx and row fy * y / z + cy, in pixels.
-    The centre of the first pixel is 0, 0.
+    """A pinhole camera without distortion, in pixels. The centre of the first pixel is 0, 0.
+    A point x right, y down, z forward of the camera is at column `focal_length_x_px * x / z + centre_x_px` and row
+    `focal_length_y_px * y / z + centre_y_px`.
     """
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
@@ -208,27 +208,32 @@ class Camera(google.protobuf.message.Message):
 
     NUMBER_FIELD_NUMBER: builtins.int
     NAME_FIELD_NUMBER: builtins.int
-    FIRMWARE_VERSION_FIELD_NUMBER: builtins.int
     ABILITIES_FIELD_NUMBER: builtins.int
     IS_CONNECTED_FIELD_NUMBER: builtins.int
+    FIRMWARE_VERSION_FIELD_NUMBER: builtins.int
     WIDTH_PX_FIELD_NUMBER: builtins.int
     HEIGHT_PX_FIELD_NUMBER: builtins.int
     INTRINSICS_FIELD_NUMBER: builtins.int
     NOTE_FIELD_NUMBER: builtins.int
     IMAGE_KINDS_FIELD_NUMBER: builtins.int
     number: builtins.int
+    """The number by which requests name it, while the daemon runs."""
     name: builtins.str
     """For people: vendor and model."""
-    firmware_version: builtins.str
     is_connected: builtins.bool
     """Whether it is heard now."""
+    firmware_version: builtins.str
+    """As it says; empty if it says nothing."""
     width_px: builtins.int
-    """0, 0 where it does not say."""
+    """Of its pictures; 0 where it does not say."""
     height_px: builtins.int
+    """Of its pictures; 0 where it does not say."""
     note: builtins.str
     """What is odd about it, for people: two reports that contradict each other, and what follows. Empty if nothing is."""
     @property
-    def abilities(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___CameraAbility.ValueType]: ...
+    def abilities(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___CameraAbility.ValueType]:
+        """What it can do."""
+
     @property
     def intrinsics(self) -> Global___CameraIntrinsics:
         """Where the backend knows them, without zoom."""
@@ -242,9 +247,9 @@ class Camera(google.protobuf.message.Message):
         *,
         number: builtins.int = ...,
         name: builtins.str = ...,
-        firmware_version: builtins.str = ...,
         abilities: collections.abc.Iterable[Global___CameraAbility.ValueType] | None = ...,
         is_connected: builtins.bool = ...,
+        firmware_version: builtins.str = ...,
         width_px: builtins.int = ...,
         height_px: builtins.int = ...,
         intrinsics: Global___CameraIntrinsics | None = ...,
@@ -303,12 +308,15 @@ class CameraStatus(google.protobuf.message.Message):
     FOCUS_PERCENT_FIELD_NUMBER: builtins.int
     BATTERY_PERCENT_FIELD_NUMBER: builtins.int
     mode: Global___CameraMode.ValueType
+    """Its mode; not set where it does not say."""
     is_taking_photos: builtins.bool
-    """Whether StartPhotos is under way."""
+    """Whether it takes pictures by time, or by distance."""
     interval_s: builtins.float
-    """What it takes pictures by; not set while it takes none, or does not say."""
+    """The time between two pictures, while it takes them by time."""
     distance_m: builtins.float
+    """The distance between two pictures, while it takes them by distance."""
     is_recording: builtins.bool
+    """Whether it records a video."""
     recording_s: builtins.float
     """How long the video is, s."""
     photos_count: builtins.int
@@ -316,11 +324,15 @@ class CameraStatus(google.protobuf.message.Message):
     missed_count: builtins.int
     """Pictures that were ordered by the daemon, or reported by the camera, and failed or were lost."""
     zoom_percent: builtins.float
-    """0 to 100; not set where the camera does not say."""
+    """0 (wide) to 100; not set where the camera does not say."""
     focus_percent: builtins.float
+    """0 (near) to 100 (far)."""
     battery_percent: builtins.float
+    """Of its own battery."""
     @property
-    def storage(self) -> Global___CameraStorage: ...
+    def storage(self) -> Global___CameraStorage:
+        """Where it stores them."""
+
     def __init__(
         self,
         *,
@@ -372,7 +384,9 @@ class Photo(google.protobuf.message.Message):
     file_url: builtins.str
     """Where the camera offers the file; empty if it says nothing."""
     @property
-    def stamp(self) -> google.protobuf.timestamp_pb2.Timestamp: ...
+    def stamp(self) -> google.protobuf.timestamp_pb2.Timestamp:
+        """When, as UTC since 1970."""
+
     @property
     def body(self) -> ual.v1.ual_pb2.PoseStamped:
         """Of the body when it was taken, in `<ns>/odom`. Not set while that is not known."""
@@ -416,6 +430,7 @@ class VideoStream(google.protobuf.message.Message):
     IS_RUNNING_FIELD_NUMBER: builtins.int
     IS_THERMAL_FIELD_NUMBER: builtins.int
     name: builtins.str
+    """What the camera calls it."""
     url: builtins.str
     """Such as rtsp://192.168.42.1:8554/live. For a stream that is sent to a UDP port: udp://:PORT."""
     encoding: builtins.str

@@ -34,8 +34,9 @@ class CorrectionsStatus(google.protobuf.message.Message):
     sender: builtins.str
     """What sends now, by the name that it gave; empty where nothing does."""
     messages_count: builtins.int
-    """Messages of RTCM 3 that have left whole, and their bytes."""
+    """Messages of RTCM 3 that have left whole."""
     bytes_count: builtins.int
+    """Their bytes."""
     dropped_count: builtins.int
     """Messages that were dropped: the link did not carry them, or was lost."""
     too_long_count: builtins.int

@@ -43,7 +43,7 @@ Global___FencePoint: typing_extensions.TypeAlias = FencePoint
 
 @typing.final
 class FenceZone(google.protobuf.message.Message):
-    """A polygon or a circle."""
+    """A polygon or a circle: to be kept inside (an inclusion) or outside of."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -56,7 +56,9 @@ class FenceZone(google.protobuf.message.Message):
     """Of a circle."""
     @property
     def points(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___FencePoint]:
-        """The corners of a polygon in order, or the one centre of a circle."""
+        """Latitude and longitude in degrees: the corners of a polygon in order, whose last side leads back to the first, or the
+        one centre of a circle.
+        """
 
     def __init__(
         self,
@@ -111,9 +113,13 @@ class KeptFence(google.protobuf.message.Message):
     is_enabled: builtins.bool
     """Whether it applies its zones. Not set: it does not say."""
     @property
-    def zones(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___FenceZone]: ...
+    def zones(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___FenceZone]:
+        """Its polygons and circles."""
+
     @property
-    def rally_points(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___RallyPoint]: ...
+    def rally_points(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___RallyPoint]:
+        """Where it may return to instead of its home."""
+
     @property
     def return_point(self) -> Global___FencePoint:
         """Where ArduPilot returns to instead of home after a breach, for vehicles that do. Not set: it has none. An upload keeps it."""

@@ -204,6 +204,7 @@ class Gimbal(google.protobuf.message.Message):
     YAW_FIELD_NUMBER: builtins.int
     NOTE_FIELD_NUMBER: builtins.int
     number: builtins.int
+    """The number by which requests name it, while the daemon runs."""
     name: builtins.str
     """For people."""
     is_connected: builtins.bool
@@ -213,15 +214,21 @@ class Gimbal(google.protobuf.message.Message):
     note: builtins.str
     """What is odd about it, for people: two reports that contradict each other, and what follows. Empty if nothing is."""
     @property
-    def abilities(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___GimbalAbility.ValueType]: ...
-    @property
-    def roll(self) -> Global___AngleRange:
-        """Its limits from the horizon and the nose. Not set where it does not say, or says what cannot be."""
+    def abilities(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___GimbalAbility.ValueType]:
+        """What it can do."""
 
     @property
-    def pitch(self) -> Global___AngleRange: ...
+    def roll(self) -> Global___AngleRange:
+        """Its limits from the horizon. Not set where it does not say, or says what cannot be."""
+
     @property
-    def yaw(self) -> Global___AngleRange: ...
+    def pitch(self) -> Global___AngleRange:
+        """As `roll`."""
+
+    @property
+    def yaw(self) -> Global___AngleRange:
+        """Its limits from the nose."""
+
     def __init__(
         self,
         *,
@@ -257,14 +264,16 @@ class GimbalStatus(google.protobuf.message.Message):
     CONTROLLER_FIELD_NUMBER: builtins.int
     PROBLEMS_FIELD_NUMBER: builtins.int
     activity: Global___GimbalActivity.ValueType
+    """What it was ordered last by this daemon; not set also after another program has replaced that."""
     off_target_rad: builtins.float
     """How far it looks beside that, rad."""
     control: Global___GimbalControl.ValueType
+    """Which program on the link has the control of it."""
     controller: builtins.str
     """For people: which program has the control; empty where it is free, or not known."""
     @property
     def stamp(self) -> google.protobuf.timestamp_pb2.Timestamp:
-        """When it looked so."""
+        """When it looked so, as UTC since 1970."""
 
     @property
     def angles(self) -> Global___GimbalAngles:

@@ -32,14 +32,16 @@ class Log(google.protobuf.message.Message):
     WRITTEN_FIELD_NUMBER: builtins.int
     IS_MISSING_FIELD_NUMBER: builtins.int
     log_id: builtins.str
-    """The autopilot's own name or number of it."""
+    """The autopilot's own name or number of it, such as `2026-11-25/13_22_11.ulg` or `7`."""
     size_bytes: builtins.int
     """How long it was when it was listed. One that is being written grows."""
     is_missing: builtins.bool
     """The autopilot has it, but has not described it when it was asked: size and time are not known. List again."""
     @property
     def written(self) -> google.protobuf.timestamp_pb2.Timestamp:
-        """When it was written. Absent where the autopilot does not say."""
+        """When it was written, in UTC since 1970. Not set where the autopilot does not say: PX4 without a satellite fix does not
+        know the time.
+        """
 
     def __init__(
         self,
@@ -101,6 +103,8 @@ Global___DownloadLogRequest: typing_extensions.TypeAlias = DownloadLogRequest
 
 @typing.final
 class DownloadLogResponse(google.protobuf.message.Message):
+    """A piece of a log."""
+
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     LOG_FIELD_NUMBER: builtins.int
@@ -108,10 +112,11 @@ class DownloadLogResponse(google.protobuf.message.Message):
     DATA_FIELD_NUMBER: builtins.int
     SHA256_FIELD_NUMBER: builtins.int
     offset: builtins.int
-    """Where the data begins."""
+    """Where the piece begins, in bytes."""
     data: builtins.bytes
+    """The bytes."""
     sha256: builtins.str
-    """In the last response: the SHA-256 of all bytes of this download, in hexadecimal."""
+    """In the last piece: the SHA-256 of all bytes of this download, in hexadecimal; else empty."""
     @property
     def log(self) -> Global___Log:
         """As it was listed when the download began. The download ends at its size."""

@@ -70,7 +70,8 @@ class _LinkLossActionEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper.
     LINK_LOSS_ACTION_RETURN: _LinkLossAction.ValueType  # 2
     LINK_LOSS_ACTION_LAND: _LinkLossAction.ValueType  # 3
 
-class LinkLossAction(_LinkLossAction, metaclass=_LinkLossActionEnumTypeWrapper): ...
+class LinkLossAction(_LinkLossAction, metaclass=_LinkLossActionEnumTypeWrapper):
+    """What the autopilot is to do by itself in a mission, once the link to its ground station is lost."""
 
 LINK_LOSS_ACTION_UNSPECIFIED: LinkLossAction.ValueType  # 0
 """Whatever its parameters say: the task's description tells what."""
@@ -92,7 +93,8 @@ class _MissionStageEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._E
     MISSION_STAGE_PAUSED: _MissionStage.ValueType  # 4
     MISSION_STAGE_COMPLETE: _MissionStage.ValueType  # 5
 
-class MissionStage(_MissionStage, metaclass=_MissionStageEnumTypeWrapper): ...
+class MissionStage(_MissionStage, metaclass=_MissionStageEnumTypeWrapper):
+    """How far the autopilot is with its mission, by its own words."""
 
 MISSION_STAGE_UNSPECIFIED: MissionStage.ValueType  # 0
 MISSION_STAGE_NONE: MissionStage.ValueType  # 1
@@ -445,14 +447,18 @@ class MissionPlan(google.protobuf.message.Message):
     HIGHEST_M_FIELD_NUMBER: builtins.int
     EXECUTED_COUNT_FIELD_NUMBER: builtins.int
     length_m: builtins.float
+    """The way, with what jumps repeat."""
     lowest_m: builtins.float
-    """Of its places, above the ground of the take-off."""
+    """The lowest altitude of its places above the ground of the take-off."""
     highest_m: builtins.float
+    """The highest one."""
     executed_count: builtins.int
-    """With those that jumps repeat."""
+    """The number of items that are executed, with those that jumps repeat."""
     @property
     def duration(self) -> google.protobuf.duration_pb2.Duration:
-        """In calm air, as if it stopped at each waypoint."""
+        """In calm air, as if it stopped at each waypoint. A return to launch and a landing are the autopilot's, and are counted
+        at the speeds known of it.
+        """
 
     def __init__(
         self,
@@ -479,7 +485,9 @@ class StoredMission(google.protobuf.message.Message):
     digest: builtins.str
     """The same for the same mission. Empty where there is none."""
     @property
-    def items(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___MissionItem]: ...
+    def items(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___MissionItem]:
+        """Its items, in order."""
+
     def __init__(
         self,
         *,
@@ -712,7 +720,7 @@ Global___JumpToItemResponse: typing_extensions.TypeAlias = JumpToItemResponse
 
 @typing.final
 class MissionProgress(google.protobuf.message.Message):
-    """How far the autopilot is with its mission."""
+    """How far the autopilot is with its mission, whoever has started it."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -723,9 +731,9 @@ class MissionProgress(google.protobuf.message.Message):
     stage: Global___MissionStage.ValueType
     """By the autopilot's own words."""
     item: builtins.int
-    """The item that it flies to, counted from 1."""
+    """The item that it flies to, counted from 1; not set where it does not say."""
     reached: builtins.int
-    """The item that it reached last, since it is heard."""
+    """The item that it reached last; not set where none was since it is heard."""
     task_id: builtins.str
     """The task of UAL that flies it; empty where it is none of UAL."""
     def __init__(

@@ -37,7 +37,7 @@ class _ParameterTypeEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._
     PARAMETER_TYPE_REAL32: _ParameterType.ValueType  # 9
 
 class ParameterType(_ParameterType, metaclass=_ParameterTypeEnumTypeWrapper):
-    """How the autopilot keeps a parameter."""
+    """How the autopilot keeps a parameter. The numbers are those of MAVLink's MAV_PARAM_TYPE."""
 
 PARAMETER_TYPE_UNSPECIFIED: ParameterType.ValueType  # 0
 PARAMETER_TYPE_UINT8: ParameterType.ValueType  # 1
@@ -56,8 +56,8 @@ class Parameter(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     NAME_FIELD_NUMBER: builtins.int
-    TYPE_FIELD_NUMBER: builtins.int
     VALUE_FIELD_NUMBER: builtins.int
+    TYPE_FIELD_NUMBER: builtins.int
     IS_RELIED_ON_FIELD_NUMBER: builtins.int
     MINIMUM_FIELD_NUMBER: builtins.int
     MAXIMUM_FIELD_NUMBER: builtins.int
@@ -66,14 +66,16 @@ class Parameter(google.protobuf.message.Message):
     NEEDS_REBOOT_FIELD_NUMBER: builtins.int
     name: builtins.str
     """The autopilot's own name, such as MPC_XY_CRUISE."""
-    type: Global___ParameterType.ValueType
     value: builtins.float
-    """In the autopilot's own unit. Exact for every type."""
+    """In the autopilot's own unit, and exact: whole where its type is."""
+    type: Global___ParameterType.ValueType
+    """How the autopilot keeps it."""
     is_relied_on: builtins.bool
     """Whether a flight relies on it: it cannot be written while the UAV is armed."""
     minimum: builtins.float
-    """Its range, by the autopilot's own description. Absent where it describes none."""
+    """The least value that it should have, by the autopilot's own description. Not set where it describes none."""
     maximum: builtins.float
+    """The largest one."""
     unit: builtins.str
     """Such as m/s. Empty where the autopilot does not say."""
     description: builtins.str
@@ -84,8 +86,8 @@ class Parameter(google.protobuf.message.Message):
         self,
         *,
         name: builtins.str = ...,
-        type: Global___ParameterType.ValueType = ...,
         value: builtins.float = ...,
+        type: Global___ParameterType.ValueType = ...,
         is_relied_on: builtins.bool = ...,
         minimum: builtins.float | None = ...,
         maximum: builtins.float | None = ...,

@@ -127,6 +127,14 @@ def duration_from_proto(message: Duration) -> float:
     return message.seconds + message.nanos * 1e-9
 
 
+def timestamp_to_proto(stamp_s: float) -> Timestamp | None:
+    """UTC seconds since 1970, to the microsecond; None for 0, which is not known."""
+    if not stamp_s:
+        return None
+    seconds, nanos = stamp_parts(stamp_s)
+    return Timestamp(seconds=seconds, nanos=nanos)
+
+
 # Geometry
 
 
@@ -138,6 +146,16 @@ def vector3_to_proto(vector: Vector3) -> pb.Vector3:
 def vector3_from_proto(message: pb.Vector3) -> Vector3:
     """Three components; zeros when not set."""
     return Vector3(message.x, message.y, message.z)
+
+
+def quaternion_to_proto(rotation: Quaternion) -> pb.Quaternion:
+    """Four components."""
+    return pb.Quaternion(x=rotation.x, y=rotation.y, z=rotation.z, w=rotation.w)
+
+
+def quaternion_from_proto(message: pb.Quaternion) -> Quaternion:
+    """Four components; zeros when not set."""
+    return Quaternion(message.x, message.y, message.z, message.w)
 
 
 def _write_place(translation: Vector3, rotation: Quaternion, to: pb.Vector3, turned: pb.Quaternion) -> None:

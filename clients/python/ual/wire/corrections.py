@@ -1,27 +1,26 @@
-"""Between the messages of `CorrectionsService` and the value types."""
+"""Between the messages of ``corrections.proto`` and their values. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
-from ual.corrections import CorrectionsStatus
+from ual.contract.corrections import CorrectionsStatus
 from ual.v1 import corrections_pb2 as pb
 
 
-def to_proto(status: CorrectionsStatus) -> pb.CorrectionsStatus:
+def corrections_status_to_proto(value: CorrectionsStatus) -> pb.CorrectionsStatus:
     """Makes a message."""
     return pb.CorrectionsStatus(
-        sender=status.sender,
-        messages_count=status.messages_count,
-        bytes_count=status.bytes_count,
-        dropped_count=status.dropped_count,
-        too_long_count=status.too_long_count,
-        skipped_bytes_count=status.skipped_bytes_count,
-        age_s=status.age_s,
+        sender=value.sender,
+        messages_count=value.messages_count,
+        bytes_count=value.bytes_count,
+        dropped_count=value.dropped_count,
+        too_long_count=value.too_long_count,
+        skipped_bytes_count=value.skipped_bytes_count,
+        age_s=value.age_s,
     )
 
 
-def of_response(response: pb.StreamCorrectionsResponse | pb.GetCorrectionsStatusResponse) -> CorrectionsStatus:
-    """Reads the status of a response."""
-    message = response.status
+def corrections_status_from_proto(message: pb.CorrectionsStatus) -> CorrectionsStatus:
+    """Reads a message."""
     return CorrectionsStatus(
         message.sender,
         message.messages_count,

@@ -1,30 +1,47 @@
-"""Between the messages of `LogService` and the value types."""
+"""Between the messages of ``logs.proto`` and their values. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
-from ual.logs.values import Log, LogChunk
+from ual.contract.logs import Log, LogChunk
 from ual.v1 import logs_pb2 as pb
+from ual.wire import convert
 
 
-def to_proto(log: Log) -> pb.Log:
+def log_to_proto(value: Log) -> pb.Log:
     """Makes a message."""
-    message = pb.Log(log_id=log.id, size_bytes=log.size_bytes, is_missing=log.is_missing)
-    if log.time_s is not None:
-        message.written.FromMilliseconds(round(log.time_s * 1e3))
-    return message
+    return pb.Log(
+        log_id=value.id,
+        size_bytes=value.size_bytes,
+        written=None if value.time_s is None else convert.timestamp_to_proto(value.time_s),
+        is_missing=value.is_missing,
+    )
 
 
-def from_proto(message: pb.Log) -> Log:
+def log_from_proto(message: pb.Log) -> Log:
     """Reads a message."""
-    time_s = message.written.ToMilliseconds() / 1e3 if message.HasField("written") else None
-    return Log(message.log_id, message.size_bytes, time_s, message.is_missing)
+    return Log(
+        message.log_id,
+        message.size_bytes,
+        convert.stamp_from_proto(message.written) if message.HasField("written") else None,
+        message.is_missing,
+    )
 
 
-def chunk_to_proto(chunk: LogChunk) -> pb.DownloadLogResponse:
-    """Makes a response of a download."""
-    return pb.DownloadLogResponse(log=to_proto(chunk.log), offset=chunk.offset, data=chunk.data, sha256=chunk.sha256)
+def log_chunk_to_proto(value: LogChunk) -> pb.DownloadLogResponse:
+    """Makes a message."""
+    return pb.DownloadLogResponse(
+        log=log_to_proto(value.log),
+        offset=value.offset,
+        data=value.data,
+        sha256=value.sha256,
+    )
 
 
-def chunk_from_proto(message: pb.DownloadLogResponse) -> LogChunk:
-    """Reads a response of a download."""
-    return LogChunk(from_proto(message.log), message.offset, message.data, message.sha256)
+def log_chunk_from_proto(message: pb.DownloadLogResponse) -> LogChunk:
+    """Reads a message."""
+    return LogChunk(
+        log_from_proto(message.log),
+        message.offset,
+        message.data,
+        message.sha256,
+    )

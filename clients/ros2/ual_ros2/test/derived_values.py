@@ -150,9 +150,9 @@ def read_camera(message: Message) -> ual.cameras.CameraInfo:
     return ual.cameras.CameraInfo(
         number=message.number,
         name=message.name,
-        firmware_version=message.firmware_version,
         abilities=frozenset(ual.cameras.CameraAbility[each] for each in message.abilities),
         is_connected=message.is_connected,
+        firmware_version=message.firmware_version,
         width_px=message.width,
         height_px=message.height,
         intrinsics=intrinsics(message.camera_info),
@@ -303,8 +303,8 @@ def read_parameter(message: Message) -> ual.parameters.values.Parameter:
     """Reads a message `Parameter`."""
     return ual.parameters.values.Parameter(
         name=message.name,
-        type=ual.parameters.values.ParameterType[message.type],
         value=parameter_value(message),
+        type=ual.parameters.values.ParameterType[message.type],
         is_relied_on=message.is_relied_on,
         minimum=number(message.minimum),
         maximum=number(message.maximum),

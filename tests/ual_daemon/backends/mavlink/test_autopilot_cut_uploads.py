@@ -22,7 +22,7 @@ from ual.fences import FencePlan, FenceZone, RallyPoint
 from ual.missions import Item, TakeOff
 from ual.types import State
 from ual_daemon.extensions.shipped.fence import VehicleFence
-from ual_daemon.extensions.shipped.missions import VehicleMissions
+from ual_daemon.extensions.shipped.mission import VehicleMission
 
 SILENT = Faults(is_silent=True)
 COUNT = 40
@@ -97,7 +97,7 @@ def circle(flight: Flight) -> list[Item]:
 
 def begins(flight: Flight) -> Callable[[], Future[Any]]:
     items = circle(flight)
-    return lambda: VehicleMissions(flight.uav.vehicle).upload(items, "")
+    return lambda: VehicleMission(flight.uav.vehicle).upload(items, "")
 
 
 def is_over(flight: Flight) -> bool:

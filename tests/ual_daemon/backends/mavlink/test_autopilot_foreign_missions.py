@@ -128,7 +128,7 @@ def test_one_in_which_another_station_jumps_over_items_does_not_succeed(flight: 
 
 
 def test_a_landing_ends_no_mission_of_others_before_the_control_was_asked_back(flight: Flight) -> None:
-    """A pilot's own mission ended with `land` in the cleanup of a program: docs/decisions/0050."""
+    """A pilot's own mission ended with `land` in the cleanup of a program: docs/evidence/decisions/0050."""
     flight.take_off()
     flight.uav.mission.upload(four(flight))
     if isinstance(flight.autopilot, Px4):

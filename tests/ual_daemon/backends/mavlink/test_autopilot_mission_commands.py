@@ -19,7 +19,7 @@ from tests.waiting import until
 from ual.errors import UalError
 from ual.types import State, Telemetry
 from ual_daemon.backends.values import Cause
-from ual_daemon.extensions.shipped.missions import VehicleMissions
+from ual_daemon.extensions.shipped.mission import VehicleMission
 
 _COMMANDS_COUNT = 5
 _SEEDS_COUNT = int(os.environ.get("UAL_TEST_MISSION_EXAMPLES", "3"))
@@ -78,7 +78,7 @@ class Caller:
 
     def __init__(self, flight: Flight, seed: int) -> None:
         self._chance, self._commands = random.Random(seed), flight.uav.vehicle.commands
-        missions = VehicleMissions(flight.uav.vehicle)
+        missions = VehicleMission(flight.uav.vehicle)
         self._choices: list[Callable[[], Future[Any] | None]] = [
             lambda: missions.start(1, None, ""),
             lambda: missions.start(1, None, ""),

@@ -17,6 +17,7 @@ from typing_extensions import override
 from tests.conftest import LIMIT_S
 from tests.waiting import until
 from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, ImageFormat
+from ual.contract.methods import METHODS
 from ual.errors import (
     InvalidArgumentError,
     LinkLostError,
@@ -31,7 +32,6 @@ from ual_daemon.backends.mavlink.offers import http_pictures
 from ual_daemon.backends.mavlink.offers.cameras import MavlinkCamera
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
-from ual_daemon.extensions.shipped.cameras import ORDER_S
 
 PNG = png.encode(np.zeros((2, 3, 3), np.uint8))
 JPEG = b"".join(
@@ -207,7 +207,7 @@ def test_a_server_that_says_a_byte_at_a_time_is_not_waited_for_without_end(
 
 def test_a_picture_ends_before_its_caller_gives_up_also_where_it_waits_for_others(server: Server) -> None:
     """Else it would be fetched for no one, and hold up all that come after it."""
-    assert http_pictures.TIMEOUT_S + 1.0 < ORDER_S
+    assert METHODS["GetImage"].limit_s > http_pictures.TIMEOUT_S + 1.0
     with pytest.raises(UalTimeoutError, match="has not come within"):
         http_pictures._Exchange(f"{server.url}/1", time.monotonic()).run()
     assert server.asked == []

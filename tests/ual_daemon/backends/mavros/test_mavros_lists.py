@@ -25,7 +25,7 @@ from ual.types import AltitudeReference, State
 from ual_daemon import UAL
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 from ual_daemon.backends.mavros.missions import item_of, waypoint_of
-from ual_daemon.extensions.shipped.missions import VehicleMissions
+from ual_daemon.extensions.shipped.mission import VehicleMission
 
 
 @pytest.fixture(params=[("px4", 1), ("px4", 2), ("ardupilot", 1)], ids=lambda each: f"{each[0]}-{each[1]}")
@@ -76,7 +76,7 @@ def test_a_mission_that_was_cut_off_is_not_started(backend: LockstepMavros, tmp_
         stand(uav)
         with backend.autopilot.lock:
             backend.autopilot.missions.on_taken = on_taken
-            uploading.append(VehicleMissions(uav.vehicle).upload(mission(backend, 30), ""))
+            uploading.append(VehicleMission(uav.vehicle).upload(mission(backend, 30), ""))
         until(lambda: cut.is_set() or uploading[0].done(), "the cut", seen=uav.telemetry)
         assert cut.is_set(), uploading[0].exception()
         if by == "client":

@@ -17,7 +17,7 @@ from tests.ual_daemon.backends.mavlink.protocols.simulated_camera import BUSY, D
 from ual.cameras import CameraAbility, CameraMode, Photo, StorageState, VideoStream
 from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalTimeoutError
 from ual.geometry import Pose, Quaternion
-from ual.wire import cameras as convert
+from ual.wire import camera as convert
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols import camera_link
 from ual_daemon.backends.mavlink.protocols.camera_photos import MOST_MISSING, TRIES_COUNT, ReportedPhotos
@@ -436,8 +436,8 @@ def test_no_content_of_a_cameras_message_is_too_strange() -> None:
             harness.now_s += 0.01
             harness.receive(data=b"\xfd" + body + payload + int(crc).to_bytes(2, "little"))
             harness.discovery.tick(harness.now_s)
-        convert.info_to_proto(link.info(harness.now_s))
-        convert.status_to_proto(link.status())
+        convert.camera_info_to_proto(link.info(harness.now_s))
+        convert.camera_status_to_proto(link.status())
     assert harness.discovery.receiver.corrupt_count == 0
     for each in link.photos.since(0):
         place = each.viewpoint.position_geo

@@ -23,9 +23,10 @@ from ual.fences.values import FenceZone, KeptFence, RallyPoint
 from ual.missions import HoldTime, Item, Land, Speed, TakeOff, Waypoint
 from ual.missions.plan import StoredMission
 from ual.types import GeoPoint
-from ual.wire import cameras as wire_cameras
-from ual.wire import fences as wire_fences
-from ual.wire import missions as wire_missions
+from ual.wire import camera as wire_camera
+from ual.wire import fence as wire_fence
+from ual.wire import mission as wire_mission
+from ual.wire.rally_points import rally_point_to_proto
 from ual_daemon.backends.firmwares.mission_items import MissionItem, MissionList
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
@@ -243,11 +244,11 @@ def _can_be_told(results: list[Any]) -> None:
     """What was believed can be sent to a client."""
     for each in results:
         if hasattr(each, "digest"):
-            wire_missions.stored_to_proto(StoredMission(each.items, each.digest))
+            wire_mission.stored_mission_to_proto(StoredMission(each.items, each.digest))
         elif isinstance(each, tuple) and all(isinstance(part, FenceZone) for part in each):
-            wire_fences.to_proto(KeptFence(each))
+            wire_fence.kept_fence_to_proto(KeptFence(each))
         elif isinstance(each, tuple):
-            wire_fences.rally_to_proto(each)
+            list(map(rally_point_to_proto, each))
 
 
 class FuzzedCamera(Bench):
@@ -295,20 +296,20 @@ def test_whatever_a_camera_answers_each_order_ends_and_what_it_tells_can_be_told
             assert error is None or isinstance(error, UalError), error
             if error is None:
                 _camera_can_be_told(each.result())
-        wire_cameras.info_to_proto(link.info(bench.now_s))
-        wire_cameras.status_to_proto(link.status())
+        wire_camera.camera_info_to_proto(link.info(bench.now_s))
+        wire_camera.camera_status_to_proto(link.status())
         assert link.photos.count <= bench.arrived_count + len(bench.camera.taken_ms)
         bench.run(STEP_S)
 
 
 def _camera_can_be_told(result: Any) -> None:
     if isinstance(result, CameraStatus):
-        wire_cameras.status_to_proto(result)
+        wire_camera.camera_status_to_proto(result)
     elif isinstance(result, list):
         for each in result:
             assert isinstance(each, VideoStream)
-            wire_cameras.stream_to_proto(each)
+            wire_camera.video_stream_to_proto(each)
     elif result is not None:
         place = result.viewpoint.position_geo
-        photo = wire_cameras.photo_to_proto(Photo(result.number, result.stamp_s, result.is_stored, None, None, place))
+        photo = wire_camera.photo_to_proto(Photo(result.number, result.stamp_s, result.is_stored, None, None, place))
         assert photo.stamp.ToJsonString()

@@ -24,7 +24,7 @@ from tests.ual_daemon.backends.mavlink.protocols.simulated_gimbal import (
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Quaternion, Vector3, wrap_angle
 from ual.gimbals import AngleRange, GimbalAbility, GimbalAngles, GimbalControl, GimbalReference, GimbalStatus
-from ual.wire import gimbals as wire
+from ual.wire import gimbal as wire
 from ual_daemon.backends.firmwares.gimbal_protocol import attitude_of, failures_of
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
@@ -507,10 +507,10 @@ def test_answers_that_no_gimbal_gives_crash_nothing_and_each_order_ends() -> Non
     bench.step(60.0)
     assert all(each.done() for each in ordered)
     for each in bench.gimbals.found:
-        wire.info_to_proto(each.info(bench.now_s)).SerializeToString()
+        wire.gimbal_info_to_proto(each.info(bench.now_s)).SerializeToString()
         control, words = each.control
         told = GimbalStatus(control=control, controller=words, problems=each.failures)
-        wire.status_to_proto(told).SerializeToString()
+        wire.gimbal_status_to_proto(told).SerializeToString()
 
 
 @given(st.integers(0, 2**16 - 1), st.lists(st.floats(width=32), min_size=4, max_size=4), st.integers(0, 2**32 - 1))

@@ -1,4 +1,4 @@
-"""Between the messages of `MissionService` and the value types."""
+"""Between the items of a mission and their messages, one kind of message for each kind of item."""
 
 from __future__ import annotations
 
@@ -22,37 +22,35 @@ from ual.missions.items import (
     TakeOff,
     Waypoint,
 )
-from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, MissionStage, StoredMission
 from ual.types import AltitudeReference
 from ual.v1 import mission_pb2 as pb
 from ual.v1 import ual_pb2
-from ual.wire import convert
 
 
 def items_to_proto(items: Iterable[Item]) -> list[pb.MissionItem]:
     """Makes the messages of items."""
-    return [_item_to_proto(index, each) for index, each in enumerate(items)]
+    return [item_to_proto(each, f"items[{index}]") for index, each in enumerate(items)]
 
 
 def items_from_proto(messages: Sequence[pb.MissionItem]) -> list[Item]:
     """Reads items. Raises `InvalidArgumentError`, which names the one that is none."""
-    return [_item_from_proto(index, each) for index, each in enumerate(messages)]
+    return [item_from_proto(each, f"items[{index}]") for index, each in enumerate(messages)]
 
 
-def _item_to_proto(index: int, item: Item) -> pb.MissionItem:
+def item_to_proto(item: Item, field: str = "items") -> pb.MissionItem:
+    """Makes the message of an item. Raises `InvalidArgumentError` for what is none."""
     known = _TO_PROTO.get(type(item))
     if known is None:
-        raise InvalidArgumentError(
-            f"items[{index}]: {item!r:.80} is no item of a mission", {"field": f"items[{index}]"}
-        )
+        raise InvalidArgumentError(f"{field}: {item!r:.80} is no item of a mission", {"field": field})
     kind, make = known
     return pb.MissionItem(number=item.number, **{kind: make(item)})
 
 
-def _item_from_proto(index: int, message: pb.MissionItem) -> Item:
+def item_from_proto(message: pb.MissionItem, field: str = "items") -> Item:
+    """Reads an item. Raises `InvalidArgumentError` where it says no kind."""
     kind = message.WhichOneof("kind")
     if kind is None:
-        raise InvalidArgumentError(f"items[{index}]: it says no kind", {"field": f"items[{index}]"})
+        raise InvalidArgumentError(f"{field}: it says no kind", {"field": field})
     return _FROM_PROTO[kind](getattr(message, kind), message.number)
 
 
@@ -158,67 +156,3 @@ _FROM_PROTO: dict[str, Callable[[Any, str], Item]] = {
     "jump": lambda message, number: Jump(message.to, message.times, number=number),
     "other": lambda message, number: OtherItem(message.command, message.text, number=number),
 }
-
-
-def stored_to_proto(mission: StoredMission) -> pb.StoredMission:
-    """Makes the message of a mission that an autopilot has."""
-    return pb.StoredMission(items=items_to_proto(mission.items), digest=mission.digest)
-
-
-def stored_of_response(response: pb.UploadMissionResponse | pb.DownloadMissionResponse) -> StoredMission:
-    """Reads the mission of a response."""
-    return StoredMission(tuple(items_from_proto(response.mission.items)), response.mission.digest)
-
-
-def plan_to_proto(plan: MissionPlan) -> pb.MissionPlan:
-    """Makes the message of a dry run."""
-    return pb.MissionPlan(
-        length_m=plan.length_m,
-        duration=convert.duration_to_proto(plan.duration_s),
-        lowest_m=plan.lowest_m,
-        highest_m=plan.highest_m,
-        executed_count=plan.executed_count,
-    )
-
-
-def plan_of_response(response: pb.PlanMissionResponse) -> MissionPlan:
-    """Reads the plan of a response."""
-    plan = response.plan
-    duration_s = convert.duration_from_proto(plan.duration)
-    return MissionPlan(plan.length_m, duration_s, plan.lowest_m, plan.highest_m, plan.executed_count)
-
-
-def progress_to_proto(progress: MissionProgress) -> pb.MissionProgress:
-    """Makes the message of how far a mission is."""
-    return pb.MissionProgress(
-        stage=pb.MissionStage.ValueType(progress.stage.value),
-        item=progress.item,
-        reached=progress.reached,
-        task_id=progress.task_id,
-    )
-
-
-def progress_of_response(response: pb.GetMissionProgressResponse | pb.WatchMissionResponse) -> MissionProgress:
-    """Reads how far a mission is. A stage that this version does not know is UNKNOWN."""
-    progress, known = response.progress, {each.value: each for each in MissionStage}
-    return MissionProgress(
-        known.get(progress.stage, MissionStage.UNKNOWN),
-        progress.item if progress.HasField("item") else None,
-        progress.reached if progress.HasField("reached") else None,
-        progress.task_id,
-    )
-
-
-def link_loss_to_proto(action: LinkLossAction | None) -> pb.LinkLossAction.ValueType:
-    """Makes the value of what is to happen without a link; None is UNSPECIFIED."""
-    return pb.LinkLossAction.ValueType(0 if action is None else action.value)
-
-
-def link_loss_from_proto(value: int) -> LinkLossAction | None:
-    """Reads it. Raises `InvalidArgumentError`."""
-    if value == 0:
-        return None
-    try:
-        return LinkLossAction(value)
-    except ValueError:
-        raise InvalidArgumentError(f"on_link_loss: {value} is none", {"field": "on_link_loss"}) from None

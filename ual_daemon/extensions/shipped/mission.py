@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 from typing import SupportsInt
 
-from typing_extensions import override
-
-from ual import interface
-from ual.contract.methods import METHODS
 from ual.errors import FrameLostError, UalError, WrongStateError
 from ual.missions import checks
 from ual.missions.items import Item
@@ -22,32 +17,31 @@ from ual.types import TaskInfo
 from ual_daemon import logs, validation
 from ual_daemon.backends.chain import then, then_wait
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, OnItsOwn
-from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, offered, require_change, wait
+from ual_daemon.extensions.shipped.answers import Pause, Steps, in_thread
+from ual_daemon.extensions.shipped.vehicle import CommandedVehicle, offered, require_change
 from ual_daemon.flight.flight import Order
 from ual_daemon.vehicle.upload_journal import MISSION
 
-TRANSFER_S = METHODS["UploadMission"].limit_s
-"""How long a transfer may take, with those that others have asked for before. A backend ends by itself before."""
-START_S = METHODS["StartMission"].limit_s
-JUMP_S = METHODS["JumpToItem"].limit_s
-LOOK_S = 0.2
+LOOK = Pause(0.2)
 """How often a watched mission is looked at. Autopilots tell it once or twice a second."""
 _UPLOAD, _CLEAR, _START = "upload_mission", "clear_mission", "start_mission"
 
 _log = logging.getLogger(__name__)
 
 
-class VehicleMissions:
+class VehicleMission:
     """The missions of one UAV. From any thread; no method waits."""
 
     def __init__(self, vehicle: CommandedVehicle) -> None:
         self._vehicle = vehicle
 
+    @in_thread  # a thousand items in a fence take a second
     def plan(self, items: Sequence[Item]) -> MissionPlan:
         """See `ual.interface.Mission`."""
         self._require_items(self._offer(), items)
         return self._vehicle.missions.plan(items)
 
+    @in_thread  # it writes a file
     def upload(self, items: Sequence[Item], lease_id: str) -> Future[StoredMission]:
         """See `ual.interface.Mission`."""
         offer = self._offer()
@@ -69,6 +63,7 @@ class VehicleMissions:
         """See `ual.interface.Mission`."""
         return then(self._offer().download(), _stored)
 
+    @in_thread  # it writes a file
     def clear(self, lease_id: str) -> Future[None]:
         """See `ual.interface.Mission`."""
         offer = self._offer()
@@ -122,6 +117,16 @@ class VehicleMissions:
         """See `ual.interface.Mission`."""
         return self._vehicle.missions.progress(self._offer())
 
+    def watch(self) -> Steps[MissionProgress]:
+        """See `ual.interface.Mission`."""
+        last = None
+        while True:
+            progress = self.progress()
+            if progress != last:
+                last = progress
+                yield progress
+            yield LOOK
+
     def _removal(self, offer: AutopilotMissions, lease_id: str) -> Future[KeptMission]:
         removal = self._vehicle.uploads.begin(MISSION, 0)
         return removal.run(offer.clear, partial(self._refusal, _CLEAR, lease_id))
@@ -152,61 +157,6 @@ class VehicleMissions:
 
     def _offer(self) -> AutopilotMissions:
         return offered(self._vehicle, AutopilotMissions, "missions")  # type: ignore[type-abstract]  # it is only looked for
-
-
-class Mission(interface.Mission):
-    """The mission in this process, with the lease that the object has at the moment."""
-
-    def __init__(self, vehicle: CommandedVehicle, lease_id: Callable[[], str]) -> None:
-        self._of_vehicle = VehicleMissions(vehicle)
-        self._lease_id = lease_id
-
-    @override
-    def plan(self, items: Sequence[Item]) -> MissionPlan:
-        return self._of_vehicle.plan(items)
-
-    @override
-    def upload(self, items: Sequence[Item]) -> StoredMission:
-        return wait(self._of_vehicle.upload(items, self._lease_id()), TRANSFER_S, "uploading the mission")
-
-    @override
-    def download(self) -> StoredMission:
-        return wait(self._of_vehicle.download(), TRANSFER_S, "downloading the mission")
-
-    @override
-    def clear(self) -> None:
-        wait(self._of_vehicle.clear(self._lease_id()), TRANSFER_S, "clearing the mission")
-
-    @override
-    def start(self, first_item: int = 1, on_link_loss: LinkLossAction | None = None) -> TaskInfo:
-        starting = self._of_vehicle.start(first_item, on_link_loss, self._lease_id())
-        return wait(starting, START_S, "starting the mission")
-
-    @override
-    def pause(self) -> None:
-        self._of_vehicle.pause(self._lease_id())
-
-    @override
-    def resume(self) -> None:
-        self._of_vehicle.resume(self._lease_id())
-
-    @override
-    def jump_to(self, item: int) -> None:
-        wait(self._of_vehicle.jump_to(item, self._lease_id()), JUMP_S, f"the jump to item {item}")
-
-    @override
-    def progress(self) -> MissionProgress:
-        return self._of_vehicle.progress()
-
-    @override
-    def watch(self) -> Iterator[MissionProgress]:
-        last = None
-        while True:
-            progress = self._of_vehicle.progress()
-            if progress != last:
-                last = progress
-                yield progress
-            time.sleep(LOOK_S)
 
 
 def _item(value: SupportsInt, field: str) -> int:

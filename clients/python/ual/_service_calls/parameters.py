@@ -1,0 +1,42 @@
+"""The calls of `ual.interface.Parameters`. ``make proto`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ual._calls import Call, of, request
+from ual.parameters.values import Parameter
+from ual.v1 import parameters_pb2 as pb
+from ual.wire import parameters as wire
+
+
+def get(name: str) -> Call[Parameter]:
+    return of(
+        "GetParameter",
+        request(pb.GetParameterRequest, name=name),
+        lambda response: wire.parameter_from_proto(response.parameter),
+    )
+
+
+def get_all() -> Call[list[Parameter]]:
+    return of(
+        "ListParameters",
+        pb.ListParametersRequest(),
+        lambda response: list(map(wire.parameter_from_proto, response.parameters)),
+    )
+
+
+def set_(name: str, value: float, force: bool) -> Call[Parameter]:
+    return of(
+        "SetParameter",
+        request(pb.SetParameterRequest, name=name, value=value, force=force),
+        lambda response: wire.parameter_from_proto(response.parameter),
+    )
+
+
+MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
+    "get": get,
+    "get_all": get_all,
+    "set": set_,
+}
