@@ -153,6 +153,7 @@ tools/node_modules: tools/package.json
 docs: $(VENV)/.docs  ## The manuals and the API reference as one HTML site, in build/docs; warnings are errors
 	$(BIN)/sphinx-build --quiet --fail-on-warning --nitpicky --keep-going --conf-dir docs \
 		--doctree-dir build/doctrees . build/docs
+	$(BIN)/python -m tools.site build/docs
 	@echo 'The site begins at build/docs/index.html'
 
 $(VENV)/.docs: $(INSTALLED)

@@ -66,6 +66,7 @@ html_theme = "furo"
 html_title = f"UAL {version}"
 html_extra_path = ["_site"]
 html_static_path = ["_assets"]
+html_css_files = ["ual.css"]
 html_js_files = ["search-words.js", "search-ranking.js"]
 
 _SEARCH_WORDS = re.compile(r"^(?:<!-- search:|\.\. search:)(.*?)(?:-->|$)", re.MULTILINE | re.DOTALL)
