@@ -10,7 +10,10 @@ from ual.errors import UalError
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport
 
 AGAIN_S = 1.0
-"""The time from a read that failed to the next one."""
+"""The time from a read that failed to the next one, ..."""
+_FIRST_AGAIN_S = 0.2
+"""... and the first time: one that was under way as another station began an upload fails. Each further one is twice as
+long."""
 SETTLE_S = 0.15
 """The time from a change to its read: amid an upload ArduPilot refuses it. PX4 tells another checksum once the upload
 has ended, and up to a second late: then it is read at once."""
@@ -49,6 +52,8 @@ class MissionWatch:
         self._is_of_end = self._is_end_read = False
         self._began_s, self._next_s, self._next_look_s = 0.0, -math.inf, -math.inf
         self._stepped_s = -math.inf
+        self._failures_count = 0
+        """How many reads in turn have failed."""
         self.is_other = False
         """Whether the autopilot has another mission."""
         self.failure: UalError | None = None
@@ -93,8 +98,10 @@ class MissionWatch:
         error = None if reading.cancelled() else reading.exception()
         if reading.cancelled() or error is not None:
             self.failure = error if isinstance(error, UalError) else UalError(f"the mission was not read: {error}")
-            self._next_s = now_s + AGAIN_S
+            self._next_s = now_s + min(AGAIN_S, _FIRST_AGAIN_S * 2.0**self._failures_count)
+            self._failures_count += 1
             return
+        self._failures_count = 0
         self.is_other = reading.result().digest != self._kept.digest
         self._sure, self._is_end_read = self._asked, self._is_of_end
         self._next_look_s = looked_s + max(LOOK_S, _PAUSE_FACTOR * (looked_s - self._began_s))

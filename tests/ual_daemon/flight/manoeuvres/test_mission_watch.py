@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import KEPT, Missions
+from ual.errors import RejectedByAutopilotError
 from ual.missions.plan import MissionStage
 from ual_daemon.backends.offers.missions import KeptMission, MissionReport
-from ual_daemon.flight.manoeuvres.mission_watch import LOOK_S, SETTLE_S, MissionWatch
+from ual_daemon.flight.manoeuvres.mission_watch import AGAIN_S, LOOK_S, SETTLE_S, MissionWatch
 
 
 def tell(offer: Missions, mission_id: int, *changes: int) -> None:
@@ -86,3 +87,22 @@ def test_a_time_in_which_no_step_is_made_is_none_of_the_read() -> None:
     watch.step(0.5)
     watch.step(0.55)
     assert offer.asked == ["download", "download"]
+
+
+def test_a_read_that_fails_is_repeated_soon_and_then_each_second() -> None:
+    """One that was under way as another station began its upload failed, and the next one came a second later."""
+    offer = Missions()
+    watch = MissionWatch(offer, KEPT)
+    tell(offer, 0, 4, 0)
+    now_s = 0.0
+    watch.step(now_s)
+    for pause_s in (0.2, 0.4, 0.8, AGAIN_S, AGAIN_S):
+        asked = len(offer.asked)
+        offer.read.set_exception(RejectedByAutopilotError("INVALID"))
+        watch.step(now_s)
+        assert watch.failure is not None
+        watch.step(now_s + pause_s - 0.01)
+        assert len(offer.asked) == asked
+        now_s += pause_s + 0.01
+        watch.step(now_s)
+        assert len(offer.asked) == asked + 1
