@@ -110,7 +110,7 @@ def test_the_same_mission_that_is_brought_again_is_still_ours(flight: Flight) ->
 def test_one_in_which_another_station_jumps_over_items_does_not_succeed(flight: Flight, *, is_ours: bool) -> None:
     """It SUCCEEDED without them. A jump of UAL leaves them out on purpose."""
     flight.take_off()
-    ways = [at(flight, 8, 0), at(flight, 8, 8), at(flight, 0, 8), at(flight, 0, 16)]
+    ways: list[Item] = [at(flight, 8, 0), at(flight, 8, 8), at(flight, 0, 8), at(flight, 0, 16)]
     task = flight.uav.task(start(flight, ways))
     flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
     if is_ours:
