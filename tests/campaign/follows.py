@@ -294,11 +294,13 @@ def _is_lifted_by_somebody(record: Record, lay_s: float, time_s: float) -> bool:
 
 
 def _is_left_to_itself(record: Record, lay_s: float, time_s: float) -> bool:
-    """Whether its daemon was killed before it lay, and none has sent anything since: its autopilot follows what that
-    has asked last.
+    """Whether its daemon was killed before it lay, and none has sent anything since but a landing: its autopilot
+    follows what that daemon has asked last.
     """
     killed_s = [life.time_s for life in record.lives if life.what == DAEMON_KILLED and life.time_s <= lay_s]
-    return bool(killed_s) and not any(killed_s[-1] < sent.time_s <= time_s for sent in record.sent)
+    landings = [call for call in record.called if call.name == "land"]
+    sent_s = [sent.time_s for sent in record.sent if killed_s and killed_s[-1] < sent.time_s <= time_s]
+    return bool(killed_s) and all(any(call.began_s <= each <= until_s(call) for call in landings) for each in sent_s)
 
 
 def _ground_m(record: Record) -> float:

@@ -181,6 +181,11 @@ def test_what_lifts_off_again_after_a_fall_is_found() -> None:
     assert "nothing flies" in rules(record)
     sent, record.sent = record.sent, [each for each in record.sent if each.time_s < DEAD_S]
     assert "nothing flies" not in rules(record)  # by what was asked of it before its daemon was killed
+    record.sent.append(Sent(DEAD_S + 4.2, "land"))
+    assert "nothing flies" in rules(record)
+    record.called.append(Called("land", DEAD_S + 4.1, DEAD_S + 9.0))
+    assert "nothing flies" not in rules(record)  # nor does a landing lift it
+    record.called.pop()
     record.sent = sent
     record.called.append(Called("recover", DEAD_S + 4.0, DEAD_S + 4.5))
     assert "nothing flies" not in rules(record)

@@ -93,6 +93,8 @@ _LEAST_PULSE = "MOT_PWM_MIN"
 _OUTPUTS = tuple(f"SERVO{number}_FUNCTION" for number in range(1, 17))
 _MOTORS = frozenset((*range(33, 41), *range(82, 86)))
 """The functions of the outputs that are motors 1 to 12 (SRV_Channel.h)."""
+_USUAL_MOTORS = MotorChannels(frozenset(range(4)), 1000.0)
+"""Those of its defaults, until the parameters have come: a daemon that starts in flight is to know it at once."""
 
 _SLOW_CLIMB_M = 1.5
 """So far it climbs by itself where a slower climb is wanted. Lower, the error of its height could leave it standing."""
@@ -329,7 +331,9 @@ class ArduCopter(Autopilot):
 
     @override
     def motor_channels(self, parameters: Mapping[str, float]) -> MotorChannels | None:
-        least_us = parameters.get(_LEAST_PULSE, 0.0)
+        if _LEAST_PULSE not in parameters or not any(name in parameters for name in _OUTPUTS):
+            return _USUAL_MOTORS
+        least_us = parameters[_LEAST_PULSE]
         found = frozenset(index for index, name in enumerate(_OUTPUTS) if parameters.get(name) in _MOTORS)
         return MotorChannels(found, least_us) if found and least_us > 0.0 else None
 

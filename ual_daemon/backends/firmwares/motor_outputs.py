@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 REST_US = 10
 """So little above the least pulse a motor stands: it idles 50 us above that at least, and 100 us by default."""
-RESTS_S = 0.3
-"""So long all motors must stand: two reports in turn."""
+RESTS_S = 0.2
+"""So long all motors must stand: two reports in turn, as one may be of the moment of a disarming."""
 _FRESH_S = 2.0
 """A report that is older says nothing any more."""
 
@@ -35,13 +35,14 @@ class MotorOutputs:
 
     def on_pulses(self, pulses_us: Sequence[int], motors: MotorChannels | None, now_s: float) -> None:
         """Takes the pulses of the outputs, the first one first. 0: nothing is put out. None: no motor is known."""
-        if motors is None or not any(channel < len(pulses_us) for channel in motors.channels):
+        found_us = [] if motors is None else [pulses_us[each] for each in motors.channels if each < len(pulses_us)]
+        if motors is None or not found_us or not min(found_us):
             return
         if now_s - self._heard_s > _FRESH_S:
             self._rests_since_s = math.inf
         self._heard_s = now_s
-        most_us = max(pulses_us[channel] for channel in motors.channels if channel < len(pulses_us))
-        self._rests_since_s = min(self._rests_since_s, now_s) if most_us <= motors.least_us + REST_US else math.inf
+        do_rest = max(found_us) <= motors.least_us + REST_US
+        self._rests_since_s = min(self._rests_since_s, now_s) if do_rest else math.inf
 
     def stand(self, now_s: float) -> bool | None:
         """Returns whether all motors stand; None where that is not known now."""

@@ -17,7 +17,7 @@ GUIDED, STATES = ArduCopter().mode_named("GUIDED"), [LandedState.IN_AIR, LandedS
 
 
 class Watch:
-    """The causes of an ArduCopter, whose outputs come twice a second."""
+    """The causes of an ArduCopter, whose outputs come four times a second."""
 
     def __init__(self, parameters: dict[str, float] = QUAD, landed: LandedState = LandedState.IN_AIR) -> None:
         self.causes = CauseWatch(ArduCopter(), SetpointMonitor(), names_intended_mode=False)
@@ -26,7 +26,7 @@ class Watch:
 
     def hear(self, pulses: list[int], count: int = 2) -> Cause | None:
         for _ in range(count):
-            self.now_s += 0.5
+            self.now_s += 0.25
             self.causes.on_outputs(pulses, self.parameters, self.now_s)
         return self.failsafe
 
@@ -59,7 +59,9 @@ def test_on_the_ground_motors_stand_by_themselves(landed: LandedState) -> None:
         (ON_AUX, [1900] * 8 + [1100, 1100], Cause.TERMINATION),
         (ON_AUX, [1100] * 8 + [1300, 1100], None),
         (ON_AUX, [1000] * 8, None),  # fewer outputs than that
-        ({}, STAND, None),  # its parameters were not read
+        ({}, STAND, Cause.TERMINATION),  # its parameters were not read yet: as by its defaults
+        ({}, [1100] * 4, None),
+        ({}, [1000, 1000, 0, 0], None),
         ({**QUAD, "MOT_PWM_MIN": 0.0}, STAND, None),  # then by the transmitter's calibration
     ],
 )
@@ -84,8 +86,8 @@ def test_what_was_heard_long_ago_says_nothing() -> None:
     motors, quad = MotorOutputs(), MotorChannels(frozenset({0}), 1000.0)
     motors.on_pulses([1000], quad, 0.0)
     assert motors.stand(0.1) is None
-    motors.on_pulses([1000], quad, 0.5)
-    assert motors.stand(0.6) is True
+    motors.on_pulses([1000], quad, 0.25)
+    assert motors.stand(0.3) is True
     assert motors.stand(5.0) is None
     motors.on_pulses([1000], quad, 5.0)  # they may have turned meanwhile
     assert motors.stand(5.0) is None

@@ -34,7 +34,7 @@ from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, LandedState, PositionSetpoint, Setpoint, Snapshot
 
 _AUTO, _GUIDED, _BRAKE = 3, 4, 17
-OUTPUTS_HZ = 2.0
+OUTPUTS_HZ = 4.0
 """Two reports in turn tell that the motors stand; see `MotorOutputs`."""
 
 
@@ -69,11 +69,11 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
             set_message_interval(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 10.0),
             *pose_streams(pose_rate_hz),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, OUTPUTS_HZ),
             *slow_streams(),
             set_message_interval(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 2.0),
             target_stream(),
             set_message_interval(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, OUTPUTS_HZ),
         ]
 
     @override
