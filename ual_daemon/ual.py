@@ -296,7 +296,8 @@ class UAL(Uncopied, PartMembers):
 
     @override
     def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        self.vehicle.commands.setpoints.set_velocity(stamped_twist(velocity), self._lease_id)
+        twist = velocity if velocity.__class__ is Twist else stamped_twist(velocity)
+        self.vehicle.commands.setpoints.set_velocity(twist, self._lease_id)
 
     @override
     def set_external_pose(

@@ -179,6 +179,14 @@ class Backend(ABC):
     def snapshot(self) -> Snapshot:
         """Returns the newest data."""
 
+    def newest(self) -> tuple[Snapshot, float]:
+        """Returns the newest data as they were published, and the time now: what `snapshot` makes one of.
+
+        A backend whose updates share their values overrides it: each setpoint of a stream asks.
+        """
+        snapshot = self.snapshot()
+        return snapshot, snapshot.time_s
+
     @abstractmethod
     def send(self, setpoint: Setpoint) -> None:
         """Sends a setpoint, before it returns. Drops the setpoint while the link is down.

@@ -14,11 +14,11 @@ from functools import partial
 from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError
-from ual.geometry import Pose, Vector3
+from ual.geometry import Pose, Twist, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, Control, Setpoint, SetpointLoss, Snapshot, Takes
+from ual_daemon.backends.values import Cause, Control, Setpoint, SetpointLoss, Snapshot, Takes, VelocitySetpoint
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.explanation import Explanation
 from ual_daemon.flight.flown import SILENT, Ending, Flown
@@ -30,6 +30,7 @@ from ual_daemon.flight.manoeuvres.stand_by import Here, StandBy, TakeToStandBy
 from ual_daemon.flight.mission_stop import MissionStop
 from ual_daemon.flight.policy.arming import Arming
 from ual_daemon.flight.policy.authority import Authority
+from ual_daemon.flight.policy.clearance import Clearance
 from ual_daemon.flight.policy.following import Following
 from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.flight.policy.jumps import Jump
@@ -45,7 +46,7 @@ from ual_daemon.flight.refusals import (
     shutting_down,
     stopping_mission,
 )
-from ual_daemon.flight.setpoint_sender import SetpointSender
+from ual_daemon.flight.setpoint_sender import LONGEST_BLIND_S, SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
 from ual_daemon.flight.state import Estimate, estimate
 from ual_daemon.flight.stepper import Stepper, has_led_to_ground
@@ -54,7 +55,7 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.flight.watched_commands import WatchedCommands
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.limits import CurrentLimits
-from ual_daemon.tracker.references import Reference, brake
+from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Reference, Velocity, brake
 from ual_daemon.trajectory import Motion
 
 _log = logging.getLogger(__name__)
@@ -142,6 +143,7 @@ class Flight:
         self._stepper = Stepper(
             backend, self._flown, self._exchange, self._rules, self.sender, self._stopping, self._watched
         )
+        self._clearance = Clearance(backend, limits, geofence)
         self._shutdown: Shutdown | None = None
         self.is_closing = False
         """Whether commands are refused because of a shutdown. An attribute, because each setpoint looks."""
@@ -372,6 +374,39 @@ class Flight:
         new = FlyReference(by, reference, self._rules)
         new.is_timed = reference.is_timed
         self._exchange(new, partial(self._begins, new, order, only_task_id), first, snapshot)
+
+    def renew_velocity(self, twist: Twist, lease_id: str) -> bool:
+        """Flies on with another velocity of a stream, along the axes of ``<ns>/odom``, without judging all anew.
+
+        Returns False, and does nothing, where something is to be judged: `begin_reference` is then the way.
+        """
+        (snapshot, now_s), flown, sender, drift = self._backend.newest(), self._flown, self.sender, self.drift
+        if (
+            self.following.why
+            or self.is_watch_only
+            or now_s - snapshot.updated_s > LONGEST_BLIND_S
+            or not self._clearance.admits(twist, snapshot, now_s)
+        ):
+            return False
+        new = FlyReference(
+            VELOCITY, Velocity(twist, drift, in_body=False, expires_s=now_s + VELOCITY_TIMEOUT_S), self._rules
+        )
+        new.is_timed = True
+        v, more = twist.linear, drift.velocity
+        velocity = Vector3(v.x + more.x, v.y + more.y, v.z + more.z)
+        setpoint = VelocitySetpoint(velocity, twist.angular.z + drift.yaw_rate_rad_s)  # as `Velocity.setpoint`
+        given = new, setpoint
+        with flown.lock:  # as `_exchange`, and `_begins` with the answers of a stream that goes on
+            old, last = flown.manoeuvre, self._last_command
+            goes_on = old.__class__ is FlyReference and old is not None and old.is_timed and self.authority.is_ours
+            if not goes_on or self.is_closing or lease_id != self.lease.id:
+                return False
+            number = last.number + 1
+            stream_number = last.stream_number if last.name == VELOCITY else number
+            self._last_command = LastCommand(number, VELOCITY, stream_number)
+            flown.manoeuvre, sender.newest = new, given
+        sender.send_newest(given, setpoint, now_s)
+        return True
 
     def _begins_over(self, new: Manoeuvre, order: Order, snapshot: Snapshot, old: Manoeuvre | None) -> Ending | None:
         """Decides as `_begins` does, but refuses a command where others have just taken the UAV from a mission.

@@ -34,8 +34,8 @@ class SetpointSender:
         self._limits = limits
         self._flown = flown
         self._sent_s = float("-inf")
-        self._newest: tuple[Manoeuvre | None, Setpoint | None] = (None, None)
-        """What was given last, and what it is of."""
+        self.newest: tuple[Manoeuvre | None, Setpoint | None] = (None, None)
+        """What was given last, and what it is of. Set with the lock of what is flown held."""
         self._dropped = DroppedPositions()
         self.on_sent: Callable[[Setpoint], None] | None = None
         """Called with each setpoint that was sent, by the thread that sends it; never blocks."""
@@ -60,22 +60,26 @@ class SetpointSender:
         with self._flown.lock:  # so that what was replaced is never the newest
             if self._flown.manoeuvre is not of:
                 return
-            self._newest = given
-        self._sent_s = snapshot.time_s
+            self.newest = given
+        self.send_newest(given, setpoint, snapshot.time_s)
+
+    def send_newest(self, given: tuple[Manoeuvre, Setpoint], setpoint: Setpoint, now_s: float) -> None:
+        """Sends the setpoint that was just made the newest, with the lock of what is flown held."""
+        self._sent_s = now_s
         self._backend.send(setpoint)
         if self.on_sent is not None:
             self.on_sent(setpoint)
-        if self._newest is not given:
+        if self.newest is not given:
             self._send_newer(given)
 
     def forget(self) -> None:
         """Forgets what was given last. To be called once no more updates come: it keeps a whole trajectory alive."""
-        self._newest = (None, None)
+        self.newest = (None, None)
 
     def _send_newer(self, given: tuple[Manoeuvre | None, Setpoint | None]) -> None:
         """Sends what was given meanwhile, as it may have left before; but not if it is not flown any more."""
-        while self._newest is not given:
-            given = self._newest
+        while self.newest is not given:
+            given = self.newest
             of, setpoint = given
             if setpoint is None or self._flown.manoeuvre is not of:
                 return

@@ -61,6 +61,31 @@ def estimate(
     return _in_manual(mode, known.held_by)
 
 
+def is_surely_auto(snapshot: Snapshot, now_s: float, freshness: Freshness) -> bool:
+    """Whether `estimate` says FLYING_AUTO now while nothing is declared: the usual case of a stream, in few steps."""
+    known = snapshot.control
+    armed, mode, landed = known.armed, known.mode, known.landed
+    if armed is None or not armed.value or mode is None or mode.value.control is not Control.REFERENCES:
+        return False
+    motion, heard_s = snapshot.motion, snapshot.heard_s
+    estimator, pose = motion.estimator, motion.pose
+    return (  # as `_is_all_fresh`, which would be a call
+        landed is not None
+        and landed.value is LandedState.IN_AIR
+        and heard_s is not None
+        and now_s - heard_s <= freshness.link_s
+        and now_s - armed.time_s <= freshness.mode_s
+        and now_s - mode.time_s <= freshness.mode_s
+        and now_s - landed.time_s <= freshness.landed_s
+        and estimator is not None
+        and now_s - estimator.time_s <= freshness.estimator_s
+        and estimator.value.is_good
+        and pose is not None
+        and now_s - pose.time_s <= freshness.pose_s
+        and not snapshot.link.conflict
+    )
+
+
 def _with_doing(missing: Estimate, snapshot: Snapshot, freshness: Freshness) -> Estimate:
     """Returns the same with what the autopilot does meanwhile, where it is armed and in the air, and says its mode."""
     control, now_s = snapshot.control, snapshot.time_s

@@ -65,29 +65,29 @@ class FrameResolver:
         """`home_file` and `identity` are as for `LocalFrame`."""
         self.tree = FrameTree(ns, settings)
         self._map_origin, self._reach_m = settings.map_origin_geo, settings.reach_m
-        self._frame = LocalFrame(home_file, identity, self._update_odom_in_map)
-        self.still = self._frame.lock
+        self.local_frame = LocalFrame(home_file, identity, self._update_odom_in_map)
+        self.still = self.local_frame.lock
         """Held while home moves, and ``map`` with it. For readers of several values; conversions hold it themselves."""
-        self.update = self._frame.update
+        self.update = self.local_frame.update
         """Follows the local frame. Called by the update thread at each update."""
-        self._metres = OdomMetres(self._frame.home.local)
+        self._metres = OdomMetres(self.local_frame.home.local)
         self._external_metres: OdomMetres | None = None
 
     def open(self) -> None:
         """Reads the file with home, if there is one. To be called once, before the first update."""
-        self._frame.open()
+        self.local_frame.open()
 
     # --- What is lost -------------------------------------------------------------------------------------------------
 
     @property
     def odom_loss(self) -> Loss | None:
         """Why it is not known where ``<ns>/odom`` is; None while it is known."""
-        return self._frame.home.loss
+        return self.local_frame.home.loss
 
     @property
     def map_loss(self) -> Loss | None:
         """Why it is not known where ``map`` is; None while it is known."""
-        return self._frame.home.loss if self._map_origin is None else self._frame.map_loss
+        return self.local_frame.home.loss if self._map_origin is None else self.local_frame.map_loss
 
     def _require_known(self, frame_id: str) -> None:
         """Raises `FrameLostError` if it is not known where a frame is in the local frame."""
@@ -129,7 +129,7 @@ class FrameResolver:
 
     @property
     def _odom_metres(self) -> OdomMetres:
-        home, metres = self._frame.home.local, self._metres
+        home, metres = self.local_frame.home.local, self._metres
         return metres if metres.home is home else OdomMetres(home)
 
     def body(self, snapshot: Snapshot) -> Pose | None:
@@ -157,13 +157,13 @@ class FrameResolver:
 
     def frames_version(self) -> tuple[object, ...]:
         """Returns what the places of fixed frames in the local frame depend on: they differ only where this does."""
-        frame = self._frame
+        frame = self.local_frame
         return (self.tree.links, frame.home, frame.start, frame.map_loss)
 
     @property
     def odom_z_m(self) -> float:
         """The z of the origin of ``<ns>/odom`` in the local frame; that of the local origin while it is lost."""
-        return self._frame.home.local.z
+        return self.local_frame.home.local.z
 
     # --- Commanded ----------------------------------------------------------------------------------------------------
 
@@ -300,7 +300,7 @@ class FrameResolver:
             FrameLostError: It is not known any more where the local frame was at the start.
 
         """
-        start = self._frame.start
+        start = self.local_frame.start
         if start.loss is not None:
             raise start.loss.error(at_start.to_odom.child_frame_id)
         return FrameInLocal(at_start.to_odom, OdomMetres(at_start.metres.home + start.local))
@@ -336,14 +336,14 @@ class FrameResolver:
     def _metres_outside(self, frame_id: str) -> OdomMetres:
         """Returns where ``<ns>/odom`` is, for a pose from outside in a frame; see `external_pose`."""
         is_below_odom = self.tree.is_below_odom(frame_id)
-        if is_below_odom and self._frame.home.geo is None:
+        if is_below_odom and self.local_frame.home.geo is None:
             if self._external_metres is None:
                 self._external_metres = self._odom_metres
             return self._external_metres
         if is_below_odom or self._map_origin is not None:
             self._require_known(frame_id)
             return self._odom_metres
-        start = self._frame.start
+        start = self.local_frame.start
         return OdomMetres(Vector3() if start.geo is None else start.local)
 
     def is_moved_by_set_home(self, frame_id: str) -> bool:
@@ -360,6 +360,12 @@ class FrameResolver:
         self._require_frame(velocity.frame_id, field)
         return validation.twist(velocity.twist, f"{field}.twist"), velocity.frame_id or self.tree.odom
 
+    def require_odom(self) -> None:
+        """Raises `FrameLostError` or `WrongStateError` where it is not known where ``<ns>/odom`` is."""
+        loss = self.local_frame.home.loss
+        if loss is not None:
+            raise loss.error(self.tree.odom)
+
     def velocity_to_local(self, twist: Twist, frame_id: str, snapshot: Snapshot) -> Twist:
         """Converts a velocity from the axes of a frame to the local axes.
 
@@ -369,9 +375,7 @@ class FrameResolver:
 
         """
         if frame_id == self.tree.odom:
-            loss = self._frame.home.loss
-            if loss is not None:
-                raise loss.error(frame_id)
+            self.require_odom()
             return twist
         self._require_known(frame_id)
         rotation = self._to_odom(frame_id, snapshot).rotation
@@ -408,23 +412,23 @@ class FrameResolver:
 
         Its height is set only with `set_z`, or if it was lost.
         """
-        self._frame.set_home(position, snapshot, set_z=set_z)
+        self.local_frame.set_home(position, snapshot, set_z=set_z)
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped. Called by the update thread."""
-        self._frame.estimate_jumped(jump)
+        self.local_frame.estimate_jumped(jump)
 
     def _update_odom_in_map(self) -> None:
         """Computes where ``<ns>/odom`` is in ``map``, if that follows from `map_origin_geo`. With the lock held."""
-        projection = self._frame.projection
+        projection = self.local_frame.projection
         if self._map_origin is None:
             return
         if projection is None:
             if self.tree.has_home():
                 self.tree.forget_home()
-            self._metres = OdomMetres(self._frame.home.local)
+            self._metres = OdomMetres(self.local_frame.home.local)
             return
-        home, metres = self._frame.home.local, self._metres
+        home, metres = self.local_frame.home.local, self._metres
         if not isinstance(metres, EarthMetres) or metres.projection != projection or metres.home is not home:
             metres = EarthMetres(projection, home)
         in_map, turn = metres.in_map(self._map_origin)

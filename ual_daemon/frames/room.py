@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -48,6 +49,16 @@ class Room(NamedTuple):
                 if x * nx + y * ny > most:
                     return False
         return True
+
+    def inside_m(self, point: Point3) -> float:
+        """Returns how far a point is from its nearest bound; negative outside."""
+        x, y, z = point
+        inside_m = min(z - self.lowest_m, self.highest_m - z)
+        for nx, ny, most in self.sides:
+            inside_m = min(inside_m, most - x * nx - y * ny)
+        if self.disc is not None:
+            inside_m = min(inside_m, math.sqrt(self.disc[2]) - math.hypot(x - self.disc[0], y - self.disc[1]))
+        return inside_m
 
 
 class Edges(NamedTuple):

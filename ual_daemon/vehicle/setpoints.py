@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TypeAlias, TypeVar
 
 from ual.errors import UalError
-from ual.geometry import PoseStamped, TwistStamped
+from ual.geometry import PoseStamped, Twist, TwistStamped, stamped_twist
 from ual.types import Capability, Plan, State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight, Order
@@ -43,14 +43,22 @@ class Setpoints:
         self._reach_limit = reach_limit
         self._resolver = resolver
         self._preconditions = preconditions
+        self._odom = ("", resolver.tree.odom)
 
     def set_pose(self, pose: PoseStamped, lease_id: str = NOBODY) -> None:
         """Sends a pose. See `ual.interface.Uav.set_pose` for the errors."""
         self._send("set_pose", self._pose, pose, lease_id)
 
-    def set_velocity(self, velocity: TwistStamped, lease_id: str = NOBODY) -> None:
+    def set_velocity(self, velocity: TwistStamped | Twist, lease_id: str = NOBODY) -> None:
         """Sends a velocity. See `ual.interface.Uav.set_velocity` for the errors."""
-        self._send("set_velocity", self._velocity, velocity, lease_id)
+        # A stream goes on within what the rules have admitted. What is new, turns with the body, or is near a bound is
+        # judged by each of them.
+        twist: object = velocity
+        if isinstance(velocity, TwistStamped) and velocity.frame_id in self._odom:
+            twist = velocity.twist
+        if twist.__class__ is not Twist or not self._flight.renew_velocity(twist, lease_id):
+            stamped = stamped_twist(velocity) if isinstance(velocity, Twist) else velocity
+            self._send("set_velocity", self._velocity, stamped, lease_id)
 
     def plan_pose(self, pose: PoseStamped, lease_id: str = NOBODY) -> Plan:
         """Makes a dry run of `set_pose`: raises the same errors, but sends nothing."""

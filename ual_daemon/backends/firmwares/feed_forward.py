@@ -148,30 +148,35 @@ class FeedForward:
     def apply(self, setpoint: Setpoint, now_s: float) -> Setpoint:
         """Returns the setpoint with what was learned. In plain numbers, as each setpoint passes here."""
         if isinstance(setpoint, VelocitySetpoint):
-            return self._answered(setpoint, now_s)
+            v = setpoint.velocity
+            x, y, ax, ay = self.answered(v.x, v.y, now_s)
+            return VelocitySetpoint(Vector3(x, y, v.z), setpoint.yaw_rate_rad_s, Vector3(ax, ay, 0.0))
         v, a, error, drag_1_s = setpoint.velocity, setpoint.acceleration, self.velocity_error, self.drag_1_s
         self._flown = (now_s, v.x, v.y)
         acceleration = self._leading(Vector3(a.x + v.x * drag_1_s, a.y + v.y * drag_1_s, a.z), now_s)
         velocity = Vector3(v.x + error.x, v.y + error.y, v.z + error.z)
         return PositionSetpoint(setpoint.position, setpoint.yaw_rad, velocity, acceleration, setpoint.yaw_rate_rad_s)
 
-    def _answered(self, setpoint: VelocitySetpoint, now_s: float) -> VelocitySetpoint:
+    def answered(self, vx: float, vy: float, now_s: float) -> tuple[float, float, float, float]:
         """Returns the horizontal velocity that is flown by now, and the acceleration towards the commanded one.
 
         PX4 itself accelerates by P (commanded - v) - D a, which is the same. But all of that is then an error to it,
         which its integral adds up: after a stop from 5 m/s it would come to rest 0.6 m too early.
         """
-        gain_1_s = self._parameters.get(_P_NAME) or _P
-        time_s = (1.0 + self._parameters.get(_D_NAME, _D)) / gain_1_s
-        (old_s, x, y), v, drag_1_s = self._flown, setpoint.velocity, self.drag_1_s
-        most_m_s = _MOST_M_S2 / gain_1_s
-        share = 1.0 - math.exp(-max(0.0, now_s - old_s) / time_s)
-        share *= min(1.0, most_m_s / max(math.hypot(v.x - x, v.y - y), 1e-9))
-        x, y = x + (v.x - x) * share, y + (v.y - y) * share
+        parameters = self._parameters
+        gain_1_s = parameters.get(_P_NAME) or _P
+        time_s = (1.0 + parameters.get(_D_NAME, _D)) / gain_1_s
+        (old_s, x, y), drag_1_s, most_m_s = self._flown, self.drag_1_s, _MOST_M_S2 / gain_1_s
+        share = 1.0 - math.exp((old_s - now_s) / time_s) if now_s > old_s else 0.0
+        dx, dy, most2 = vx - x, vy - y, most_m_s * most_m_s
+        if (off2 := dx * dx + dy * dy) > most2:
+            share *= math.sqrt(most2 / off2)
+        x, y = x + dx * share, y + dy * share
         self._flown = (now_s, x, y)
-        gain_1_s *= min(1.0, most_m_s / max(math.hypot(v.x - x, v.y - y), 1e-9))
-        acceleration = Vector3((v.x - x) * gain_1_s + x * drag_1_s, (v.y - y) * gain_1_s + y * drag_1_s, 0.0)
-        return VelocitySetpoint(Vector3(x, y, v.z), setpoint.yaw_rate_rad_s, acceleration)
+        dx, dy = vx - x, vy - y
+        if (off2 := dx * dx + dy * dy) > most2:
+            gain_1_s *= math.sqrt(most2 / off2)
+        return x, y, dx * gain_1_s + x * drag_1_s, dy * gain_1_s + y * drag_1_s
 
     def _leading(self, a: Vector3, now_s: float) -> Vector3:
         """Returns the acceleration as it will be by the time the vehicle has tilted."""

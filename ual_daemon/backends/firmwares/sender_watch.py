@@ -7,8 +7,8 @@ from collections import deque
 from typing import NamedTuple
 
 from ual.geometry import Vector3
-from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.values import Control, LandedState, Mode, PositionSetpoint, Sample, Setpoint
+from ual_daemon.backends.firmwares.setpoint_monitor import Sent, SetpointMonitor
+from ual_daemon.backends.values import Control, LandedState, Mode, PositionSetpoint, Sample
 
 QUIET_S = 4.0
 """When we have sent nothing for this long, no target of the autopilot is ours any more. ArduPilot ends the last one by
@@ -151,19 +151,22 @@ class _Target(NamedTuple):
         return is_elsewhere or (self.velocity - old.velocity).norm() > MOVED_M_S
 
 
-def _explains(sent: Setpoint | None, target: _Target) -> bool:
+def _explains(sent: Sent, target: _Target) -> bool:
     """Whether a target may be that of a setpoint: a position as it was sent, or on its way, or a velocity.
 
     In numbers, without vectors: each target of another program is compared with all that was sent lately.
     """
     if sent is None:
         return True
-    v, has_position = sent.velocity, target.has_position
     if not isinstance(sent, PositionSetpoint):
+        if target.has_position:
+            return False
         other = target.velocity
-        return not has_position and math.hypot(other.x - v.x, other.y - v.y, other.z - v.z) <= STRANGE_M_S
-    if not has_position:
+        x, y, z = sent if isinstance(sent, tuple) else sent.velocity
+        return math.hypot(other.x - x, other.y - y, other.z - z) <= STRANGE_M_S
+    if not target.has_position:
         return False
+    v = sent.velocity
     own, other = sent.position, target.position
     x, y, z = other.x - own.x, other.y - own.y, other.z - own.z
     speed2 = v.x * v.x + v.y * v.y + v.z * v.z

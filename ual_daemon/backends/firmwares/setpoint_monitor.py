@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import TypeAlias
 
 from ual_daemon.backends.values import Setpoint
 
@@ -11,22 +12,25 @@ GAP_S = 0.5
 """A longer pause between two setpoints is a gap."""
 _RECENT_COUNT = 150
 
+Sent: TypeAlias = Setpoint | tuple[float, float, float] | None
+"""A setpoint as the autopilot gets it; of a velocity also x, y and z alone. None where it is not known."""
+
 
 class SetpointMonitor:
     """Takes note of each setpoint that was sent. From any thread."""
 
     def __init__(self) -> None:
         self._first_and_last_s = (-math.inf, -math.inf)  # replaced as a whole, so that it is read as a whole
-        self.recent: deque[tuple[float, Setpoint | None]] = deque(maxlen=_RECENT_COUNT)
-        """When the last ones were sent, and what they were; None where that is not known."""
+        self.recent: deque[tuple[float, Sent]] = deque(maxlen=_RECENT_COUNT)
+        """When the last ones were sent, and what they were."""
 
     @property
     def last_s(self) -> float:
         """When the last one was sent."""
         return self._first_and_last_s[1]
 
-    def on_sent(self, now_s: float, setpoint: Setpoint | None = None) -> None:
-        """Takes note of a setpoint that has left, as the autopilot gets it."""
+    def on_sent(self, now_s: float, setpoint: Sent = None) -> None:
+        """Takes note of a setpoint that has left."""
         self.recent.append((now_s, setpoint))
         first_s, last_s = self._first_and_last_s
         self._first_and_last_s = (now_s if now_s - last_s > GAP_S else first_s, now_s)

@@ -154,10 +154,22 @@ class MavlinkBackend(Backend):
         return Snapshot(now_s) if self._loop is None else self._loop.loop.newest.at(now_s)
 
     @override
+    def newest(self) -> tuple[Snapshot, float]:
+        return Snapshot(0.0) if self._loop is None else self._loop.loop.newest, self.clock.now_s()
+
+    @override
     def send(self, setpoint: Setpoint) -> None:
-        now_s = self.clock.now_s()
-        discovery, session = self._discovery, self._session_in_reach(now_s)
-        if discovery is None or session is None or session.telemetry.conflict:
+        now_s, discovery = self.clock.now_s(), self._discovery
+        if discovery is None:
+            return
+        session, heard_s = discovery.session, discovery.watch.heard_s
+        if session is None or heard_s is None or now_s - heard_s > discovery.watch.lost_s or session.telemetry.conflict:
+            return
+        plain = session.setpoint_encoder.velocity(setpoint, now_s)
+        if plain is not None:
+            velocity, target = plain
+            if discovery.sender.send_velocity(target):
+                self._setpoints.on_sent(now_s, velocity)
             return
         setpoint, message = session.setpoint_encoder.encode(setpoint, now_s)
         if discovery.sender.send(message, is_perishable=True):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from ual.errors import GeofenceError, WrongStateError
@@ -97,6 +98,19 @@ class _Now(NamedTuple):
             if room.has(points):
                 return True
         return False
+
+
+@dataclass(slots=True)
+class World:
+    """What the fence, the floor and the ceiling, and the frames depend on. Slots are read faster than a tuple's."""
+
+    links: object
+    home: object
+    start: object
+    map_loss: object
+    ground: object
+    fence: object
+    earth: object
 
 
 class Geofence:
@@ -317,6 +331,34 @@ class Geofence:
             *self._resolver.frames_version(),
         )
 
+    def holds(self, world: World, snapshot: Snapshot) -> bool:
+        """Returns whether all that `depends_on` returns are the same objects as in a `world`. Each setpoint asks."""
+        resolver, earth = self._resolver, snapshot.earth
+        frame = resolver.local_frame
+        return (
+            world.home is frame.home
+            and world.links is resolver.tree.links
+            and world.ground is self.ground.place
+            and world.start is frame.start
+            and world.map_loss is frame.map_loss
+            and world.fence is snapshot.autopilot_fence
+            and (world.earth is earth or world.earth == earth)
+        )
+
+    def world(self, snapshot: Snapshot) -> World:
+        """Returns what `holds` compares."""
+        resolver = self._resolver
+        frame = resolver.local_frame
+        return World(
+            resolver.tree.links,
+            frame.home,
+            frame.start,
+            frame.map_loss,
+            self.ground.place,
+            snapshot.autopilot_fence,
+            snapshot.earth,
+        )
+
     def outline(
         self, trajectory: Trajectory, from_s: float, here: Vector3, limits: Limits, snapshot: Snapshot
     ) -> Iterator[Vector3]:
@@ -387,6 +429,24 @@ class Geofence:
         if min(here.z, goal.z) < now.fence.lowest_m or not now.has(points):
             self.require_inside([here, goal], what, snapshot)
             self._find_room(now, points)
+
+    def surely_inside_m(self, snapshot: Snapshot) -> float:
+        """Returns the radius of a ball around a UAV in the air, in which every velocity may stop; negative for none.
+
+        It lies in a part of the fence that setpoints were found in, and between floor and ceiling. It stays so while
+        the `world` holds.
+
+        Raises:
+            WrongStateError: It is not known where the fence, or ``<ns>/odom``, lies.
+            FrameLostError: It is not known any more.
+
+        """
+        assert snapshot.motion.pose is not None
+        self._resolver.require_odom()
+        now, here = self._now(snapshot), snapshot.motion.pose.value.position
+        point = (here.x, here.y, here.z)
+        inside_m = max((room.inside_m(point) for room in now.rooms), default=-1.0)
+        return min(inside_m, here.z - now.floor_z_m, now.ceiling_z_m - here.z)
 
     def require_velocity(self, velocity: Vector3, limits: Limits, snapshot: Snapshot) -> None:
         """Checks that a UAV that is commanded a velocity can still stop inside the fence.

@@ -46,6 +46,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     # ModeAuto::run compares the next three items; the second comes on the link of the upload only.
     mission_change_texts = ("Auto mission changed", "Flight plan received")
     estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
+    takes_plain_velocities = True
     optional_messages = frozenset({mavlink.MAVLINK_MSG_ID_BATTERY_STATUS})  # without a monitor there are none
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
     parameter_codec = Cast()

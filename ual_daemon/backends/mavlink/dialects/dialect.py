@@ -39,6 +39,8 @@ class Dialect(Autopilot):
     changing_messages: frozenset[int] = frozenset()
     """Those of `wanted_messages` that are requested again now and then, as a lost change of them would matter."""
 
+    takes_plain_velocities = False
+    """Whether `encode_setpoint` encodes a velocity without looking at anything else; see `SetpointEncoder.velocity`."""
     tells_baseline = False
     """Whether it may send GPS_RTK, with the distance from the base station."""
     busy_answers: frozenset[tuple[int, int]] = frozenset()

@@ -14,6 +14,7 @@ from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, ma
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
 _ZERO = (0.0, 0.0, 0.0)
+_FRAME = mavlink.MAV_FRAME_LOCAL_NED
 
 
 def encode_position_target(
@@ -34,15 +35,7 @@ def encode_position_target(
         mask, acceleration = ACCELERATED_VELOCITY_MASK, enu_to_ned(setpoint.acceleration)
     else:
         mask = VELOCITY_MASK
-    return TargetMessage(
-        time_ms,
-        target.system_id,
-        target.component_id,
-        mavlink.MAV_FRAME_LOCAL_NED,
-        mask,
-        *position,
-        *velocity,
-        *acceleration,
-        yaw_rad,
-        enu_to_ned_yaw_rate(setpoint.yaw_rate_rad_s),
-    )
+    turn_rad_s = enu_to_ned_yaw_rate(setpoint.yaw_rate_rad_s)
+    # As `TargetMessage(...)` does, one call less.
+    values = (time_ms, *target, _FRAME, mask, *position, *velocity, *acceleration, yaw_rad, turn_rad_s)
+    return tuple.__new__(TargetMessage, values)

@@ -43,6 +43,7 @@ class Px4(px4.Px4, Dialect):
 
     names_intended_mode = True
     tells_gimbal_manager = True
+    takes_plain_velocities = True
     gimbal_kind_parameter = "MNT_DO_STAB"
     gimbal_references = Px4Gimbal.references
     # Sent on each change and else twice a second, whatever rate was requested (20 Hz); without a request every 2 s.

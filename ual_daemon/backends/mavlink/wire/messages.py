@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 # "all" has the messages of every dialect; "common" lacks CURRENT_MODE, which PX4 sends.
 from pymavlink.dialects.v20 import all as mavlink
@@ -13,7 +13,9 @@ from ual_daemon.backends.mavlink.wire import checksum
 from ual_daemon.backends.mavlink.wire.frames import MAGIC_V2, Frame
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
-__all__ = ["EVENT_ID", "Codec", "CorruptFrameError", "Message", "TargetMessage", "mavlink", "message_name"]
+__all__ = [
+    "EVENT_ID", "Codec", "CorruptFrameError", "Message", "TargetMessage", "VelocityTarget", "mavlink", "message_name",
+]  # fmt: skip
 
 Message = Any
 """A message of pymavlink; its classes are generated without types."""
@@ -28,6 +30,8 @@ _TARGET = struct.Struct("<BBBBBBHBI11fHBBB")
 """What follows the magic: payload length, incompatible and compatible flags, sequence, system, component, message id
 (24 bits); then the payload in its order on the wire, largest fields first."""
 _TARGET_SIZE = 53
+_TARGET_ID, _TARGET_EXTRA = _Target.id, _Target.crc_extra
+_NED = mavlink.MAV_FRAME_LOCAL_NED
 
 
 class TargetMessage(NamedTuple):
@@ -59,9 +63,16 @@ class TargetMessage(NamedTuple):
         if mav.signing.sign_outgoing or not frame:  # zeros at the end would have to be omitted
             theirs: bytes = _Target(*self).pack(mav)
             return theirs
-        ids = (mav.seq, mav.srcSystem, mav.srcComponent, _Target.id, 0)
-        covered = _TARGET.pack(_TARGET_SIZE, 0, 0, *ids, time_ms, *motion, mask, system, component, frame)
-        return b"".join((_MAGIC, covered, checksum.compute(covered, _Target.crc_extra)))
+        covered = _TARGET.pack(
+            _TARGET_SIZE, 0, 0, mav.seq, mav.srcSystem, mav.srcComponent, _TARGET_ID, 0,
+            time_ms, *motion, mask, system, component, frame,
+        )  # fmt: skip
+        return b"\xfd" + covered + checksum.compute(covered, _TARGET_EXTRA)
+
+
+VelocityTarget: TypeAlias = tuple[int, int, int, int, float, float, float, float, float, float, float]
+"""A velocity for `TargetMessage` in numbers: time since boot, target's ids, type mask, velocity and acceleration in
+NED, yaw rate."""
 
 
 def message_name(message_id: int) -> str:
@@ -110,6 +121,22 @@ class Codec:
         data: bytes = message.pack(self._sender)
         self._sender.seq = (self._sender.seq + 1) % 256
         return data
+
+    def encode_velocity(self, target: VelocityTarget) -> bytes:
+        """Returns the bytes of a velocity, as `encode` does those of the same `TargetMessage`, in fewer steps."""
+        time_ms, system, component, mask, vx, vy, vz, ax, ay, az, yaw_rate = target
+        if self._signer is not None:
+            at, velocity, acceleration = (0.0, 0.0, 0.0), (vx, vy, vz), (ax, ay, az)
+            ids = time_ms, system, component, _NED, mask
+            return self.encode(TargetMessage(*ids, *at, *velocity, *acceleration, 0.0, yaw_rate))
+        mav = self._sender
+        number = mav.seq
+        mav.seq = (number + 1) % 256
+        covered = _TARGET.pack(
+            _TARGET_SIZE, 0, 0, number, mav.srcSystem, mav.srcComponent, _TARGET_ID, 0,
+            time_ms, 0.0, 0.0, 0.0, vx, vy, vz, ax, ay, az, 0.0, yaw_rate, mask, system, component, _NED,
+        )  # fmt: skip
+        return b"\xfd" + covered + checksum.compute(covered, _TARGET_EXTRA)
 
     def decode(self, frame: Frame) -> Message:
         """Returns the message in a frame; its signature is not checked.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 from ual_daemon.backends.mavlink.links import Transport
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message, VelocityTarget
 
 
 class Sender:
@@ -19,6 +19,11 @@ class Sender:
     def join(self, system_id: int) -> None:
         """Makes us a component of this system in all messages from now on."""
         self._codec.join(system_id)
+
+    def send_velocity(self, target: VelocityTarget) -> bool:
+        """Sends a velocity, or drops it where it would be late, as `send` does."""
+        with self._lock:
+            return self._link.send(self._codec.encode_velocity(target), is_perishable=True)
 
     def send(self, message: Message, *, is_perishable: bool = False) -> bool:
         """Sends a message. Returns False when it could not leave, or when it is perishable and would be late."""
