@@ -60,6 +60,7 @@ def _method(options: Options, service: str, method: MethodDescriptorProto, at_ti
         _caller_limit_s(facts),
         facts.at_timeout if facts.HasField("at_timeout") else at_timeout * is_change,
         facts.audited if facts.HasField("audited") else is_change,
+        facts.flies_on,
     )
 
 

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
+from ual.contract.methods import METHODS
 from ual.errors import ResourceExhaustedError
 from ual_daemon import logs
 
@@ -32,24 +33,7 @@ SMALL_BYTES: Final = 64 << 10
 WORK_FACTOR: Final = 40
 """What a request's values and its plan take, by its size: 26 MB of memory, 35 MB of addresses for 9,900 waypoints."""
 
-FLIES_ON: Final = frozenset(
-    f"/ual.v1.UalService/{name}"
-    for name in (
-        "SetPose",
-        "SetVelocity",
-        "StreamSetpoints",
-        "SetExternalPose",
-        "StreamExternalPoses",
-        "Land",
-        "ReturnToLaunch",
-        "Abort",
-        "Pause",
-        "Disarm",
-        "AcquireLease",
-        "KeepLease",
-        "ReleaseLease",
-    )
-)
+FLIES_ON: Final = frozenset(each.path for each in METHODS.values() if each.flies_on)
 """The methods that are accepted however little memory is left."""
 
 _LOOK_S = 0.1

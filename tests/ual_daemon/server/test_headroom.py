@@ -18,7 +18,6 @@ from ual.errors import ResourceExhaustedError
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon.server.headroom import (
-    FLIES_ON,
     MOST_REQUEST_BYTES,
     RESERVE_BYTES,
     WORK_FACTOR,
@@ -57,11 +56,6 @@ def test_what_others_may_send_meanwhile_is_not_free() -> None:
     headroom.servers.add(server)
     with pytest.raises(ResourceExhaustedError):
         headroom.require_room(READS)
-
-
-def test_what_flies_on_are_methods_of_the_contract() -> None:
-    methods = pb.DESCRIPTOR.services_by_name["UalService"].methods_by_name
-    assert {method.rpartition("/")[2] for method in FLIES_ON} <= set(methods)
 
 
 def test_a_large_request_needs_room_for_its_values_and_its_plan() -> None:

@@ -46,6 +46,7 @@ class Method(NamedTuple):
     caller_limit_s: float | None = QUICK_S
     at_timeout: str = ""
     is_audited: bool = True
+    flies_on: bool = False
 
     @property
     def path(self) -> str:

@@ -43,7 +43,14 @@ _METHODS = (
         caller_limit_s=None,
     ),
     Method(
-        "UalService", "Disarm", Role.COMMANDER, Kind.COMMAND, needs_lease=True, stale_after_s=3.0, caller_limit_s=None
+        "UalService",
+        "Disarm",
+        Role.COMMANDER,
+        Kind.COMMAND,
+        needs_lease=True,
+        stale_after_s=3.0,
+        caller_limit_s=None,
+        flies_on=True,
     ),
     Method(
         "UalService",
@@ -64,6 +71,7 @@ _METHODS = (
         needs_lease=True,
         caller_limit_s=None,
         at_timeout="if it reached the UAV it goes on: ask for the state",
+        flies_on=True,
     ),
     Method(
         "UalService",
@@ -109,10 +117,27 @@ _METHODS = (
         caller_limit_s=None,
         at_timeout="if it reached the UAV it is cancelled and the UAV holds its position: ask for the state "
         "(a landing that has begun goes on)",
+        flies_on=True,
     ),
-    Method("UalService", "SetPose", Role.PILOT, Kind.SETPOINT, moves=Moves.FLIGHT, needs_lease=True, stale_after_s=3.0),
     Method(
-        "UalService", "SetVelocity", Role.PILOT, Kind.SETPOINT, moves=Moves.FLIGHT, needs_lease=True, stale_after_s=3.0
+        "UalService",
+        "SetPose",
+        Role.PILOT,
+        Kind.SETPOINT,
+        moves=Moves.FLIGHT,
+        needs_lease=True,
+        stale_after_s=3.0,
+        flies_on=True,
+    ),
+    Method(
+        "UalService",
+        "SetVelocity",
+        Role.PILOT,
+        Kind.SETPOINT,
+        moves=Moves.FLIGHT,
+        needs_lease=True,
+        stale_after_s=3.0,
+        flies_on=True,
     ),
     Method(
         "UalService",
@@ -122,9 +147,10 @@ _METHODS = (
         moves=Moves.FLIGHT,
         needs_lease=True,
         stale_after_s=0.5,
+        flies_on=True,
     ),
-    Method("UalService", "SetExternalPose", Role.PILOT, Kind.EXTERNAL_POSE),
-    Method("UalService", "StreamExternalPoses", Role.PILOT, Kind.CHANGE),
+    Method("UalService", "SetExternalPose", Role.PILOT, Kind.EXTERNAL_POSE, flies_on=True),
+    Method("UalService", "StreamExternalPoses", Role.PILOT, Kind.CHANGE, flies_on=True),
     Method(
         "UalService",
         "RecoverFromManual",
@@ -138,12 +164,12 @@ _METHODS = (
     Method(
         "UalService", "SetHome", Role.COMMANDER, Kind.COMMAND, moves=Moves.BESIDE, needs_lease=True, stale_after_s=3.0
     ),
-    Method("UalService", "Abort", Role.PILOT, Kind.STOP, needs_lease=True),
-    Method("UalService", "Pause", Role.PILOT, Kind.STOP, needs_lease=True),
+    Method("UalService", "Abort", Role.PILOT, Kind.STOP, needs_lease=True, flies_on=True),
+    Method("UalService", "Pause", Role.PILOT, Kind.STOP, needs_lease=True, flies_on=True),
     Method("UalService", "Resume", Role.PILOT, Kind.COMMAND, moves=Moves.FLIGHT, needs_lease=True, stale_after_s=3.0),
-    Method("UalService", "AcquireLease", Role.PILOT, Kind.CHANGE),
-    Method("UalService", "KeepLease", Role.PILOT, Kind.CHANGE, is_audited=False),
-    Method("UalService", "ReleaseLease", Role.PILOT, Kind.CHANGE),
+    Method("UalService", "AcquireLease", Role.PILOT, Kind.CHANGE, flies_on=True),
+    Method("UalService", "KeepLease", Role.PILOT, Kind.CHANGE, is_audited=False, flies_on=True),
+    Method("UalService", "ReleaseLease", Role.PILOT, Kind.CHANGE, flies_on=True),
     Method("UalService", "GetLease", Role.OBSERVER, Kind.QUESTION, is_audited=False),
     Method("UalService", "GetTask", Role.OBSERVER, Kind.QUESTION, is_audited=False),
     Method("UalService", "WatchTask", Role.OBSERVER, Kind.QUESTION, is_audited=False),
