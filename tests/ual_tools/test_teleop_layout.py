@@ -20,7 +20,7 @@ from ual_tools.teleop.sticks import CENTRED, Sticks
 LAYOUT = Layout()
 VALUE = st.floats(-1.0, 1.0)
 BUTTONS = st.frozensets(st.sampled_from(list(Button)))
-DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "teleop.md"
+DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "fly-by-joystick.md"
 
 
 def axis(dead_zone: float = 0.1, expo: float = 0.3) -> StickAxis:

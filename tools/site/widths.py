@@ -25,8 +25,10 @@ const frame = document.querySelector("iframe"), found = [], wait = (ms) => new P
     for (const each of article.querySelectorAll("table, pre, img")) {
       const right = each.getBoundingClientRect().right;
       const scrolls = each.scrollWidth > each.clientWidth + 1 && each.tagName === "PRE";
-      if (right > edge + 1 || scrolls)
-        found.push([page, each.tagName + each.textContent.slice(0, 60), Math.round(right), Math.round(edge)]);
+      if (right > edge + 4 || scrolls) { // Furo's wrappers have a padding of 3 px
+        const words = each.tagName + " " + each.textContent.split(/[^!-~]+/).join(" ").slice(0, 60);
+        found.push([page, words, Math.round(right), Math.round(edge)]);
+      }
     }
   }
   document.getElementById("found").textContent = JSON.stringify({ count: PAGES.length, found });

@@ -1,6 +1,6 @@
 """All metrics: their names, kinds, units and what they mean. Names follow Prometheus' conventions.
 
-The names are a contract with dashboards and alert rules: docs/how-to/metrics.md has the same table, and a test
+The names are a contract with dashboards and alert rules: docs/reference/metrics.md has the same table, and a test
 compares them.
 """
 

@@ -1,4 +1,4 @@
-"""Reads a layout from a YAML file. docs/how-to/teleop.md describes it."""
+"""Reads a layout from a YAML file. docs/how-to/fly-by-joystick.md describes it."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from ual_daemon.program.metrics.catalogue import CATALOGUE, Sample
 from ual_daemon.program.metrics.exporter import FRESH_S, Collected, Exporter, families
 from ual_daemon.server.addresses import Address
 
-PAGE = Path(__file__).parents[4] / "docs" / "how-to" / "metrics.md"
+PAGE = Path(__file__).parents[4] / "docs" / "reference" / "metrics.md"
 UP = Sample("ual_up", "", {"ns": "uav_1"}, 1.0)
 LATE = [
     Sample("ual_setpoint_lateness_seconds", "_bucket", {"ns": "uav_1", "le": le}, 2.0) for le in ("0.01", "+Inf")
