@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto, FileDescriptorSet
 
+import ual.interface
 from tools.contract import ros
 from tools.contract.compiled import compiled
 
@@ -44,6 +45,29 @@ def test_a_new_field_is_there_without_its_unit(contract: FileDescriptorSet) -> N
     with_load = changed(contract, "WinchStatus", lambda it: add(it, "load_n", FieldDescriptorProto.TYPE_DOUBLE))
     assert "float64 load               # N\n" in made(with_load, "WinchStatus.msg")
     assert '"load": value.load_n' in next(text for path, text in ros.derived(with_load).items() if is_of_node(path))
+
+
+class Parachute:
+    """A part of `ual.interface` that is not there."""
+
+    def enable(self, is_on: bool) -> None:
+        """Enables it."""
+
+
+def test_a_new_service_needs_no_line(contract: FileDescriptorSet, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ual.interface, "Parachute", Parachute, raising=False)
+    copy = FileDescriptorSet()
+    copy.CopyFrom(contract)
+    file = copy.file.add(name="ual/v1/parachute.proto", package="ual.v1", syntax="proto3")
+    add(file.message_type.add(name="EnableParachuteRequest"), "is_on", FieldDescriptorProto.TYPE_BOOL)
+    file.message_type.add(name="EnableParachuteResponse")
+    types = (".ual.v1.EnableParachuteRequest", ".ual.v1.EnableParachuteResponse")
+    service = file.service.add(name="ParachuteService")
+    service.method.add(name="EnableParachute", input_type=types[0], output_type=types[1])
+    assert "bool is_on\n---\nbool success" in made(copy, "EnableParachute.srv")
+    assert 'Service("enable_parachute", srv.EnableParachute, "EnableParachute")' in made(copy, "services.py")
+    assert "await uav.parachute.enable(is_on=request.is_on)" in made(copy, "calls.py")
+    assert "  srv/EnableParachute.srv\n" in made(copy, "CMakeLists.txt")
 
 
 def is_of_node(path: Path) -> bool:

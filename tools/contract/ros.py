@@ -10,6 +10,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from tools.contract import ros_names
 from tools.contract.ros_code import code
 from tools.contract.ros_interfaces import PACKAGE, interfaces
+from tools.contract.ros_page import page
 from tools.contract.ros_shapes import Shapes
 
 
@@ -21,7 +22,7 @@ def derived(contract: FileDescriptorSet) -> dict[Path, str]:
 
     """
     shapes = Shapes(contract)
-    made = {**interfaces(shapes), **code(shapes)}
+    made = {**interfaces(shapes), **code(shapes), **page(shapes.served())}
     if unknown := shapes.unknown():
         raise SystemExit(f"ros_names.py names what the contract has not: {', '.join(unknown)}")
     return made

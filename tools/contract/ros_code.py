@@ -21,8 +21,8 @@ _FIELDS = (
 )  # fmt: skip
 """What ``ual_ros2.beside.fields`` has."""
 _READING = (
-    "error_of", "finite", "fix", "in_mib", "intrinsics", "link_of", "number", "orientation", "parameter_value",
-    "percent", "point_of", "pose_stamped", "read_angle_range", "read_viewpoint", "transform_of", "transform_stamped",
+    "error_of", "finite", "fix", "in_mib", "intrinsics", "link_of", "number", "orientation", "parameter_value", "path",
+    "percent", "point_of", "pose_stamped", "read_angle_range", "read_viewpoint", "transform_stamped",
     "twist_stamped",
 )  # fmt: skip
 """What ``reading`` of the tests has."""
@@ -33,7 +33,7 @@ _BY_HAND = ("GeoPoint",)
 def code(shapes: Shapes) -> dict[Path, str]:
     """Returns the modules, by path."""
     structs = [each for each in shapes.structs() if each.name not in _BY_HAND]
-    served = list(shapes.served())
+    served = list(shapes.served(also_actions=True))
     derived = PACKAGE / "ual_ros2" / "derived"
     return {
         derived / "values.py": _values(structs),
@@ -110,21 +110,52 @@ def _arguments(reads: Iterable[tuple[str, str]], message: str = "message") -> st
 
 def _calls(served: Sequence[Served], structs: Sequence[Struct]) -> str:
     own = [each for each in served if each.member and not each.is_by_hand]
-    functions = [_call(each) for each in own]
-    table = "".join(f'    "{each.name}": {_function(each)},\n' for each in own)
+    flown = [each for each in served if each.member and each.goal_items and each.is_beside is False]
+    calls = [each for each in own if each.has_service]
+    functions = [*map(_call, calls), *map(_flight, flown)]
+    table = "".join(f'    "{each.name}": {_function(each)},\n' for each in calls)
+    flights = "".join(f'    "{each.name}": fly_{_function(each)},\n' for each in flown)
     body = "\n\n".join(functions)
-    table = (
+    tables = (
         f"\n\nCALLS: Final[Mapping[str, Serves]] = {{\n{table}}}\n"
         '"""The calls that do no more than pass on what they are given, by the names of their services."""\n'
+        f"FLIGHTS: Final[Mapping[str, Flies]] = {{\n{flights}}}\n"
+        '"""The motions of actions, by their names."""\n'
     )
-    return _module("The calls of the node that follow from the contract.", body + table, structs)
+    return _module("The calls of the node that follow from the contract.", body + tables, structs)
 
 
 def _function(served: Served) -> str:
     return served.name.replace("simulation/", "simulation_")
 
 
+def _flight(served: Served) -> str:
+    """Returns the function that flies a goal, or asks what it would be."""
+    call = f"flyer.{served.member.removeprefix('uav.')}({_arguments(served.arguments, 'goal')})"
+    goal = "goal" if "goal" in call else "_"
+    return (
+        f"def fly_{_function(served)}(flyer: Flyer, {goal}: Message) -> Awaitable[object]:\n"
+        f'    """Flies {served.type}, or asks what it would be."""\n'
+        f"    return {call}\n"
+    )
+
+
+def _task(served: Served) -> str:
+    """Returns the function that serves a task with the fields that its service has."""
+    there = {each.name for each in served.request_items}
+    given = [(name, read) for name, read in served.arguments if set(re.findall(r"\{m\}\.(\w+)", read)) <= there]
+    arguments = ", ".join(filter(None, (_arguments(given, "request"), "blocking=request.blocking")))
+    return (
+        f"async def {_function(served)}(uav: ual.aio.Uav, request: Message) -> Fields:\n"
+        f'    """Serves {served.type}."""\n'
+        f"    begun = await {served.member}({arguments})\n"
+        '    return {"task_id": begun.id}\n'
+    )
+
+
 def _call(served: Served) -> str:
+    if served.goal_items:
+        return _task(served)
     call = f"await {served.member}({_arguments(served.arguments, 'request')})"
     request = "request" if "request" in call else "_"
     head = (
@@ -148,23 +179,28 @@ def _call(served: Served) -> str:
 
 
 def _services(served: Sequence[Served]) -> str:
-    beside = [each for each in served if each.is_beside]
-    ours = "".join(_row(each) for each in beside if not each.is_simulation)
-    world = "".join(_row(each) for each in beside if each.is_simulation)
+    flying = "".join(_row(each) for each in served if not each.is_beside and each.has_service)
+    ours = "".join(_row(each) for each in served if each.is_beside and not each.is_simulation)
+    world = "".join(_row(each) for each in served if each.is_simulation)
+    tasks = "".join(_task_row(each) for each in served if not each.is_beside and each.goal_items)
     return formatted(
-        f'''"""The services of the node beside flying. ``make proto`` writes this file: do not edit it."""
+        f'''"""The services and actions of the node. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from std_srvs.srv import Trigger
-from ual_msgs import srv
+from ual_msgs import action, srv
 
 from ual_ros2.command import Service
 
+FLYING: Final = ({flying})
+"""Those that fly, and those that ask about a flight."""
+TASKS: Final = ({tasks})
+"""The actions that fly. Their names are those of services: ROS keeps the two apart."""
 SERVICES: Final = ({ours})
-"""Those that each UAV has."""
+"""Those beside flying."""
 SIMULATION: Final = ({world})
 """Those that a simulated UAV has beside."""
 '''
@@ -176,6 +212,11 @@ def _row(served: Served) -> str:
     return f'Service("{served.name}", {_type(served)}, "{served.method}"{frames}),\n'
 
 
+def _task_row(served: Served) -> str:
+    frames = f", {served.goal_frames!r}" if served.goal_frames else ""
+    return f'Service("{served.name}", action.{served.type}, "{served.method}"{frames}),\n'
+
+
 # --- The program of the tests -----------------------------------------------------------------------------------------
 
 
@@ -183,7 +224,7 @@ def _client_values(structs: Sequence[Struct], served: Sequence[Served]) -> str:
     body = [
         *(_told(each) for each in structs if not each.is_told),
         *(_read(each) for each in structs if not each.is_asked),
-        *(_asked(each) for each in _members(served)),
+        *(_asked(each) for each in served if each.member and each.is_whole),
     ]
     return _module("What the tests' program in ROS asks and reads.", "\n\n".join(body), structs)
 
@@ -204,7 +245,7 @@ def _client_members(structs: Sequence[Struct], served: Sequence[Served]) -> str:
 
 
 def _members(served: Sequence[Served]) -> list[Served]:
-    return [each for each in served if each.member and each.is_whole]
+    return [each for each in served if each.member and each.is_whole and each.is_beside]
 
 
 def _type(served: Served) -> str:
@@ -250,9 +291,23 @@ def _module(title: str, body: str, structs: Sequence[Struct] = (), asks: Sequenc
     own = set(re.findall(r"^(?:async )?def (\w+)", body, re.MULTILINE))
     used = set(re.findall(r"(?<![.\w\"])(\w+)\(", body)) | set(re.findall(r"(?:map|read_all)\((\w+)", body))
     used |= {
-        each for each in ("Any", "Fields", "Final", "Mapping", "Message", "Member", "Serves", "nothing") if each in body
+        each
+        for each in (
+            "Any",
+            "Awaitable",
+            "Fields",
+            "Final",
+            "Flies",
+            "Flyer",
+            "Mapping",
+            "Message",
+            "Member",
+            "Serves",
+            "nothing",
+        )
+        if each in body
     }
-    used |= {each for each in ("math", "pictures", "values") if re.search(rf"(?<![.\w]){each}\.", body)}
+    used |= {each for each in ("math", "paths", "pictures", "values") if re.search(rf"(?<![.\w]){each}\.", body)}
     used -= own
     told = {f"{snake(each.name)}_fields" for each in structs if each.is_told} | {
         f"read_{snake(each.name)}" for each in structs if each.is_asked
@@ -263,15 +318,15 @@ def _module(title: str, body: str, structs: Sequence[Struct] = (), asks: Sequenc
         f'"""{title}\n\n``make proto`` writes this file: do not edit it.\n"""\n',
         "from __future__ import annotations\n",
         *(["import math"] if "math" in used else []),
-        *(["from collections.abc import Mapping"] if "Mapping" in used else []),
+        *_imported("collections.abc", sorted({"Awaitable", "Mapping"} & used)),
         *([f"from typing import {', '.join(sorted({'Any', 'Final'} & used))}"] if {"Any", "Final"} & used else []),
         "import ual",
         *(f"import {each}" for each in modules if each != "ual"),
         *(["from std_srvs.srv import Trigger", "from ual_msgs import srv"] if "srv." in body else []),
-        *_imported("ual_ros2", sorted({"pictures", "values"} & used)),
+        *_imported("ual_ros2", sorted({"paths", "pictures", "values"} & used)),
         *_imported("ual_ros2.beside.fields", sorted(set(_FIELDS) & used)),
         *_imported("reading", sorted((set(_READING) | {"Member", "nothing"}) & used)),
-        *_imported("ual_ros2.command", sorted({"Serves"} & used)),
+        *_imported("ual_ros2.command", sorted({"Flies", "Flyer", "Serves"} & used)),
         *_imported("ual_ros2.derived.values", sorted(told & used - own)),
         *_imported("derived_values", sorted(others & (used | set(asks)))),
         *_imported("ual_ros2.messages", sorted({"Message"} & used)),

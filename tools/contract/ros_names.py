@@ -333,14 +333,42 @@ FIELDS: dict[str, Part | Call | Flat | Flag | None] = {
             Item("Viewpoint", "viewpoint", comment="from where it was taken"),
         )
     ),
+    "ExternalPose.pose": Part.of(
+        "geometry_msgs/PoseStamped",
+        "pose",
+        "pose_stamped({pose})",
+        "pose",
+        "values.pose_stamped({m}.pose, stamp_s=values.stamp_s({m}.pose.header.stamp))",
+        "with its whole orientation; the stamp is when it was measured, zeros: just now",
+    ),
+    "FollowPathRequest.geo_waypoints": Part(
+        (
+            Item(
+                "GeoWaypoint[]",
+                "geo_waypoints",
+                "[geo_waypoint_fields(each) for each in {waypoints} if isinstance(each, ual.GeoWaypoint)]",
+                "instead of a path",
+            ),
+        )
+    ),
+    "FollowPathRequest.point_of_interest": Part.of(
+        "geometry_msgs/PointStamped",
+        "point_of_interest",
+        "point_stamped({point_of_interest})",
+        "point_of_interest",
+        "paths.point_of_interest({m})",
+        "only with POINT_OF_INTEREST",
+    ),
     "FollowPathRequest.waypoints": Part(
         (
             Item(
                 "nav_msgs/Path",
                 "path",
+                "path({waypoints})",
                 comment="a pose without a frame_id is in that of the path; without both in <ns>/odom",
             ),
-        )
+        ),
+        (("waypoints", "paths.waypoints({m})"),),
     ),
     "GetImageResponse.data": None,
     "GetEquipmentResponse.grippers": Part((Item("Device[]", "devices"),)),
@@ -398,16 +426,17 @@ ORDER = {
 """The fields that come first; the others follow as the contract has them."""
 SERVICES = {
     "CameraService": ("cameras", "Camera", "camera"),
-    "CorrectionsService": ("corrections", "Corrections", ""),
-    "FenceService": ("fence", "Fence", ""),
     "GimbalService": ("gimbals", "Gimbal", "gimbal"),
-    "GripperService": ("gripper", "Gripper", ""),
     "LogService": ("logs", "Logs", ""),
-    "MissionService": ("mission", "Mission", ""),
     "ParameterService": ("parameters", "Parameters", ""),
-    "SimulationService": ("simulation", "Simulation", ""),
+    "UalService": ("", "Uav", ""),
 }
-"""The member of `ual.Uav` that has a service, its class, and the field of a request that numbers what is meant."""
+"""The member of `ual.Uav` that has a service, its class, and the field of a request that numbers what is meant.
+
+Of all others the member and the class have the name of the service: `fence` and `Fence`.
+"""
+NO_FRAMES = ("RemoveFrame", "SetExternalPose")
+"""Methods whose frames only the daemon has: tf is not asked for them."""
 MESSAGES = {"GetInfoResponse": "Info", "FencePoint": "GeoPoint", "Telemetry": "GeoPosition"}
 """Messages that have another name in ROS, or of which it has none by the rules."""
 ONLY = {"Telemetry": ("position_geo", "gps")}
@@ -435,23 +464,32 @@ OWN = (
     "GetEquipment",
     "GetGimbalStatus",
     "GetImage",
+    "GetRoute",
+    "GetTask",
     "ListFaults",
     "ListPhotos",
     "OrderWinch",
     "PlanMission",
+    "RecoverFromManual",
+    "SetPose",
+    "SetVelocity",
     "StartMission",
     "TakePhoto",
     "UploadFence",
     "UploadMission",
 )
 """Methods that the node calls by hand, as it does more than pass on what it is given."""
-NO_MEMBER = ("EnableFence",)
-"""Methods that two members of `ual.Uav` call."""
+NO_MEMBER = ("EnableFence", "GetTask")
+"""Methods that two members of `ual.Uav` call, or a member of a task."""
 HEADS = {
     "ual.v1.GetInfoResponse": "Who a UAV is, what it can do, and its limits.",
+    "ual.v1.CameraService.GetImage": (
+        "Fetches one picture. A program that looks all the time subscribes to the camera's topics. "
+        "Errors: RESOURCE_EXHAUSTED (too many wait for pictures of this camera)."
+    ),
     "ual.v1.Telemetry": "Where the UAV is on Earth, with each altitude that is known, and what its receiver has.",
 }
-"""Comments of messages that the contract has in another form."""
+"""Comments of what the contract has in another form."""
 NO_SERVICE = (
     "GetInfo",
     "GetTelemetry",

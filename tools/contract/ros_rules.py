@@ -56,7 +56,11 @@ _GEOMETRY = {
     "PoseStamped": ("geometry_msgs/PoseStamped", "pose_stamped({x})", "values.pose_stamped({f})"),
     "PointStamped": ("geometry_msgs/PointStamped", "point_stamped({x})", "point_of({f})"),
     "TwistStamped": ("geometry_msgs/TwistStamped", "twist_stamped({x})", "values.twist_stamped({f})"),
-    "Transform": ("geometry_msgs/TransformStamped", "transform_stamped({x})", "transform_of({f})"),
+    "Transform": (
+        "geometry_msgs/TransformStamped",
+        "transform_stamped({x})",
+        "values.transform_stamped({f}, values.stamp_s({f}.header.stamp))",
+    ),
     "AngleRange": ("float64[2]", "angle_range({x})", "read_angle_range({f})"),
 }
 """What ROS has of its own, and arrays."""

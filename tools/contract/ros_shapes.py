@@ -15,7 +15,7 @@ from tools.contract import ros_comments, ros_names
 from tools.contract.ros_rules import NUMBERED, Flat, Item, Part, Rules, named
 from tools.contract.ros_values import Hint, arguments_of, hints_of, kind_of, members_of
 
-_IN_A_FRAME = ("geometry_msgs/PoseStamped", "geometry_msgs/PointStamped", "geometry_msgs/TwistStamped")
+_IN_A_FRAME = tuple(f"geometry_msgs/{name}Stamped" for name in ("Point", "Pose", "Transform", "Twist"))
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,7 @@ class Served:
     """The fields of a request that name the frames that it is given in."""
     goal_items: tuple[Item, ...]
     """Of the action that flies it."""
+    goal_frames: tuple[str, ...]
     has_plan: bool
     is_by_hand: bool
     """The node calls it by hand."""
@@ -76,7 +77,12 @@ class Served:
     @property
     def is_beside(self) -> bool:
         """Whether it is no service of flying."""
-        return self.service in ros_names.SERVICES
+        return self.service != "UalService"
+
+    @property
+    def has_service(self) -> bool:
+        """Whether it is a service, and not an action alone."""
+        return self.method not in ros_names.NO_SERVICE
 
     @property
     def is_simulation(self) -> bool:
@@ -253,8 +259,9 @@ class Shapes:
             member=member,
             arguments=() if lacking else tuple((each, reads[each]) for each in hints),
             constants=_constants(method.input_type),
-            frames=_frames(request_items),
+            frames=() if method.name in ros_names.NO_FRAMES else _frames(request_items),
             goal_items=goal_items,
+            goal_frames=_frames(goal_items),
             has_plan="plan" in told_fields,
             is_by_hand=method.name in ros_names.OWN,
             is_whole=not lacking,
@@ -264,15 +271,16 @@ class Shapes:
     def _member(self, method: MethodDescriptor) -> tuple[str, dict[str, Hint]]:
         """Returns the member of `ual.Uav` that makes a call, and its arguments."""
         service = method.containing_service
-        if service.name not in ros_names.SERVICES or method.name in ros_names.NO_MEMBER:
+        if method.name in ros_names.NO_MEMBER:
             return "", {}
-        part, interface, number = ros_names.SERVICES[service.name]
+        noun = service.name.removesuffix("Service")
+        part, interface, number = ros_names.SERVICES.get(service.name, (snake(noun), noun, ""))
         member = ros_names.MEMBERS.get(method.name, _member_name(method.name, service))
         if number and any(each.name == number for each in method.input_type.fields):
             return f"uav.{part}[request.{number}].{member}", arguments_of(interface, member)
         if number:
             interface = f"{interface}s"
-        return f"uav.{part}.{member}", arguments_of(interface, member)
+        return f"uav.{part}.{member}".replace("..", "."), arguments_of(interface, member)
 
     @staticmethod
     def _answer_kind(method: MethodDescriptor) -> str:

@@ -17,17 +17,16 @@ import ual.interface
 
 MODULES = {
     "camera": ("ual.cameras",),
-    "corrections": ("ual.corrections",),
     "fence": ("ual.fences.values",),
     "gimbal": ("ual.gimbals",),
-    "gripper": ("ual.gripper",),
     "logs": ("ual.logs.values",),
     "mission": ("ual.missions.items", "ual.missions.plan"),
     "parameters": ("ual.parameters.values",),
-    "simulation": ("ual.simulation",),
     "ual": ("ual.types", "ual.geometry"),
 }
-"""Where the values of each file of the contract are."""
+"""Where the values of a file of the contract are, where that is not the module of its name."""
+NOT_GIVEN = ("blocking", "timeout_s")
+"""Arguments of `ual.Uav` that say how a call waits."""
 _OTHER_NAMES = {"GetInfoResponse": "Info", "HoldItem": "HoldTime", "MissionItem": "Item"}
 
 
@@ -62,11 +61,12 @@ def kind_of(descriptor: Descriptor | EnumDescriptor) -> str:
     name = descriptor.name
     stem = descriptor.file.name.rpartition("/")[2].removesuffix(".proto")
     wanted = (_OTHER_NAMES.get(name, name), f"{name}Info", name.removesuffix("Item"))
-    for module in MODULES[stem]:
+    modules = MODULES.get(stem, (f"ual.{stem}",))
+    for module in modules:
         for each in wanted:
             if hasattr(importlib.import_module(module), each):
                 return f"{module}.{each}"
-    raise SystemExit(f"no class of {', '.join(MODULES[stem])} stands for {name}")
+    raise SystemExit(f"no class of {', '.join(modules)} stands for {name}")
 
 
 @cache
@@ -103,4 +103,5 @@ def arguments_of(interface: str, member: str) -> dict[str, Hint]:
     if found is None:
         raise SystemExit(f"ual.interface.{interface} has no {member}")
     hints = typing.get_type_hints(found)
-    return {name: Hint.of(hints[name]) for name in inspect.signature(found).parameters if name != "self"}
+    names = [name for name in inspect.signature(found).parameters if name not in ("self", *NOT_GIVEN)]
+    return {name: Hint.of(hints[name]) for name in names}

@@ -38,14 +38,21 @@ class _Type(str):
 
     __slots__ = ()
 
-    Response = Result = MagicMock()
+
+class _Service(_Type):
+    Response = MagicMock()
+
+
+class _Action(_Type):
+    Result = MagicMock()
 
 
 class _Types(ModuleType):
     """A module of interfaces."""
 
     def __getattr__(self, name: str) -> _Type:
-        return _Type(f"{self.__name__.replace('.', '/')}/{name}")
+        kind = _Action if self.__name__.endswith(".action") else _Service
+        return kind(f"{self.__name__.replace('.', '/')}/{name}")
 
 
 def _imported(file: Path) -> Iterator[str]:
@@ -95,7 +102,8 @@ def _served() -> Iterator[str]:
     of_ual = {"ual_msgs": MagicMock(srv=srv, action=action), "ual_msgs.srv": srv, "ual_msgs.action": action}
     with without_ros({**of_ual, "std_srvs.srv": _Types("std_srvs.srv")}):
         flights = importlib.import_module("ual_ros2.flights")
-        table = importlib.import_module("ual_ros2.beside.services").Table(MagicMock(), MagicMock(), None)
+        filling = importlib.import_module("ual_ros2.beside.filling").Filling()
+        table = importlib.import_module("ual_ros2.beside.services").Table(filling, MagicMock(), None)
         for each in (*flights.SERVICES, *table.services(), *table.simulation()):
             yield f"service {each.name}: {each.kind} of {each.facts.name}"
         for each in (*flights.ACTIONS, *table.actions()):

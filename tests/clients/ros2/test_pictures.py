@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import struct
-from types import SimpleNamespace
 
 import pytest
 
@@ -42,22 +41,19 @@ def test_a_mounting_that_is_not_known_is_no_frame(unknown: str) -> None:
 
 
 def test_the_matrices_are_those_of_the_pinhole_and_zeros_where_it_is_not_known() -> None:
-    message = SimpleNamespace()
-    pictures.fill_camera_info(message, 64, 48, CameraIntrinsics(64, 48, 50.0, 51.0, 31.5, 23.5))
-    assert (message.width, message.height, message.distortion_model) == (64, 48, "plumb_bob")
-    assert message.k == [50.0, 0.0, 31.5, 0.0, 51.0, 23.5, 0.0, 0.0, 1.0]
-    assert message.p == [50.0, 0.0, 31.5, 0.0, 0.0, 51.0, 23.5, 0.0, 0.0, 0.0, 1.0, 0.0]
-    assert message.d == [0.0] * 5
-    pictures.fill_camera_info(message, 64, 48, None)
-    assert (message.width, message.k, message.p, message.d) == (64, [0.0] * 9, [0.0] * 12, [])
+    told = pictures.camera_info(image(intrinsics=CameraIntrinsics(64, 48, 50.0, 51.0, 31.5, 23.5)))
+    assert (told["width"], told["height"], told["distortion_model"]) == (64, 48, "plumb_bob")
+    assert told["k"] == [50.0, 0.0, 31.5, 0.0, 51.0, 23.5, 0.0, 0.0, 1.0]
+    assert told["p"] == [50.0, 0.0, 31.5, 0.0, 0.0, 51.0, 23.5, 0.0, 0.0, 0.0, 1.0, 0.0]
+    assert told["d"] == [0.0] * 5
+    assert pictures.camera_info(image()) == {"width": 2, "height": 1}, "the rest is zeros in a new message"
 
 
 def test_bytes_and_distances_are_passed_as_they_are() -> None:
-    message = SimpleNamespace()
-    pictures.fill_compressed(message, image())
-    assert (message.format, bytes(message.data)) == ("png", b"\1\2")
+    told = pictures.compressed(image())
+    assert (told["format"], bytes(told["data"])) == ("png", b"\1\2")
     data = struct.pack("<2f", 1.5, math.inf)
-    pictures.fill_distances(message, image(data=data, format=ImageFormat.FLOAT32, kind=ImageKind.DEPTH))
-    assert (message.width, message.height, message.step) == (2, 1, 8)
-    assert (message.encoding, message.is_bigendian) == ("32FC1", 0)
-    assert bytes(message.data) == data
+    told = pictures.distances(image(data=data, format=ImageFormat.FLOAT32, kind=ImageKind.DEPTH))
+    assert (told["width"], told["height"], told["step"]) == (2, 1, 8)
+    assert (told["encoding"], told["is_bigendian"]) == ("32FC1", 0)
+    assert bytes(told["data"]) == data

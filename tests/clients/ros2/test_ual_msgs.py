@@ -17,7 +17,7 @@ def test_the_package_names_what_it_uses_and_the_version_of_ual() -> None:
     text = "".join(path.read_text() for kind in ("msg", "srv", "action") for path in (PACKAGE / kind).iterdir())
     used = set(re.findall(r"^(\w+)/", text, re.MULTILINE)) - {"ual_msgs"}
     assert {each.text for each in manifest.findall("depend")} == used | {"action_msgs"}
-    assert manifest.findtext("version") == ual.__version__.partition(".dev")[0]  # ROS knows no other releases
+    assert manifest.findtext("version") == ual.__version__.partition(".dev")[0], "ROS knows no development releases"
     assert manifest.findtext("license") == "Apache-2.0"
 
 

@@ -94,12 +94,6 @@ def test_the_states_have_the_numbers_of_the_first_ual() -> None:
     assert [values.STATE_NUMBERS[state] for state in ual.State] == [0, 1, 2, 3, 4, 5, 6]
 
 
-def test_a_pose_of_a_path_without_a_frame_is_in_that_of_the_path() -> None:
-    stamped = [SimpleNamespace(header=messages.header(name), pose=messages.pose()) for name in ("", "tower")]
-    read = values.path(SimpleNamespace(header=messages.header("deck"), poses=stamped))
-    assert [each.frame_id for each in read] == ["deck", "tower"]
-
-
 @pytest.mark.parametrize(
     ("number", "reference"),
     [
@@ -120,12 +114,6 @@ def test_a_number_that_is_no_constant_is_refused_by_its_field() -> None:
     with pytest.raises(ual.InvalidArgumentError, match="heading: 255 is none"):
         values.path_heading(255)
     assert values.path_heading(0) is ual.PathHeading.WAYPOINTS
-
-
-def test_no_speed_and_no_height_are_zero_and_not_nan() -> None:
-    assert values.speed(0.0) is None
-    assert values.height(0.0) is None
-    assert math.isnan(values.speed(math.nan) or 0.0)
 
 
 def test_a_battery_discharges_with_a_negative_current() -> None:
@@ -159,31 +147,3 @@ def test_feedback_has_nan_for_what_is_not_known() -> None:
     assert (message.distance_left, message.state, message.reason, message.is_paused) == (4.0, 4, "in the air", True)
     assert math.isnan(message.progress)
     assert message.waypoint_index == -1
-
-
-def place_on_earth(**fields: object) -> SimpleNamespace:
-    waypoint = SimpleNamespace(latitude=37.0, longitude=-6.0, altitude=5.0)
-    given = {"altitude_reference": 0, "has_yaw": False, "yaw": 0.0, **fields}
-    return SimpleNamespace(waypoint=waypoint, **given)
-
-
-def test_a_geographic_waypoint() -> None:
-    assert values.geo_waypoint(place_on_earth()) == ual.GeoWaypoint(37.0, -6.0, 5.0)
-    turned = values.geo_waypoint(place_on_earth(altitude_reference=2, has_yaw=True, yaw=1.5))
-    assert (turned.altitude_reference, turned.yaw_rad) == (ual.AltitudeReference.AMSL, 1.5)
-    with pytest.raises(ual.InvalidArgumentError, match="altitude_reference: 9"):
-        values.geo_waypoint(place_on_earth(altitude_reference=9))
-
-
-def test_a_path_is_of_poses_or_of_places() -> None:
-    stamped = SimpleNamespace(header=messages.header(), pose=messages.pose())
-    path = SimpleNamespace(header=messages.header("map"), poses=[stamped])
-    nothing = SimpleNamespace(header=messages.header(), poses=[])
-    [by_pose] = values.waypoints(SimpleNamespace(path=path, geo_waypoints=[]))
-    assert isinstance(by_pose, ual.PoseStamped)
-    assert by_pose.frame_id == "map"
-    assert values.waypoints(SimpleNamespace(path=nothing, geo_waypoints=[place_on_earth()])) == [
-        ual.GeoWaypoint(37.0, -6.0, 5.0)
-    ]
-    with pytest.raises(ual.InvalidArgumentError, match="only one of both"):
-        values.waypoints(SimpleNamespace(path=path, geo_waypoints=[place_on_earth()]))

@@ -53,7 +53,7 @@ def test_each_package_that_is_imported_is_installed_with_it() -> None:
 @pytest.mark.usefixtures("ros")
 def test_what_the_daemon_takes_without_a_lease_needs_none_of_the_node() -> None:
     """docs/how-to/access.md: reading, cameras, frames, poses from outside, the simulated world and its pilot."""
-    table = part("beside.services").Table(MagicMock(), MagicMock(), None)
+    table = part("beside.services").Table(part("beside.filling").Filling(), MagicMock(), None)
     commands = [*part("flights").SERVICES, *table.services(), *table.simulation()]
     free = {"start_photos", "stop_photos", "start_video", "stop_video", "take_photo", "add_frame", "set_external_pose"}
     reading = ("get_", "list_", "simulation/", "set_camera_", "plan_", "download_")

@@ -18,10 +18,14 @@ from reading import (
     number,
     orientation,
     parameter_value,
+    path,
     percent,
     point_of,
+    pose_stamped,
     read_angle_range,
     read_viewpoint,
+    transform_stamped,
+    twist_stamped,
 )
 
 import ual
@@ -312,6 +316,160 @@ def read_parameter(message: Message) -> ual.parameters.values.Parameter:
         description=message.description,
         needs_reboot=message.needs_reboot,
     )
+
+
+def ask_list_frames() -> Fields:
+    """Returns the request of list_frames."""
+    return {}
+
+
+def ask_add_frame(*, transform: Any) -> Fields:
+    """Returns the request of add_frame."""
+    return {
+        "transform": transform_stamped(transform),
+    }
+
+
+def ask_remove_frame(*, frame_id: Any) -> Fields:
+    """Returns the request of remove_frame."""
+    return {
+        "frame_id": frame_id,
+    }
+
+
+def ask_get_route() -> Fields:
+    """Returns the request of get_route."""
+    return {}
+
+
+def ask_arm() -> Fields:
+    """Returns the request of arm."""
+    return {}
+
+
+def ask_disarm() -> Fields:
+    """Returns the request of disarm."""
+    return {}
+
+
+def ask_take_off(*, height_m: Any, force: Any) -> Fields:
+    """Returns the request of take_off."""
+    return {
+        "height": height_m,
+        "force": force,
+    }
+
+
+def ask_land() -> Fields:
+    """Returns the request of land."""
+    return {}
+
+
+def ask_go_to_waypoint(*, waypoint: Any, max_speed_m_s: Any) -> Fields:
+    """Returns the request of go_to_waypoint."""
+    return {
+        "waypoint": pose_stamped(waypoint),
+        "max_speed": max_speed_m_s or 0.0,
+    }
+
+
+def ask_go_to_waypoint_geo(
+    *, latitude_deg: Any, longitude_deg: Any, altitude_m: Any, altitude_reference: Any, yaw_rad: Any, max_speed_m_s: Any
+) -> Fields:
+    """Returns the request of go_to_waypoint_geo."""
+    return {
+        "waypoint": fix(latitude_deg, longitude_deg, altitude_m),
+        "altitude_reference": altitude_reference.value,
+        "has_yaw": yaw_rad is not None,
+        "yaw": 0.0 if yaw_rad is None else yaw_rad,
+        "max_speed": max_speed_m_s or 0.0,
+    }
+
+
+def ask_follow_path(
+    *,
+    waypoints: Any,
+    corner_radius_m: Any,
+    max_speed_m_s: Any,
+    leg_speeds_m_s: Any,
+    heading: Any,
+    point_of_interest: Any,
+    holds_s: Any,
+) -> Fields:
+    """Returns the request of follow_path."""
+    return {
+        "path": path(waypoints),
+        "geo_waypoints": [geo_waypoint_fields(each) for each in waypoints if isinstance(each, ual.GeoWaypoint)],
+        "corner_radius": corner_radius_m,
+        "max_speed": max_speed_m_s or 0.0,
+        "leg_speeds": list(leg_speeds_m_s),
+        "heading": heading.value,
+        "point_of_interest": point_stamped(point_of_interest),
+        "holds": list(holds_s),
+    }
+
+
+def ask_return_to_launch(*, height_m: Any) -> Fields:
+    """Returns the request of return_to_launch."""
+    return {
+        "height": height_m or 0.0,
+    }
+
+
+def ask_set_pose(*, pose: Any) -> Fields:
+    """Returns the request of set_pose."""
+    return {
+        "pose": pose_stamped(pose),
+    }
+
+
+def ask_set_velocity(*, velocity: Any) -> Fields:
+    """Returns the request of set_velocity."""
+    return {
+        "velocity": twist_stamped(velocity),
+    }
+
+
+def ask_set_external_pose(*, pose: Any, position_std_dev_m: Any, orientation_std_dev_rad: Any) -> Fields:
+    """Returns the request of set_external_pose."""
+    return {
+        "pose": pose_stamped(pose),
+        "has_position_std_dev": position_std_dev_m is not None,
+        "position_std_dev": 0.0 if position_std_dev_m is None else position_std_dev_m,
+        "has_orientation_std_dev": orientation_std_dev_rad is not None,
+        "orientation_std_dev": 0.0 if orientation_std_dev_rad is None else orientation_std_dev_rad,
+    }
+
+
+def ask_take_control(*, force: Any) -> Fields:
+    """Returns the request of take_control."""
+    return {
+        "force": force,
+    }
+
+
+def ask_set_home(*, set_z: Any) -> Fields:
+    """Returns the request of set_home."""
+    return {
+        "set_z": set_z,
+    }
+
+
+def ask_abort(*, freeze: Any) -> Fields:
+    """Returns the request of abort."""
+    return {
+        "freeze": freeze,
+    }
+
+
+def ask_pause() -> Fields:
+    """Returns the request of pause."""
+    return {}
+
+
+def ask_resume() -> Fields:
+    """Returns the request of resume."""
+    return {}
 
 
 def ask_list_cameras() -> Fields:

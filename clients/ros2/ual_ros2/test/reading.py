@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import ual
@@ -109,6 +109,11 @@ def pose_stamped(value: ual.PoseStamped) -> Fields:
     """A PoseStamped."""
     pose = {"position": vector(value.pose.position), "orientation": quaternion(value.pose.orientation)}
     return {"header": {"frame_id": value.frame_id, "stamp": Stamp(value.stamp_s)}, "pose": pose}
+
+
+def path(waypoints: Iterable[ual.PoseStamped | ual.GeoWaypoint]) -> Fields:
+    """A Path of those that are poses."""
+    return {"poses": [pose_stamped(each) for each in waypoints if isinstance(each, ual.PoseStamped)]}
 
 
 def twist_stamped(value: ual.TwistStamped) -> Fields:

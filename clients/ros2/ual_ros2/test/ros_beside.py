@@ -8,7 +8,7 @@ from __future__ import annotations
 import array
 import hashlib
 import inspect
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -64,8 +64,11 @@ class Asking:
         """Calls a service with fields, and returns its answer."""
         if kind is Trigger:
             return self._trigger(name)
-        request = self._filling.filled(kind.Request(), fields)
-        return self._call(kind, name, **{each: getattr(request, each) for each in fields})
+        return self._call(kind, name, **self.filled(kind.Request, fields))
+
+    def filled(self, make: Callable[[], Any], fields: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Returns fields as a message has them."""
+        return self._filling.told(make)(fields)
 
 
 class Part:

@@ -8,23 +8,31 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import fields as fields_of
 from typing import Any, NoReturn
 
 from asked import Asked
-from derived_values import read_frame, read_plan
+from derived_values import (
+    ask_add_frame,
+    ask_follow_path,
+    ask_go_to_waypoint,
+    ask_go_to_waypoint_geo,
+    ask_land,
+    ask_return_to_launch,
+    ask_take_off,
+    read_frame,
+    read_plan,
+)
 from flying import Client, waited
-from geometry_msgs.msg import PointStamped, TransformStamped
 from inexpressible import InexpressibleError
-from nav_msgs.msg import Path
 from reading import error_of
 from ros_beside import Asking, Beside
-from ros_setpoints import Setpoints, pose_message
+from ros_setpoints import Setpoints
 from ros_tasks import KnownTask, Manoeuvre, info_of
-from sensor_msgs.msg import NavSatFix
 from std_srvs.srv import Trigger
 from telling import Told
 from typing_extensions import Self
-from ual_msgs import action, msg, srv
+from ual_msgs import action, srv
 
 import ual
 from ual.geometry import stamped_pose, stamped_twist
@@ -42,15 +50,22 @@ from ual.types import (
     TaskRequest,
 )
 from ual_ros2 import values
+from ual_ros2.beside.fields import Fields
 
-NAMES: Mapping[type, str] = {
-    TakeOffRequest: "take_off",
-    LandRequest: "land",
-    GoToWaypointRequest: "go_to_waypoint",
-    GoToWaypointGeoRequest: "go_to_waypoint_geo",
-    FollowPathRequest: "follow_path",
-    ReturnToLaunchRequest: "return_to_launch",
+TASKS: Mapping[type, tuple[str, Any, Any, Callable[..., Fields]]] = {
+    TakeOffRequest: ("take_off", srv.TakeOff, action.TakeOff, ask_take_off),
+    LandRequest: ("land", srv.Land, action.Land, ask_land),
+    GoToWaypointRequest: ("go_to_waypoint", srv.GoToWaypoint, action.GoToWaypoint, ask_go_to_waypoint),
+    GoToWaypointGeoRequest: (
+        "go_to_waypoint_geo",
+        srv.GoToWaypointGeo,
+        action.GoToWaypointGeo,
+        ask_go_to_waypoint_geo,
+    ),
+    FollowPathRequest: ("follow_path", None, action.FollowPath, ask_follow_path),
+    ReturnToLaunchRequest: ("return_to_launch", srv.ReturnToLaunch, action.ReturnToLaunch, ask_return_to_launch),
 }
+"""The name of each task, its service, its action, and what makes their fields."""
 
 
 def inexpressible(member: str) -> NoReturn:
@@ -64,7 +79,8 @@ class RosUav(Uav):
     def __init__(self, client: Client, ns: str, now_s: Callable[[], float], *, is_simulated: bool = True) -> None:
         self._client = client
         self._ns = ns
-        self._beside = Beside(Asking(client, ns, self._call, self._trigger), self._fly_mission)
+        self._asking = Asking(client, ns, self._call, self._trigger)
+        self._beside = Beside(self._asking, self._fly_mission)
         self._is_simulated = is_simulated
         self._now_s = now_s
         self._told = Told(client, ns)
@@ -109,14 +125,16 @@ class RosUav(Uav):
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Task:
         """Begins by the service where that waits and has all fields, else by the action, so that both are flown."""
         self._setpoints.settle()
-        name, limit_s = NAMES[type(request)], time_limit(timeout_s)
-        service = _service(request)
+        name, service, kind, _ = TASKS[type(request)]
+        limit_s, fields = time_limit(timeout_s), _fields(request)
         if blocking and limit_s is None and service is not None:
-            kind, fields = service
-            answer = self._call(kind, name, **fields, blocking=True)
-            return KnownTask(self._call, answer.task_id, ual.TaskKind[name.upper()])
-        kind, fields = _goal(request)
-        manoeuvre = Manoeuvre(self._client, self._call, kind, self.ns, name, fields)
+            there = service.Request.get_fields_and_field_types()
+            if not any(each for field, each in fields.items() if field not in there):
+                given = {field: each for field, each in fields.items() if field in there}
+                answer = self._asking.ask(service, name, **given, blocking=True)
+                return KnownTask(self._call, answer.task_id, ual.TaskKind[name.upper()])
+        goal = self._asking.filled(kind.Goal, fields)
+        manoeuvre = Manoeuvre(self._client, self._call, kind, self.ns, name, goal)
         if limit_s is not None:
             manoeuvre.wait_or_cancel(limit_s)
         elif blocking:
@@ -175,10 +193,7 @@ class RosUav(Uav):
         return ual.types.Route(told.route.header.frame_id, points, told.task_id, told.is_goal_moving)
 
     def add_frame(self, transform: ual.Transform) -> None:
-        message = TransformStamped()
-        values.fill_transform(message, transform)
-        message.header.stamp.sec, message.header.stamp.nanosec = values.split(transform.stamp_s)
-        self._call(srv.AddFrame, "add_frame", transform=message)
+        self._asking.ask(srv.AddFrame, "add_frame", **ask_add_frame(transform=transform))
         self._told.wait_for_frame(transform)
 
     def remove_frame(self, frame_id: str) -> None:
@@ -207,9 +222,9 @@ class RosUav(Uav):
         return ual.types.Plan()
 
     def _plan_of_task(self, request: TaskRequest) -> ual.types.Plan:
-        kind, fields = _goal(request)
-        name = f"/{self.ns}/ual/{NAMES[type(request)]}"
-        _, result = self._client.fly(kind, name, **fields, dry_run=True)
+        name, _, kind, _ = TASKS[type(request)]
+        goal = self._asking.filled(kind.Goal, _fields(request))
+        _, result = self._client.fly(kind, f"/{self.ns}/ual/{name}", **goal, dry_run=True)
         if not result.success:
             raise error_of(result)
         return read_plan(result.plan)
@@ -297,67 +312,10 @@ class Subscribed:
         self.close()
 
 
-Call = tuple[Any, dict[str, Any]]
-"""A type of messages, and the fields of its request or goal."""
-
-
-def _service(request: TaskRequest) -> Call | None:
-    """The call of the service that can say all of a request; None where only the action can."""
-    match request:
-        case TakeOffRequest(height_m, force=False):
-            return srv.TakeOff, {"height": height_m}
-        case LandRequest():
-            return srv.Land, {}
-        case GoToWaypointRequest(waypoint, None):
-            return srv.GoToWaypoint, {"waypoint": pose_message(waypoint)}
-        case GoToWaypointGeoRequest(place, None) if place.yaw_rad is None:
-            return srv.GoToWaypointGeo, _geo(place)
-        case ReturnToLaunchRequest(height_m):
-            return srv.ReturnToLaunch, {"height": height_m or 0.0}
-    return None
-
-
-def _goal(request: TaskRequest) -> Call:
-    """The goal of the action."""
-    match request:
-        case TakeOffRequest(height_m, force):
-            return action.TakeOff, {"height": height_m, "force": force}
-        case LandRequest():
-            return action.Land, {}
-        case GoToWaypointRequest(waypoint, max_speed_m_s):
-            return action.GoToWaypoint, {"waypoint": pose_message(waypoint), "max_speed": max_speed_m_s or 0.0}
-        case GoToWaypointGeoRequest(place, max_speed_m_s):
-            yaw = {} if place.yaw_rad is None else {"has_yaw": True, "yaw": place.yaw_rad}
-            return action.GoToWaypointGeo, {**_geo(place), **yaw, "max_speed": max_speed_m_s or 0.0}
-        case FollowPathRequest():
-            return action.FollowPath, _path(request)
-        case ReturnToLaunchRequest(return_height_m):
-            return action.ReturnToLaunch, {"height": return_height_m or 0.0}
-
-
-def _geo(place: ual.GeoWaypoint) -> dict[str, Any]:
-    fix = NavSatFix(latitude=place.latitude_deg, longitude=place.longitude_deg, altitude=place.altitude_m)
-    return {"waypoint": fix, "altitude_reference": place.altitude_reference.value}
-
-
-def _path(request: FollowPathRequest) -> dict[str, Any]:
-    fields: dict[str, Any] = {
-        "path": Path(poses=[pose_message(each) for each in request.waypoints if isinstance(each, ual.PoseStamped)]),
-        "geo_waypoints": [_place(each) for each in request.waypoints if isinstance(each, ual.GeoWaypoint)],
-        "corner_radius": request.corner_radius_m,
-        "max_speed": request.max_speed_m_s or 0.0,
-        "leg_speeds": list(request.leg_speeds_m_s),
-        "heading": request.heading.value,
-        "holds": list(request.holds_s),
-    }
-    interest = request.point_of_interest
-    if interest is not None:
-        message = fields["point_of_interest"] = PointStamped()
-        message.header.frame_id = interest.frame_id
-        values.fill_vector(message.point, interest.point)
-    return fields
-
-
-def _place(waypoint: ual.GeoWaypoint) -> Any:
-    yaw_rad = waypoint.yaw_rad
-    return msg.GeoWaypoint(**_geo(waypoint), has_yaw=yaw_rad is not None, yaw=0.0 if yaw_rad is None else yaw_rad)
+def _fields(request: TaskRequest) -> Fields:
+    """The fields of a goal."""
+    given = {each.name: getattr(request, each.name) for each in fields_of(request)}
+    if isinstance(place := given.get("waypoint"), ual.GeoWaypoint):
+        given |= {each.name: getattr(place, each.name) for each in fields_of(place)}
+        del given["waypoint"]
+    return TASKS[type(request)][3](**given)

@@ -13,7 +13,9 @@ from ual.cameras import CameraAbility, ImageKind
 from ual.cameras import CameraInfo as Described
 from ual.cameras import Image as Picture
 from ual_ros2 import pictures, topics
-from ual_ros2.messages import Entity, Message
+from ual_ros2.beside.fields import Stamp
+from ual_ros2.beside.filling import Filling
+from ual_ros2.messages import Entity
 from ual_ros2.ros_time import RosTime
 
 _log = logging.getLogger(__name__)
@@ -21,10 +23,10 @@ _log = logging.getLogger(__name__)
 LOOK_S = 2.0
 """How often the daemon is asked for its cameras."""
 _TOPICS = {
-    ImageKind.COLOUR: ("image/compressed", CompressedImage, pictures.fill_compressed),
-    ImageKind.SEGMENTATION: ("segmentation/compressed", CompressedImage, pictures.fill_compressed),
-    ImageKind.DEPTH: ("depth/image", Image, pictures.fill_distances),
-    ImageKind.RANGE: ("range/image", Image, pictures.fill_distances),
+    ImageKind.COLOUR: ("image/compressed", CompressedImage, pictures.compressed),
+    ImageKind.SEGMENTATION: ("segmentation/compressed", CompressedImage, pictures.compressed),
+    ImageKind.DEPTH: ("depth/image", Image, pictures.distances),
+    ImageKind.RANGE: ("range/image", Image, pictures.distances),
 }
 
 
@@ -108,7 +110,7 @@ class _Camera:
         self._camera = uav.cameras[described.number]
         self._ns = ns
         self._number = described.number
-        self._time = time
+        self._filling = Filling(time)
         self._tell = tell
         self._period_s = period_s
         self._trouble = ""
@@ -147,26 +149,18 @@ class _Camera:
 
     def _publish(self, kind: ImageKind, image: Picture) -> None:
         self._tell(pictures.links(self._ns, self._number, image), image.stamp_s)
-        _, make, fill = _TOPICS[kind]
-        message = make()
-        fill(message, image)
-        self._stamp(message, image.stamp_s)
-        self._images[kind].publish(message)
+        header = {"frame_id": pictures.optical_frame_of(self._ns, self._number), "stamp": Stamp(image.stamp_s)}
+        _, make, fields = _TOPICS[kind]
+        self._images[kind].publish(self._filling.filled(make(), {"header": header, **fields(image)}))
         if topics.is_heard(self._info):
-            info = CameraInfo()
-            pictures.fill_camera_info(info, image.width_px, image.height_px, image.intrinsics)
-            self._stamp(info, image.stamp_s)
-            self._info.publish(info)
+            info = {"header": header, **pictures.camera_info(image)}
+            self._info.publish(self._filling.filled(CameraInfo(), info))
 
     def _note(self, trouble: str) -> None:
         """Says once why no pictures come."""
         if trouble and trouble != self._trouble:
             _log.warning("%s: camera %d gives no picture: %s", self._ns, self._number, trouble)
         self._trouble = trouble
-
-    def _stamp(self, message: Message, stamp_s: float) -> None:
-        self._time.stamp(message.header.stamp, stamp_s)
-        message.header.frame_id = pictures.optical_frame_of(self._ns, self._number)
 
     def _publisher(self, kind: Entity, name: str) -> Entity:
         topic = f"/{self._ns}/ual/camera_{self._number}/{name}"

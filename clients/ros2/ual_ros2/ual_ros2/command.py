@@ -5,19 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, NamedTuple, TypeAlias
 
 import ual
 from ual.contract.method import Method
 from ual.contract.methods import METHODS
+from ual.interface import DryRun
 from ual_ros2.messages import Entity, Message
 
 Serves: TypeAlias = Callable[[ual.aio.Uav, Message], Awaitable[Mapping[str, Any]]]
 """Serves a request: calls the daemon, and returns the fields of the answer."""
 
 
+Flyer: TypeAlias = ual.aio.Uav | DryRun[Any]
+"""What flies, or only says what would happen: both have the same members."""
+Flies: TypeAlias = Callable[[Flyer, Message], Awaitable[object]]
+
+
 class Service(NamedTuple):
-    """A service as it follows from the contract.
+    """A service or an action as it follows from the contract.
 
     Attributes:
         name: Its name below ``<ns>/ual/``.
@@ -31,6 +38,10 @@ class Service(NamedTuple):
     kind: Entity
     method: str
     frames: tuple[str, ...] = ()
+
+    def frames_of(self, request: Message) -> list[str]:
+        """Returns the frames that a request is given in."""
+        return [str(reduce(getattr, path.split("."), request)) for path in self.frames]
 
 
 def _none(_: Message) -> Iterable[Any]:

@@ -1,111 +1,51 @@
-"""The commands that fly, and those that ask about a flight."""
+"""The commands that fly, and those that ask about a flight: what the contract has, and what only ROS has."""
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable, Mapping
-from typing import Any, TypeAlias
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from std_srvs.srv import Empty, Trigger
-from ual_msgs import action, msg, srv
+from ual_msgs import srv
 
 import ual
-from ual.interface import DryRun
-from ual_ros2 import routes, values
+from ual_ros2 import paths, routes, values
+from ual_ros2.beside.fields import Fields
 from ual_ros2.beside.filling import Filling
-from ual_ros2.command import Action, Command
-from ual_ros2.derived.values import frame_fields, plan_fields, task_fields
-from ual_ros2.messages import Entity, Message
+from ual_ros2.command import Action, Command, Flyer, Serves, Service
+from ual_ros2.derived.calls import CALLS, FLIGHTS
+from ual_ros2.derived.services import FLYING, TASKS
+from ual_ros2.derived.values import plan_fields, task_fields
+from ual_ros2.messages import Message
 
-Flyer: TypeAlias = ual.aio.Uav | DryRun[Any]
-"""What flies, or only says what would happen: both have the same members."""
-_filled = Filling().filled
-
-
-def _of_waypoint(request: Message) -> Iterable[str]:
-    return (request.waypoint.header.frame_id,)
+_FILLING = Filling()
 
 
-def _of_path(goal: Message) -> Iterable[str]:
-    stamped = (goal.path, goal.point_of_interest, *goal.path.poses)
-    return [each.header.frame_id for each in stamped]
-
-
-def _told_task(begun: ual.aio.Task) -> Mapping[str, Message]:
-    return {"task_id": begun.id}
-
-
-def _told_motion(ended: ual.aio.Task | ual.types.Plan) -> Mapping[str, Message]:
-    if isinstance(ended, ual.types.Plan):
-        return {"plan": _filled(msg.Plan(), plan_fields(ended))}
-    return _told_task(ended)
-
-
-def _go_to_geo(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
-    place = request.waypoint
-    reference = values.altitude_reference(request.altitude_reference)
-    return uav.go_to_waypoint_geo(place.latitude, place.longitude, place.altitude, reference, blocking=request.blocking)
-
-
-def _fly_to_geo(flyer: Flyer, goal: Message) -> Awaitable[object]:
-    place = values.geo_waypoint(goal)
-    return flyer.go_to_waypoint_geo(
-        place.latitude_deg,
-        place.longitude_deg,
-        place.altitude_m,
-        place.altitude_reference,
-        yaw_rad=place.yaw_rad,
-        max_speed_m_s=values.speed(goal.max_speed),
-    )
-
-
-def _follow_path(flyer: Flyer, goal: Message) -> Awaitable[object]:
-    heading = values.path_heading(goal.heading)
-    is_at_point = heading is ual.PathHeading.POINT_OF_INTEREST
-    return flyer.follow_path(
-        values.waypoints(goal),
-        corner_radius_m=goal.corner_radius,
-        max_speed_m_s=values.speed(goal.max_speed),
-        leg_speeds_m_s=list(goal.leg_speeds),
-        heading=heading,
-        point_of_interest=values.point_stamped(goal.point_of_interest) if is_at_point else None,
-        holds_s=list(goal.holds),
-    )
-
-
-async def _set_pose(uav: ual.aio.Uav, request: Message) -> None:
+async def _set_pose(uav: ual.aio.Uav, request: Message) -> Fields:
     """Asks before it gives: what topics stream is answered later, and this caller wants its own answer."""
     pose = values.pose_stamped(request.pose)
     await uav.dry_run.set_pose(pose)
     if not request.dry_run:
         await uav.set_pose(pose)
+    return {}
 
 
-async def _set_velocity(uav: ual.aio.Uav, request: Message) -> None:
+async def _set_velocity(uav: ual.aio.Uav, request: Message) -> Fields:
     velocity = values.twist_stamped(request.velocity)
     await uav.dry_run.set_velocity(velocity)
     if not request.dry_run:
         await uav.set_velocity(velocity)
+    return {}
 
 
-def _set_external_pose(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
-    return uav.set_external_pose(
-        values.pose_stamped(request.pose, stamp_s=values.stamp_s(request.pose.header.stamp)),
-        position_std_dev_m=request.position_std_dev if request.has_position_std_dev else None,
-        orientation_std_dev_rad=request.orientation_std_dev if request.has_orientation_std_dev else None,
-    )
-
-
-def _take_control(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
+async def _take_control(uav: ual.aio.Uav, request: Message) -> Fields:
     flyer: Flyer = uav.dry_run if request.dry_run else uav
-    return flyer.recover_from_manual(force=request.force)
+    await flyer.recover_from_manual(force=request.force)
+    return {}
 
 
-async def _get_task(uav: ual.aio.Uav, request: Message) -> ual.TaskInfo:
-    return await (await uav.task(request.task_id)).info()
-
-
-def _told_info(info: ual.TaskInfo) -> Mapping[str, Message]:
-    return {"task": _filled(msg.Task(), task_fields(info))}
+async def _get_task(uav: ual.aio.Uav, request: Message) -> Fields:
+    return {"task": task_fields(await (await uav.task(request.task_id)).info())}
 
 
 async def _cancel_task(uav: ual.aio.Uav, request: Message) -> None:
@@ -120,127 +60,62 @@ async def _resume_task(uav: ual.aio.Uav, request: Message) -> None:
     await (await uav.task(request.task_id)).resume()
 
 
-def _add_frame(uav: ual.aio.Uav, request: Message) -> Awaitable[object]:
-    return uav.add_frame(values.transform_stamped(request.transform, values.stamp_s(request.transform.header.stamp)))
-
-
-def _told_frames(frames: list[ual.Frame]) -> Mapping[str, Message]:
-    return {"frames": [_filled(msg.Frame(), frame_fields(each)) for each in frames]}
-
-
-async def _get_route(uav: ual.aio.Uav, _: Message) -> Mapping[str, Message]:
+async def _get_route(uav: ual.aio.Uav, _: Message) -> Fields:
     route = await uav.route()
     told = {"is_flown": route is not None, "route": await routes.path(route)}
     return told if route is None else {**told, "task_id": route.task_id, "is_goal_moving": route.is_goal_moving}
 
 
+def _of_pose(request: Message) -> Iterable[Message]:
+    return (request.pose.header.stamp,)
+
+
+def _of_transform(request: Message) -> Iterable[Message]:
+    return (request.transform.header.stamp,)
+
+
+_CALLS: Mapping[str, Serves] = {
+    **CALLS,
+    "get_route": _get_route,
+    "get_task": _get_task,
+    "set_pose": _set_pose,
+    "set_velocity": _set_velocity,
+    "take_control": _take_control,
+}
+_MORE: Mapping[str, Mapping[str, Any]] = {
+    "add_frame": {"stamps": _of_transform, "changes_frames": True},
+    "remove_frame": {"changes_frames": True},
+    "set_external_pose": {"stamps": _of_pose},
+}
+"""What the node has to do beside the call."""
 SERVICES = (
-    Command(
-        "take_off",
-        srv.TakeOff,
-        lambda uav, request: uav.take_off(request.height, blocking=request.blocking),
-        told=_told_task,
-    ),
-    Command("land", srv.Land, lambda uav, request: uav.land(blocking=request.blocking), told=_told_task),
-    Command(
-        "go_to_waypoint",
-        srv.GoToWaypoint,
-        lambda uav, request: uav.go_to_waypoint(values.pose_stamped(request.waypoint), blocking=request.blocking),
-        _of_waypoint,
-        _told_task,
-    ),
-    Command("go_to_waypoint_geo", srv.GoToWaypointGeo, _go_to_geo, told=_told_task),
-    Command(
-        "return_to_launch",
-        srv.ReturnToLaunch,
-        lambda uav, request: uav.return_to_launch(values.height(request.height), blocking=request.blocking),
-        told=_told_task,
-    ),
-    Command("set_home", srv.SetHome, lambda uav, request: uav.set_home(request.set_z)),
-    Command("abort", srv.Abort, lambda uav, request: uav.abort(request.freeze)),
+    *(_FILLING.command(each, _CALLS[each.name], **_MORE.get(each.name, {})) for each in FLYING),
     Command("recover_from_manual", Empty, lambda uav, _: uav.recover_from_manual()),
     Command("recover", Trigger, lambda uav, _: uav.recover_from_manual(), method="RecoverFromManual"),
-    Command("take_control", srv.TakeControl, _take_control, method="RecoverFromManual"),
-    Command("arm", Trigger, lambda uav, _: uav.arm()),
-    Command("disarm", Trigger, lambda uav, _: uav.disarm()),
-    Command("pause", Trigger, lambda uav, _: uav.pause()),
-    Command("resume", Trigger, lambda uav, _: uav.resume()),
-    Command("set_pose", srv.SetPose, _set_pose, lambda request: (request.pose.header.frame_id,)),
-    Command("set_velocity", srv.SetVelocity, _set_velocity, lambda request: (request.velocity.header.frame_id,)),
-    Command(
-        "set_external_pose",
-        srv.SetExternalPose,
-        _set_external_pose,
-        stamps=lambda request: (request.pose.header.stamp,),
-    ),
-    Command("get_task", srv.GetTask, _get_task, told=_told_info),
     Command("cancel_task", srv.OrderTask, _cancel_task, method="Abort"),
     Command("pause_task", srv.OrderTask, _pause_task, method="Pause"),
     Command("resume_task", srv.OrderTask, _resume_task, method="Resume"),
-    Command("get_route", srv.GetRoute, _get_route, told=lambda route: route),
-    Command(
-        "add_frame",
-        srv.AddFrame,
-        _add_frame,
-        lambda request: (request.transform.header.frame_id,),
-        stamps=lambda request: (request.transform.header.stamp,),
-        changes_frames=True,
-    ),
-    Command(
-        "remove_frame",
-        srv.RemoveFrame,
-        lambda uav, request: uav.remove_frame(request.frame_id),
-        changes_frames=True,
-    ),
-    Command("list_frames", srv.ListFrames, lambda uav, _: uav.frames(), told=_told_frames),
 )
+_ENDS_BY_PILOT = ("take_off", "land")
+"""Take-offs and landings are not cancelled where there is a safety pilot."""
 
 
-def _motion(
-    name: str,
-    kind: Entity,
-    call: Callable[[Flyer, Message], Awaitable[object]],
-    frames: Callable[[Message], Iterable[str]] = lambda _: (),
-    *,
-    can_be_cancelled: bool = True,
-) -> Action:
-    """An action of a motion, which may only be asked what it would be."""
+def _action(task: Service) -> Action:
+    """Returns the action of a motion, which may only be asked what it would be."""
+    fly = FLIGHTS[task.name]
 
-    def fly_or_ask(uav: ual.aio.Uav, goal: Message) -> Awaitable[object]:
-        return call(uav.dry_run if goal.dry_run else uav, goal)
+    async def fly_or_ask(uav: ual.aio.Uav, goal: Message) -> Fields:
+        ended: Any = await fly(uav.dry_run if goal.dry_run else uav, goal)
+        return {"plan": plan_fields(ended)} if isinstance(ended, ual.types.Plan) else {"task_id": ended.id}
 
     return Action(
-        name,
-        kind,
+        task.name,
+        task.kind,
         fly_or_ask,
-        frames,
-        _told_motion,
-        can_be_cancelled=can_be_cancelled,
+        paths.frames if task.name == "follow_path" else task.frames_of,
+        _FILLING.told(task.kind.Result),
+        can_be_cancelled=task.name not in _ENDS_BY_PILOT,
     )
 
 
-# The names are those of the services: ROS keeps the two apart.
-ACTIONS = (
-    _motion(
-        "take_off",
-        action.TakeOff,
-        lambda flyer, goal: flyer.take_off(goal.height, force=goal.force),
-        can_be_cancelled=False,
-    ),
-    _motion("land", action.Land, lambda flyer, _: flyer.land(), can_be_cancelled=False),
-    _motion(
-        "go_to_waypoint",
-        action.GoToWaypoint,
-        lambda flyer, goal: flyer.go_to_waypoint(
-            values.pose_stamped(goal.waypoint), max_speed_m_s=values.speed(goal.max_speed)
-        ),
-        _of_waypoint,
-    ),
-    _motion("go_to_waypoint_geo", action.GoToWaypointGeo, _fly_to_geo),
-    _motion("follow_path", action.FollowPath, _follow_path, _of_path),
-    _motion(
-        "return_to_launch",
-        action.ReturnToLaunch,
-        lambda flyer, goal: flyer.return_to_launch(values.height(goal.height)),
-    ),
-)
+ACTIONS = tuple(map(_action, TASKS))

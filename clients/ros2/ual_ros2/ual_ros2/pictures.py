@@ -8,9 +8,8 @@ from __future__ import annotations
 import array
 
 import ual
-from ual.cameras import OPTICAL, CameraInfo, CameraIntrinsics, Image, ImageFormat, Photo
-from ual_ros2.beside.fields import Fields, Stamp, made, pose_stamped
-from ual_ros2.messages import Message
+from ual.cameras import OPTICAL, CameraInfo, Image, ImageFormat, Photo
+from ual_ros2.beside.fields import Fields, Stamp, pose_stamped
 from ual_ros2.values import known
 
 _FORMATS = {ImageFormat.PNG: "png", ImageFormat.JPEG: "jpeg"}
@@ -47,27 +46,21 @@ def links(ns: str, number: int, image: Image) -> list[ual.Transform]:
     ]
 
 
-def fill_camera_info(message: Message, width_px: int, height_px: int, found: CameraIntrinsics | None) -> None:
-    """Fills a CameraInfo, but for its header. Matrices of zeros mean that the camera is not calibrated."""
-    message.width, message.height = width_px, height_px
-    message.distortion_model = "" if found is None else "plumb_bob"
-    message.d = [] if found is None else [0.0] * 5
-    message.r = [0.0] * 9 if found is None else _IDENTITY
-    fx, fy, cx, cy = (
-        (0.0, 0.0, 0.0, 0.0)
-        if found is None
-        else (found.focal_length_x_px, found.focal_length_y_px, found.centre_x_px, found.centre_y_px)
-    )
-    one = 0.0 if found is None else 1.0
-    message.k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, one]
-    message.p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, one, 0.0]
-
-
 def camera_info(camera: CameraInfo | Image) -> Fields:
-    """Returns a CameraInfo, but for its header."""
+    """Returns a CameraInfo, but for its header. Matrices of zeros mean that the camera is not calibrated."""
     found = camera.intrinsics
-    size = (camera.width_px, camera.height_px) if found is None else (found.width_px, found.height_px)
-    return made(fill_camera_info, *size, found)
+    if found is None:
+        return {"width": camera.width_px, "height": camera.height_px}
+    fx, fy, cx, cy = found.focal_length_x_px, found.focal_length_y_px, found.centre_x_px, found.centre_y_px
+    return {
+        "width": found.width_px,
+        "height": found.height_px,
+        "distortion_model": "plumb_bob",
+        "d": [0.0] * 5,
+        "r": _IDENTITY,
+        "k": [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        "p": [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    }
 
 
 def viewpoint(taken: Photo | Image) -> Fields:
@@ -89,14 +82,12 @@ def viewpoint(taken: Photo | Image) -> Fields:
     }
 
 
-def fill_compressed(message: Message, image: Image) -> None:
-    """Fills a CompressedImage, but for its header."""
-    message.format = _FORMATS[image.format]
-    message.data = array.array("B", image.data)
+def compressed(image: Image) -> Fields:
+    """Returns a CompressedImage, but for its header."""
+    return {"format": _FORMATS[image.format], "data": array.array("B", image.data)}
 
 
-def fill_distances(message: Message, image: Image) -> None:
-    """Fills an Image of metres as REP 118 has it, but for its header."""
-    message.width, message.height, message.step = image.width_px, image.height_px, 4 * image.width_px
-    message.encoding, message.is_bigendian = "32FC1", 0
-    message.data = array.array("B", image.data)
+def distances(image: Image) -> Fields:
+    """Returns an Image of metres as REP 118 has it, but for its header."""
+    size = {"width": image.width_px, "height": image.height_px, "step": 4 * image.width_px}
+    return {**size, "encoding": "32FC1", "is_bigendian": 0, "data": array.array("B", image.data)}

@@ -110,30 +110,8 @@ def path_heading(number: int) -> ual.PathHeading:
         raise _unknown("heading", number) from None
 
 
-def geo_waypoint(message: Message) -> ual.GeoWaypoint:
-    """Reads a GeoWaypoint, or a goal of GoToWaypointGeo."""
-    place = message.waypoint
-    return ual.GeoWaypoint(
-        place.latitude,
-        place.longitude,
-        place.altitude,
-        altitude_reference(message.altitude_reference),
-        message.yaw if message.has_yaw else None,
-    )
-
-
 def _unknown(field: str, number: int) -> ual.InvalidArgumentError:
     return ual.InvalidArgumentError(f"{field}: {number} is none of its constants", {"field": field})
-
-
-def speed(number: float) -> float | None:
-    """Reads a highest speed; 0 is none."""
-    return None if number == 0.0 else number
-
-
-def height(number: float) -> float | None:
-    """Reads a height that the daemon's configuration gives where it is 0."""
-    return None if number == 0.0 else number
 
 
 def point_stamped(message: Message) -> ual.PointStamped:
@@ -141,25 +119,9 @@ def point_stamped(message: Message) -> ual.PointStamped:
     return ual.PointStamped(vector(message.point), message.header.frame_id)
 
 
-def waypoints(goal: Message) -> list[ual.PoseStamped] | list[ual.GeoWaypoint]:
-    """Reads the path or the places of FollowPath."""
-    if not goal.geo_waypoints:
-        return path(goal.path)
-    if goal.path.poses:
-        raise ual.InvalidArgumentError(
-            "geo_waypoints: the goal has a path, too; give only one of both", {"field": "geo_waypoints"}
-        )
-    return [geo_waypoint(each) for each in goal.geo_waypoints]
-
-
 def stamp_s(stamp: Message) -> float:
     """Reads a stamp, in seconds."""
     return float(stamp.sec + stamp.nanosec / NANO)
-
-
-def path(message: Message) -> list[ual.PoseStamped]:
-    """Reads a Path. Poses without a frame are in that of the path."""
-    return [pose_stamped(each, message.header.frame_id) for each in message.poses]
 
 
 # --- To ROS: messages are made once and filled again, because making one costs time -----------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ual
 from ual.cameras import CameraAbility, Image, ImageFormat, ImageKind, Photo
 from ual_ros2 import pictures
-from ual_ros2.beside.fields import Fields, Stamp, made, named
+from ual_ros2.beside.fields import Fields, Stamp, named
 from ual_ros2.derived.values import photo_fields
 from ual_ros2.messages import Message
 
@@ -72,9 +72,9 @@ def image_fields(ns: str, camera: int, image: Image) -> Fields:
     """Returns what GetImage answers."""
     header = {"frame_id": pictures.optical_frame_of(ns, camera), "stamp": Stamp(image.stamp_s)}
     is_distances = image.format is ImageFormat.FLOAT32
-    fill = pictures.fill_distances if is_distances else pictures.fill_compressed
+    picture = pictures.distances(image) if is_distances else pictures.compressed(image)
     return {
-        "distances" if is_distances else "compressed": {"header": header, **made(fill, image)},
+        "distances" if is_distances else "compressed": {"header": header, **picture},
         "camera_info": {"header": header, **pictures.camera_info(image)},
         "viewpoint": pictures.viewpoint(image),
     }

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from types import SimpleNamespace
 from typing import Any, TypeAlias, TypeVar
 
 import ual
@@ -76,13 +75,6 @@ def name_of(member: Enum | None) -> str:
 def names_of(members: frozenset[E]) -> list[str]:
     """Returns the names of members, in the order of their numbers."""
     return [each.name for each in sorted(members, key=lambda each: each.value)]
-
-
-def made(fill: Callable[..., None], *arguments: object) -> Fields:
-    """Returns what a function puts into a message."""
-    message = SimpleNamespace()
-    fill(message, *arguments)
-    return vars(message)
 
 
 def vector(value: ual.Vector3) -> Fields:

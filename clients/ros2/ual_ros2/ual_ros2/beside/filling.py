@@ -1,12 +1,14 @@
-"""Puts fields into messages of ROS."""
+"""Puts fields into messages of ROS, and makes commands whose answers are fields."""
 
 from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from ual_ros2.beside.fields import Fields, Stamp
+from ual_ros2.command import Command, Serves, Service
 from ual_ros2.messages import Entity, Message
 from ual_ros2.ros_time import RosTime
 
@@ -24,6 +26,20 @@ class Filling:
         for name, value in fields.items():
             self._put(message, name, value)
         return message
+
+    def told(self, make: Callable[[], Message]) -> Callable[[Fields], Mapping[str, Message]]:
+        """Returns what makes fields those of messages of one type."""
+
+        def told(fields: Fields) -> Mapping[str, Message]:
+            answer = self.filled(make(), fields)
+            return {name: getattr(answer, name) for name in fields}
+
+        return told
+
+    def command(self, service: Service, call: Serves, **more: Any) -> Command:  # noqa: ANN401 (what else it has)
+        """Returns the command of a service that follows from the contract."""
+        told = self.told(service.kind.Response)
+        return Command(service.name, service.kind, call, service.frames_of, told, method=service.method, **more)
 
     def _put(self, message: Message, name: str, value: object) -> None:
         if isinstance(value, Stamp):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial, reduce
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ual_msgs import action
@@ -13,7 +12,7 @@ from ual_ros2.beside import cameras, corrections, equipment, fence, gimbals, log
 from ual_ros2.beside.corrections import Corrections
 from ual_ros2.beside.fields import Fields
 from ual_ros2.beside.filling import Filling
-from ual_ros2.command import Action, Command, Serves, Service
+from ual_ros2.command import Action, Command, Serves
 from ual_ros2.derived.calls import CALLS
 from ual_ros2.derived.services import SERVICES, SIMULATION
 from ual_ros2.messages import Message
@@ -53,11 +52,11 @@ class Table:
 
     def services(self) -> tuple[Command, ...]:
         """Returns the services that each UAV has."""
-        return tuple(map(self._command, SERVICES))
+        return tuple(self._filling.command(each, self._calls[each.name]) for each in SERVICES)
 
     def simulation(self) -> tuple[Command, ...]:
         """Returns the services that a simulated UAV has beside."""
-        return tuple(map(self._command, SIMULATION))
+        return tuple(self._filling.command(each, self._calls[each.name]) for each in SIMULATION)
 
     def actions(self) -> tuple[Action, ...]:
         """Returns the actions."""
@@ -67,7 +66,7 @@ class Table:
                 "fly_mission",
                 action.FlyMission,
                 self._flights.fly,
-                told=self._told(action.FlyMission.Result),
+                told=self._filling.told(action.FlyMission.Result),
                 method="StartMission",
                 also=lambda feedback, _: _put(fill, feedback, self._flights.progress_of(feedback.task_id)),
             ),
@@ -75,7 +74,7 @@ class Table:
                 "download_log",
                 action.DownloadLog,
                 self._downloads.download,
-                told=self._told(action.DownloadLog.Result),
+                told=self._filling.told(action.DownloadLog.Result),
                 is_task=False,
                 also=lambda feedback, goal: _put(fill, feedback, self._downloads.progress(goal)),
             ),
@@ -84,31 +83,9 @@ class Table:
     async def _get_corrections(self, uav: ual.aio.Uav, _: Message) -> Fields:
         return {"status": await corrections.get_status(uav, self._corrections)}
 
-    def _command(self, service: Service) -> Command:
-        return Command(
-            service.name,
-            service.kind,
-            self._calls[service.name],
-            partial(_frames, service.frames),
-            self._told(service.kind.Response),
-            method=service.method,
-        )
-
-    def _told(self, make: Callable[[], Message]) -> Callable[[Fields], Mapping[str, Message]]:
-        def told(fields: Fields) -> Mapping[str, Message]:
-            answer = self._filling.filled(make(), fields)
-            return {name: getattr(answer, name) for name in fields}
-
-        return told
-
 
 def _put(fill: Callable[[Message, Fields], Message], message: Message, fields: Fields | None) -> bool:
     if fields is None:
         return False
     fill(message, fields)
     return True
-
-
-def _frames(paths: Iterable[str], request: Message) -> Iterable[str]:
-    """Returns the frames that a request is given in, by the paths of its fields."""
-    return [str(reduce(getattr, path.split("."), request)) for path in paths]

@@ -5,19 +5,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Awaitable, Mapping
 from typing import Final
 
 import ual
 import ual.aio
 import ual.cameras
 import ual.gimbals
-from ual_ros2 import values
+from ual_ros2 import paths, values
 from ual_ros2.beside.fields import Fields, named, names_of
-from ual_ros2.command import Serves
+from ual_ros2.command import Flies, Flyer, Serves
 from ual_ros2.derived.values import (
     camera_fields,
     camera_status_fields,
+    frame_fields,
     gimbal_fields,
     kept_fence_fields,
     log_fields,
@@ -28,6 +29,110 @@ from ual_ros2.derived.values import (
     video_stream_fields,
 )
 from ual_ros2.messages import Message
+
+
+async def list_frames(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves ListFrames."""
+    found = await uav.frames()
+    return {
+        "frames": [frame_fields(each) for each in found],
+    }
+
+
+async def add_frame(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves AddFrame."""
+    await uav.add_frame(
+        transform=values.transform_stamped(request.transform, values.stamp_s(request.transform.header.stamp))
+    )
+    return {}
+
+
+async def remove_frame(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves RemoveFrame."""
+    await uav.remove_frame(frame_id=request.frame_id)
+    return {}
+
+
+async def arm(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves Trigger."""
+    await uav.arm()
+    return {}
+
+
+async def disarm(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves Trigger."""
+    await uav.disarm()
+    return {}
+
+
+async def take_off(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves TakeOff."""
+    begun = await uav.take_off(height_m=request.height, blocking=request.blocking)
+    return {"task_id": begun.id}
+
+
+async def land(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves Land."""
+    begun = await uav.land(blocking=request.blocking)
+    return {"task_id": begun.id}
+
+
+async def go_to_waypoint(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves GoToWaypoint."""
+    begun = await uav.go_to_waypoint(waypoint=values.pose_stamped(request.waypoint), blocking=request.blocking)
+    return {"task_id": begun.id}
+
+
+async def go_to_waypoint_geo(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves GoToWaypointGeo."""
+    begun = await uav.go_to_waypoint_geo(
+        latitude_deg=request.waypoint.latitude,
+        longitude_deg=request.waypoint.longitude,
+        altitude_m=request.waypoint.altitude,
+        altitude_reference=values.altitude_reference(request.altitude_reference),
+        blocking=request.blocking,
+    )
+    return {"task_id": begun.id}
+
+
+async def return_to_launch(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves ReturnToLaunch."""
+    begun = await uav.return_to_launch(height_m=request.height or None, blocking=request.blocking)
+    return {"task_id": begun.id}
+
+
+async def set_external_pose(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves SetExternalPose."""
+    await uav.set_external_pose(
+        pose=values.pose_stamped(request.pose, stamp_s=values.stamp_s(request.pose.header.stamp)),
+        position_std_dev_m=request.position_std_dev if request.has_position_std_dev else None,
+        orientation_std_dev_rad=request.orientation_std_dev if request.has_orientation_std_dev else None,
+    )
+    return {}
+
+
+async def set_home(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves SetHome."""
+    await uav.set_home(set_z=request.set_z)
+    return {}
+
+
+async def abort(uav: ual.aio.Uav, request: Message) -> Fields:
+    """Serves Abort."""
+    await uav.abort(freeze=request.freeze)
+    return {}
+
+
+async def pause(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves Trigger."""
+    await uav.pause()
+    return {}
+
+
+async def resume(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves Trigger."""
+    await uav.resume()
+    return {}
 
 
 async def list_cameras(uav: ual.aio.Uav, _: Message) -> Fields:
@@ -351,7 +456,67 @@ async def simulation_place_on_ground(uav: ual.aio.Uav, request: Message) -> Fiel
     return {}
 
 
+def fly_take_off(flyer: Flyer, goal: Message) -> Awaitable[object]:
+    """Flies TakeOff, or asks what it would be."""
+    return flyer.take_off(height_m=goal.height, force=goal.force)
+
+
+def fly_land(flyer: Flyer, _: Message) -> Awaitable[object]:
+    """Flies Land, or asks what it would be."""
+    return flyer.land()
+
+
+def fly_go_to_waypoint(flyer: Flyer, goal: Message) -> Awaitable[object]:
+    """Flies GoToWaypoint, or asks what it would be."""
+    return flyer.go_to_waypoint(waypoint=values.pose_stamped(goal.waypoint), max_speed_m_s=goal.max_speed or None)
+
+
+def fly_go_to_waypoint_geo(flyer: Flyer, goal: Message) -> Awaitable[object]:
+    """Flies GoToWaypointGeo, or asks what it would be."""
+    return flyer.go_to_waypoint_geo(
+        latitude_deg=goal.waypoint.latitude,
+        longitude_deg=goal.waypoint.longitude,
+        altitude_m=goal.waypoint.altitude,
+        altitude_reference=values.altitude_reference(goal.altitude_reference),
+        yaw_rad=goal.yaw if goal.has_yaw else None,
+        max_speed_m_s=goal.max_speed or None,
+    )
+
+
+def fly_follow_path(flyer: Flyer, goal: Message) -> Awaitable[object]:
+    """Flies FollowPath, or asks what it would be."""
+    return flyer.follow_path(
+        waypoints=paths.waypoints(goal),
+        corner_radius_m=goal.corner_radius,
+        max_speed_m_s=goal.max_speed or None,
+        leg_speeds_m_s=list(goal.leg_speeds),
+        heading=values.path_heading(goal.heading),
+        point_of_interest=paths.point_of_interest(goal),
+        holds_s=list(goal.holds),
+    )
+
+
+def fly_return_to_launch(flyer: Flyer, goal: Message) -> Awaitable[object]:
+    """Flies ReturnToLaunch, or asks what it would be."""
+    return flyer.return_to_launch(height_m=goal.height or None)
+
+
 CALLS: Final[Mapping[str, Serves]] = {
+    "list_frames": list_frames,
+    "add_frame": add_frame,
+    "remove_frame": remove_frame,
+    "arm": arm,
+    "disarm": disarm,
+    "take_off": take_off,
+    "land": land,
+    "go_to_waypoint": go_to_waypoint,
+    "go_to_waypoint_geo": go_to_waypoint_geo,
+    "return_to_launch": return_to_launch,
+    "set_external_pose": set_external_pose,
+    "set_home": set_home,
+    "abort": abort,
+    "pause": pause,
+    "resume": resume,
     "list_cameras": list_cameras,
     "get_camera_status": get_camera_status,
     "start_photos": start_photos,
@@ -401,3 +566,12 @@ CALLS: Final[Mapping[str, Serves]] = {
     "simulation/place_on_ground": simulation_place_on_ground,
 }
 """The calls that do no more than pass on what they are given, by the names of their services."""
+FLIGHTS: Final[Mapping[str, Flies]] = {
+    "take_off": fly_take_off,
+    "land": fly_land,
+    "go_to_waypoint": fly_go_to_waypoint,
+    "go_to_waypoint_geo": fly_go_to_waypoint_geo,
+    "follow_path": fly_follow_path,
+    "return_to_launch": fly_return_to_launch,
+}
+"""The motions of actions, by their names."""

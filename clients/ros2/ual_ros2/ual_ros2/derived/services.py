@@ -1,14 +1,46 @@
-"""The services of the node beside flying. ``make proto`` writes this file: do not edit it."""
+"""The services and actions of the node. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from std_srvs.srv import Trigger
-from ual_msgs import srv
+from ual_msgs import action, srv
 
 from ual_ros2.command import Service
 
+FLYING: Final = (
+    Service("list_frames", srv.ListFrames, "ListFrames"),
+    Service("add_frame", srv.AddFrame, "AddFrame", ("transform.header.frame_id",)),
+    Service("remove_frame", srv.RemoveFrame, "RemoveFrame"),
+    Service("get_route", srv.GetRoute, "GetRoute"),
+    Service("arm", Trigger, "Arm"),
+    Service("disarm", Trigger, "Disarm"),
+    Service("take_off", srv.TakeOff, "TakeOff"),
+    Service("land", srv.Land, "Land"),
+    Service("go_to_waypoint", srv.GoToWaypoint, "GoToWaypoint", ("waypoint.header.frame_id",)),
+    Service("go_to_waypoint_geo", srv.GoToWaypointGeo, "GoToWaypointGeo"),
+    Service("return_to_launch", srv.ReturnToLaunch, "ReturnToLaunch"),
+    Service("set_pose", srv.SetPose, "SetPose", ("pose.header.frame_id",)),
+    Service("set_velocity", srv.SetVelocity, "SetVelocity", ("velocity.header.frame_id",)),
+    Service("set_external_pose", srv.SetExternalPose, "SetExternalPose"),
+    Service("take_control", srv.TakeControl, "RecoverFromManual"),
+    Service("set_home", srv.SetHome, "SetHome"),
+    Service("abort", srv.Abort, "Abort"),
+    Service("pause", Trigger, "Pause"),
+    Service("resume", Trigger, "Resume"),
+    Service("get_task", srv.GetTask, "GetTask"),
+)
+"""Those that fly, and those that ask about a flight."""
+TASKS: Final = (
+    Service("take_off", action.TakeOff, "TakeOff"),
+    Service("land", action.Land, "Land"),
+    Service("go_to_waypoint", action.GoToWaypoint, "GoToWaypoint", ("waypoint.header.frame_id",)),
+    Service("go_to_waypoint_geo", action.GoToWaypointGeo, "GoToWaypointGeo"),
+    Service("follow_path", action.FollowPath, "FollowPath", ("point_of_interest.header.frame_id",)),
+    Service("return_to_launch", action.ReturnToLaunch, "ReturnToLaunch"),
+)
+"""The actions that fly. Their names are those of services: ROS keeps the two apart."""
 SERVICES: Final = (
     Service("list_cameras", srv.ListCameras, "ListCameras"),
     Service("get_camera_status", srv.GetCameraStatus, "GetCameraStatus"),
@@ -57,7 +89,7 @@ SERVICES: Final = (
     Service("list_parameters", srv.ListParameters, "ListParameters"),
     Service("set_parameter", srv.SetParameter, "SetParameter"),
 )
-"""Those that each UAV has."""
+"""Those beside flying."""
 SIMULATION: Final = (
     Service("simulation/list_parts", srv.ListSimulationParts, "ListParts"),
     Service("simulation/pilot_arm", Trigger, "PilotArm"),
