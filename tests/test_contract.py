@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -10,6 +11,8 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from tools.contract.__main__ import out_of_date
 from tools.contract.compiled import compiled, without_options
 from tools.contract.description import services
+from tools.contract.faces_source import source as faces
+from tools.contract.parts import parts
 from ual.access.roles import Role
 from ual.contract.method import Kind, Moves
 from ual.contract.methods import METHODS
@@ -44,6 +47,24 @@ def test_each_method_must_say_who_may_call_it(contract: FileDescriptorSet) -> No
 def test_no_two_methods_have_one_name(contract: FileDescriptorSet) -> None:
     with pytest.raises(SystemExit, match="two methods of the contract are called Abort"):
         services(changed(contract, "Release", "Abort"))
+
+
+def test_each_method_must_have_a_member_and_each_member_a_behaviour(contract: FileDescriptorSet) -> None:
+    with pytest.raises(SystemExit, match=r"ual\.interface\.Gripper has no throw, for GripperService"):
+        parts(changed(contract, "Release", "Throw"))
+    found = parts(contract)
+    [gripper] = [each for each in found if each.name == "Gripper"]
+    unserved = replace(gripper, members=[replace(gripper.members[0], name="juggle")])
+    with pytest.raises(SystemExit, match=r"shipped\.gripper\.VehicleGripper has no juggle"):
+        faces([unserved])
+
+
+def test_a_method_that_needs_the_lease_must_take_it(contract: FileDescriptorSet) -> None:
+    [gripper] = [each for each in parts(contract) if each.name == "Gripper"]
+    for member in gripper.members:
+        other = replace(member, needs_lease=not member.needs_lease)
+        with pytest.raises(SystemExit, match=rf"^the lease: .*VehicleGripper\.{member.name} takes"):
+            faces([replace(gripper, members=[other])])
 
 
 def test_the_stubs_of_python_import_no_options(contract: FileDescriptorSet) -> None:

@@ -38,13 +38,17 @@ def derived() -> dict[Path, str]:
     values = all_values(contract)
     return {
         **stubs(contract),
-        **{CLIENT / "contract" / f"{name}.py": formatted(values_source.source(each)) for name, each in values.items()},
+        **{_path(each.module): formatted(values_source.source(each)) for each in values.values()},
         **{CLIENT / "wire" / f"{name}.py": formatted(wire_source.source(each)) for name, each in values.items()},
         CLIENT / "contract" / "methods.py": formatted(methods.source(described)),
         **_services(contract, values),
         page: roles_page.page(page.read_text(encoding="utf-8"), described),
         **ros.derived(contract),
     }
+
+
+def _path(module: str) -> Path:
+    return CLIENT.parent.joinpath(*module.split(".")).with_suffix(".py")
 
 
 def _services(contract: FileDescriptorSet, values: Mapping[str, Values]) -> dict[Path, str]:

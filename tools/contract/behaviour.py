@@ -43,9 +43,22 @@ class Behaviour:
         return any(ast.unparse(each) == "in_thread" for each in self.method(member).decorator_list)
 
     def takes_lease(self, member: Member) -> bool:
-        """Whether it takes the lease of its caller."""
+        """Whether it takes the lease of its caller, as the contract says of the method.
+
+        Raises:
+            SystemExit: It does not agree with the contract.
+
+        """
         arguments = self.method(member).args
-        return "lease_id" in {each.arg for each in (*arguments.args, *arguments.kwonlyargs)}
+        takes = "lease_id" in {each.arg for each in (*arguments.args, *arguments.kwonlyargs)}
+        if takes != member.needs_lease:
+            text = (
+                "takes none, and the contract asks for it"
+                if member.needs_lease
+                else "takes it, and the contract does not ask"
+            )
+            raise SystemExit(f"the lease: {self.module}.{self.name}.{member.name} {text}")
+        return takes
 
     @property
     def is_leased(self) -> bool:

@@ -58,3 +58,10 @@ MESSAGES: Mapping[str, ByHand | None] = {
 ENUMS = frozenset({"CameraAction"})
 FILES = frozenset({"ual", "simulation", "network"})
 """The files whose values are all written by hand."""
+PLACES: Mapping[str, str] = {
+    "gimbal": "ual.gimbals",
+    "logs": "ual.logs.values",
+    "mission": "ual.missions.plan",
+    **{each: f"ual.contract.{each}" for each in ("camera", "corrections", "fence", "parameters")},
+}
+"""The modules of values that are not called as their file. What is in ``ual.contract`` is named by a module by hand."""

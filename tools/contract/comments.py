@@ -6,14 +6,17 @@ from collections.abc import Iterator, Mapping
 
 from google.protobuf.descriptor_pb2 import DescriptorProto, EnumDescriptorProto, FileDescriptorProto
 
-_MESSAGE, _ENUM, _SERVICE = 4, 5, 6
+_MESSAGE, _ENUM, _SERVICE, _SYNTAX = 4, 5, 6, 12
 _FIELD, _NUMBER, _METHOD = 2, 2, 2
 
 
 def comments(file: FileDescriptorProto) -> Mapping[str, str]:
-    """Returns the comment above each message, field, enum, number, service and method, by name: ``Gripper.name``."""
+    """Returns the comments by what they are above: ``Gripper``, ``Gripper.name``, ``GripperService.Grip``.
+
+    That of the file has no name.
+    """
     found = {tuple(each.path): each.leading_comments for each in file.source_code_info.location}
-    return {name: found.get(path, "") for path, name in _paths(file)}
+    return {name: found.get(path, "") for path, name in _paths(file)} | {"": found.get((_SYNTAX,), "")}
 
 
 def _paths(file: FileDescriptorProto) -> Iterator[tuple[tuple[int, ...], str]]:

@@ -39,6 +39,7 @@ class Member:
     method: MethodDescriptorProto | None
     request: DescriptorProto | None
     response: DescriptorProto | None
+    needs_lease: bool
 
     @property
     def arguments(self) -> list[ast.arg]:
@@ -112,15 +113,17 @@ class _Members:
         found = classes(INTERFACE).get(name)
         if found is None:
             raise SystemExit(f"ual.interface has no class {name}, for {self._service.name}")
-        methods = {self._member_of(each): each for each in self._service.method if self._belongs(each, bound, without)}
+        methods = {self._name_of(each): each for each in self._service.method if self._belongs(each, bound, without)}
         declared = functions(found)
         if missing := set(methods) - set(declared):
             raise SystemExit(f"ual.interface.{name} has no {', '.join(sorted(missing))}, for {self._service.name}")
         return [self._member(node, methods.get(node.name)) for node in declared.values()]
 
-    def _member_of(self, method: MethodDescriptorProto) -> str:
-        facts: Any = self._options.read("Method", "facts", method.options)
-        member: str = facts.member
+    def _facts(self, method: MethodDescriptorProto) -> Any:  # noqa: ANN401 (a message that is made at run time)
+        return self._options.read("Method", "facts", method.options)
+
+    def _name_of(self, method: MethodDescriptorProto) -> str:
+        member: str = self._facts(method).member
         return member or snake(method.name)
 
     def _belongs(self, method: MethodDescriptorProto, bound: str, without: str) -> bool:
@@ -137,4 +140,5 @@ class _Members:
             method,
             None if method is None else self._messages[method.input_type],
             None if method is None else self._messages[method.output_type],
+            method is not None and self._facts(method).lease,
         )

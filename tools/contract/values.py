@@ -88,10 +88,16 @@ class Values:
     """What follows from a file."""
 
     file: str
+    text: str
     enums: Mapping[str, EnumValue]
     messages: Mapping[str, MessageValue]
     in_requests: frozenset[str]
     """The enums that a request has by themselves."""
+
+    @property
+    def module(self) -> str:
+        """The module of the values: ``ual.gripper``, unless another one is named."""
+        return by_hand.PLACES.get(self.file, f"ual.{self.file}")
 
 
 def all_values(contract: FileDescriptorSet) -> dict[str, Values]:
@@ -135,7 +141,8 @@ class _Reader:
         requests = (each for each in file.message_type if each.name.endswith("Request"))
         asked = frozenset(part.type_name for each in requests for part in each.field if part.type_name in enums)
         kept = {name: each for name, each in messages.items() if each is not None}
-        return Values(_name(file), enums, dict(sorted(kept.items(), key=_depth(kept))), asked)
+        text = comment_text(about[""], self._names)
+        return Values(_name(file), text, enums, dict(sorted(kept.items(), key=_depth(kept))), asked)
 
     def message(self, full_name: str) -> MessageValue | None:
         """Returns the value of a message; None where it is none."""

@@ -17,9 +17,10 @@ def source(values: Values) -> str:
     """Returns the module."""
     bases = set(classes(BASES))
     messages = [each for each in values.messages.values() if not each.is_tuple]
+    written = f"As values, from ``{values.file}.proto``. ``make proto`` writes this file: do not edit it."
     body = "".join(map(_enum, values.enums.values())) + "".join(_dataclass(each, bases) for each in messages)
     return (
-        f'"""The values of ``{values.file}.proto``. ``make proto`` writes this file: do not edit it."""\n\n'
+        docstring(f"{values.text.partition('. ')[0].rstrip('.')}. {written}", indent="") + "\n"
         "from __future__ import annotations\n\n"
         f"{''.join(_imports(values, messages, bases))}\n{body}"
     )

@@ -24,7 +24,7 @@ def _head(values: Values, body: str) -> str:
         f'"""Between the messages of ``{values.file}.proto`` and their values. ``make proto`` writes this file: do not '
         'edit it."""\n\nfrom __future__ import annotations\n\n'
         + "from collections.abc import Mapping\n\n" * ("Mapping[" in body)
-        + f"from ual.contract.{values.file} import {', '.join(used)}\n"
+        + f"from {values.module} import {', '.join(used)}\n"
         + f"from ual.v1 import {values.file}_pb2 as pb\n"
         + "".join(f"from ual.wire import {each}\n" for each in _BY_HAND if f"{each}." in body)
         + "from ual.wire.enums import member_of, number_of\n" * ("number_of(" in body)

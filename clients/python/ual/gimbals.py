@@ -1,28 +1,138 @@
-"""The gimbals of a UAV, as values. `ual.Uav.gimbals` points them; the manual is ``docs/how-to/gimbals.md``.
-
-Angles follow REP 103, as all of UAL: a positive pitch looks down, a positive yaw is to the left.
-"""
+"""The gimbals that a UAV carries. As values, from ``gimbal.proto``. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
-from ual.contract.gimbal import (
-    AngleRange,
-    GimbalAbility,
-    GimbalActivity,
-    GimbalAngles,
-    GimbalControl,
-    GimbalInfo,
-    GimbalReference,
-    GimbalStatus,
-)
+from dataclasses import dataclass
+from enum import Enum
 
-__all__ = [
-    "AngleRange",
-    "GimbalAbility",
-    "GimbalActivity",
-    "GimbalAngles",
-    "GimbalControl",
-    "GimbalInfo",
-    "GimbalReference",
-    "GimbalStatus",
-]
+from ual.contract._bases import AngleRangeBase, GimbalAnglesBase
+from ual.geometry import PointStamped, Quaternion
+
+
+class GimbalAbility(Enum):
+    """What a gimbal can do."""
+
+    ROLL = 1
+    """It has this axis."""
+    PITCH = 2
+    YAW = 3
+    BODY = 4
+    """Angles of this reference."""
+    HORIZON = 5
+    EARTH = 6
+    RATES = 7
+    """SetGimbalRates."""
+    NEUTRAL = 8
+    """MoveGimbalToNeutral."""
+    RETRACT = 9
+    """RetractGimbal."""
+    CONTROL = 10
+    """TakeGimbalControl and ReleaseGimbalControl."""
+
+
+class GimbalReference(Enum):
+    """From what angles count."""
+
+    BODY = 1
+    """From the body: it tilts and turns with the UAV."""
+    HORIZON = 2
+    """Roll and pitch from the horizon, yaw from the nose: it stays level, and turns with the UAV."""
+    EARTH = 3
+    """Roll and pitch from the horizon, yaw from the x axis of a frame: it stays level, and does not turn with the UAV.
+    """
+
+
+class GimbalActivity(Enum):
+    """What a gimbal was ordered last by this daemon."""
+
+    ANGLES = 1
+    RATES = 2
+    POINT = 3
+    NEUTRAL = 4
+    RETRACTED = 5
+
+
+class GimbalControl(Enum):
+    """Which program on the link has the control of a gimbal."""
+
+    FREE = 1
+    OURS = 2
+    """This daemon."""
+    OTHER = 3
+
+
+@dataclass(frozen=True, slots=True)
+class AngleRange(AngleRangeBase):
+    """Between which angles an axis turns, rad."""
+
+    least_rad: float
+    most_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class GimbalAngles(GimbalAnglesBase):
+    """Angles of a gimbal, rad: turned by yaw, then pitch, then roll."""
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class GimbalInfo:
+    """A gimbal.
+
+    Args:
+        number: The number by which requests name it, while the daemon runs.
+        name: For people.
+        abilities: What it can do.
+        is_connected: Whether it is heard now.
+        frame_id: Where it looks, as a frame below ``<ns>/base_link``: x along its view, y left, z up.
+        roll: Its limits from the horizon. None where it does not say, or says what cannot be.
+        pitch: As `roll`.
+        yaw: Its limits from the nose.
+        note: What is odd about it, for people: two reports that contradict each other, and what follows. Empty if
+            nothing is.
+
+    """
+
+    number: int
+    name: str
+    abilities: frozenset[GimbalAbility]
+    is_connected: bool = True
+    frame_id: str = ""
+    roll: AngleRange | None = None
+    pitch: AngleRange | None = None
+    yaw: AngleRange | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GimbalStatus:
+    """Where a gimbal looks, and what it does. What is not known is None.
+
+    Args:
+        stamp_s: When it looked so, as UTC since 1970.
+        angles: Roll and pitch from the horizon, yaw from the nose.
+        in_body: The same as an orientation in ``<ns>/base_link``: x along its view, y left, z up.
+        in_odom: The same in ``<ns>/odom``.
+        activity: What it was ordered last by this daemon; None also after another program has replaced that.
+        target: What it looks at, while its activity is POINT.
+        off_target_rad: How far it looks beside that, rad.
+        control: Which program on the link has the control of it.
+        controller: For people: which program has the control; empty where it is free, or not known.
+        problems: What is wrong, for people: its own failures, a limit that is reached, a target whose place is not
+            known.
+
+    """
+
+    stamp_s: float | None = None
+    angles: GimbalAngles | None = None
+    in_body: Quaternion | None = None
+    in_odom: Quaternion | None = None
+    activity: GimbalActivity | None = None
+    target: PointStamped | None = None
+    off_target_rad: float | None = None
+    control: GimbalControl | None = None
+    controller: str = ""
+    problems: tuple[str, ...] = ()

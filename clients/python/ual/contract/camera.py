@@ -1,4 +1,4 @@
-"""The values of ``camera.proto``. ``make proto`` writes this file: do not edit it."""
+"""The cameras that a UAV carries. As values, from ``camera.proto``. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 

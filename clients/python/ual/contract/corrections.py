@@ -1,4 +1,7 @@
-"""The values of ``corrections.proto``. ``make proto`` writes this file: do not edit it."""
+"""Corrections for the satellite receiver of the UAV (RTK): what a base station sends.
+
+As values, from ``corrections.proto``. ``make proto`` writes this file: do not edit it.
+"""
 
 from __future__ import annotations
 

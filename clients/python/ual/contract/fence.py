@@ -1,4 +1,7 @@
-"""The values of ``fence.proto``. ``make proto`` writes this file: do not edit it."""
+"""The fence and the rally points that the autopilot keeps and applies by itself, also while UAL is not there.
+
+As values, from ``fence.proto``. ``make proto`` writes this file: do not edit it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The values of ``parameters.proto``. ``make proto`` writes this file: do not edit it."""
+"""The parameters of the autopilot: its own numbers, by its own names. As values, from ``parameters.proto``.
+
+``make proto`` writes this file: do not edit it.
+"""
 
 from __future__ import annotations
 

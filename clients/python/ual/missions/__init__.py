@@ -21,10 +21,10 @@ from ual.missions.items import (
     TakeOff,
     Waypoint,
 )
+from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, MissionStage, StoredMission
 
 if TYPE_CHECKING:
     from ual.missions.files import Mission, parse, read
-    from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, MissionStage, StoredMission
 
 __all__ = [
     "CameraAction",
@@ -55,9 +55,7 @@ __all__ = [
 if not TYPE_CHECKING:  # a type checker would take any name for one of ours
 
     def __getattr__(name: str) -> object:
-        # Imported when used: a daemon reads no files of missions, and the values of the contract import the items.
+        # Imported when used: a daemon reads no files of missions.
         if name in ("Mission", "parse", "read"):
             return getattr(importlib.import_module("ual.missions.files"), name)
-        if name in __all__:
-            return getattr(importlib.import_module("ual.missions.plan"), name)
         raise AttributeError(f"module 'ual.missions' has no attribute {name!r}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ual.contract.gimbal import (
+from ual.gimbals import (
     AngleRange,
     GimbalAbility,
     GimbalActivity,

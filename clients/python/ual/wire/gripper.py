@@ -4,16 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ual.contract.gripper import (
-    Equipment,
-    GripperInfo,
-    GripperState,
-    RelayInfo,
-    ServoInfo,
-    WinchAction,
-    WinchInfo,
-    WinchStatus,
-)
+from ual.gripper import Equipment, GripperInfo, GripperState, RelayInfo, ServoInfo, WinchAction, WinchInfo, WinchStatus
 from ual.v1 import gripper_pb2 as pb
 from ual.wire.enums import member_of, number_of
 

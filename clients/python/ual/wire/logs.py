@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual.contract.logs import Log, LogChunk
+from ual.logs.values import Log, LogChunk
 from ual.v1 import logs_pb2 as pb
 from ual.wire import convert
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ual.contract.mission import LinkLossAction, MissionPlan, MissionProgress, MissionStage, StoredMission
+from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, MissionStage, StoredMission
 from ual.v1 import mission_pb2 as pb
 from ual.wire import convert, mission_items
 from ual.wire.enums import member_of, number_of
