@@ -20,6 +20,7 @@ _CLIMBED_M = 1.0
 _LANDED_S = 2.0
 _STARVED_S = 0.5
 _NAMES = ("station", "mission")
+_BROUGHT = "has brought another mission"
 _HIDING = ("loss", "delay", "corruption", "silence", "cut", "freeze", "kill_daemon", "reboot")
 _PREFIXES = ("PreArm: ", "Arm: ")
 _FIGURE = re.compile(r"\d+")
@@ -48,13 +49,20 @@ def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
         for call in record.called:
             if call.name != "mission" or not call.began_s + TOLD_S < order.time_s < call.ended_s:
                 continue
-            if call.ended_s > due_s:
+            if min(call.ended_s, _told_s(record, order.time_s)) > due_s:
                 text = f"the mission went on for {call.ended_s - order.time_s:.2f} s after another's {order.what}"
                 yield Breach("mission's owner", order.time_s, text)
             if not call.outcome:
                 yield Breach("mission's owner", call.ended_s, f"it counts as done after another station's {order.what}")
             elif call.outcome == "TASK_ABORTED" and not any(name in call.text + call.by for name in _NAMES):
                 yield Breach("mission's owner", call.ended_s, f"{call.text!r} does not name the other station")
+
+
+def _told_s(record: Record, since_s: float) -> float:
+    """When a state said that another station has brought its mission: a client may sleep in a pause meanwhile."""
+    return min(
+        (said.time_s for said in record.said if said.time_s > since_s and _BROUGHT in said.reason), default=math.inf
+    )
 
 
 def no_part_of_a_mission_flies(case: Case) -> Iterator[Breach]:

@@ -267,6 +267,10 @@ def test_the_mission_of_another_station_ends_ours() -> None:
     record.orders.append(Order(12.0, "upload"))
     record.missions += [Value(9.0, "mission", 3.0), Value(12.8, "mission", 2.0)]
     assert rules(record) == set()
+    record = mission("TASK_ABORTED", 13.5, named)  # its client slept in a pause (campaign, 11300048)
+    record.orders.append(Order(12.0, "upload"))
+    said(record, 12.4, 13.6, "in the air, mode BRAKE ...; the ground station has brought another mission")
+    assert "mission's owner" not in rules(record)
     record = mission("TASK_ABORTED", 12.5, "the vehicle was taken")
     record.called[1] = dataclasses.replace(record.called[1], by="safety pilot")
     record.orders.append(Order(12.0, "clear"))
