@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from ual_daemon.backends.firmwares.autopilot import Autopilot
-from ual_daemon.backends.firmwares.motor_outputs import MotorOutputs
+from ual_daemon.backends.firmwares.motor_outputs import MotorChannels, MotorOutputs
 from ual_daemon.backends.firmwares.numbers import Sensor, SystemStatus, sensor_names
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Cause, Control, ControlState, LandedState, Mode, Sample
@@ -39,6 +39,8 @@ _SWITCHES_FROM, _SWITCHES_TO, _MOVED_US, _NO_SIGNAL = 5, 16, 100, 65535
 """The first and the last channel that can be a switch, by how much a switch moves one, and the value of one that is not
 there."""
 _MOST_SIGNS = 8
+MOTORS_KNOWN_S = 2.0
+"""How long it counts which outputs are motors, once that was looked up."""
 TEXT_AHEAD_S = 1.0
 """A report of the outputs that comes so soon after a text of the switch may be from before."""
 
@@ -93,6 +95,8 @@ class CauseWatch:
         """What a text said last of the switch that stops the motors; None while none has."""
         self._motor_text_s = -math.inf
         self._motors = MotorOutputs()
+        self._motor_channels: MotorChannels | None = None
+        self._motors_known_until_s = -math.inf
         self._critical_s = -math.inf
         self._switches: tuple[int, ...] = ()
         self._switched_s = -math.inf
@@ -139,7 +143,10 @@ class CauseWatch:
 
     def on_outputs(self, pulses_us: Sequence[int], parameters: Mapping[str, float], now_s: float) -> None:
         """Takes the pulses that it puts out, in microseconds."""
-        self._motors.on_pulses(pulses_us, self._autopilot.motor_channels(parameters), now_s)
+        if now_s >= self._motors_known_until_s:  # it costs more than the rest
+            self._motors_known_until_s = now_s + MOTORS_KNOWN_S
+            self._motor_channels = self._autopilot.motor_channels(parameters)
+        self._motors.on_pulses(pulses_us, self._motor_channels, now_s)
 
     def on_intention(self, custom_mode: int, intended_custom_mode: int, now_s: float) -> None:
         """Takes the number of the mode, and of the one that the autopilot was asked for (0: it does not say)."""

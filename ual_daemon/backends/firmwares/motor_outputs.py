@@ -35,7 +35,8 @@ class MotorOutputs:
 
     def on_pulses(self, pulses_us: Sequence[int], motors: MotorChannels | None, now_s: float) -> None:
         """Takes the pulses of the outputs, the first one first. 0: nothing is put out. None: no motor is known."""
-        found_us = [] if motors is None else [pulses_us[each] for each in motors.channels if each < len(pulses_us)]
+        count = len(pulses_us)
+        found_us = [] if motors is None else [pulses_us[each] for each in motors.channels if each < count]
         if motors is None or not found_us or not min(found_us):
             return
         if now_s - self._heard_s > _FRESH_S:

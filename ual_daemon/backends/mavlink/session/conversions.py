@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
 from ual_daemon.backends.firmwares.batteries import FUNCTIONS
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -96,6 +98,5 @@ def channels(message: Message) -> list[int]:
     return [getattr(message, f"chan{number}_raw") for number in range(1, min(message.chancount, 18) + 1)]
 
 
-def pulses(message: Message) -> list[int]:
-    """Returns the pulses of a SERVO_OUTPUT_RAW, in microseconds."""
-    return [getattr(message, f"servo{number}_raw") for number in range(1, 17)]
+pulses = attrgetter(*(f"servo{number}_raw" for number in range(1, 17)))
+"""Returns the pulses of a SERVO_OUTPUT_RAW, in microseconds."""
