@@ -13,6 +13,8 @@ LINK_PERIOD_S = 1.0
 """How often the quality of the link is computed."""
 TEXTS_S = 40.0
 """ArduPilot repeats what fails before arming every 30 s."""
+READY_S = 1.5
+"""A text of a check counts for so long though it is told to be ready: its SYS_STATUS may be from before the check."""
 _MOST_TEXTS = 16
 _PREARM = "PreArm: "
 
@@ -70,8 +72,6 @@ class HealthReport:
         return self._health
 
     def _fresh_texts(self, now_s: float, *, is_ready: bool | None) -> tuple[str, ...]:
-        if is_ready or not self._texts:
-            self._texts.clear()
-            return ()
-        self._texts = {text: time_s for text, time_s in self._texts.items() if now_s - time_s <= TEXTS_S}
+        longest_s = READY_S if is_ready else TEXTS_S
+        self._texts = {text: time_s for text, time_s in self._texts.items() if now_s - time_s <= longest_s}
         return tuple(self._texts)
