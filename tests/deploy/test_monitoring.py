@@ -119,6 +119,18 @@ CAUSES: dict[str, tuple[dict[str, str], Sequence[str]]] = {
 """What each alert is for, and which others fire at the same time, after two minutes."""
 
 
+GONE = {
+    "a job of another name": {
+        'up{instance="10.1.2.3:9110", job="kubernetes-pods"}': "1x100 0x80",
+        'ual_up{instance="10.1.2.3:9110", job="kubernetes-pods", ns="uav_7"}': "1x100 _x80",
+    },
+    "one that never answered": {'up{instance="b", job="any", ual="daemon"}': "0x180"},
+}
+"""Daemons that are gone, as other Prometheus servers name them."""
+OTHERS = {'up{instance="c", job="node"}': "0x180"}
+"""A target that is no daemon."""
+
+
 def promtool(*words: str) -> None:
     done = subprocess.run(["promtool", *words], capture_output=True, text=True, timeout=LIMIT_S)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -145,6 +157,8 @@ def test_each_alert_fires_for_its_cause_and_none_while_all_is_well(tmp_path: Pat
     assert list(CAUSES) == alerts()
     tests = [case("all is well", {}, ())]
     tests += [case(name, series, (name, *others)) for name, (series, others) in CAUSES.items()]
+    tests += [case(name, series, ("UalDaemonGone",)) for name, series in GONE.items()]
+    tests += [case("what is no daemon", OTHERS, ())]
     path = tmp_path / "cases.yml"
     path.write_text(json.dumps({"rule_files": [str(RULES)], "evaluation_interval": "1s", "tests": tests}))
     promtool("test", "rules", str(path))
