@@ -50,7 +50,7 @@ def test_a_new_field_is_there_without_its_unit(contract: FileDescriptorSet) -> N
 class Parachute:
     """A part of `ual.interface` that is not there."""
 
-    def enable(self, is_on: bool) -> None:
+    def enable_parachute(self, is_on: bool) -> None:
         """Enables it."""
 
 
@@ -66,7 +66,7 @@ def test_a_new_service_needs_no_line(contract: FileDescriptorSet, monkeypatch: p
     service.method.add(name="EnableParachute", input_type=types[0], output_type=types[1])
     assert "bool is_on\n---\nbool success" in made(copy, "EnableParachute.srv")
     assert 'Service("enable_parachute", srv.EnableParachute, "EnableParachute")' in made(copy, "services.py")
-    assert "await uav.parachute.enable(is_on=request.is_on)" in made(copy, "calls.py")
+    assert "await uav.parachute.enable_parachute(is_on=request.is_on)" in made(copy, "calls.py")
     assert "  srv/EnableParachute.srv\n" in made(copy, "CMakeLists.txt")
 
 

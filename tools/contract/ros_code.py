@@ -12,7 +12,8 @@ from pathlib import Path
 from tools.contract.compiled import ROOT
 from tools.contract.formatting import formatted
 from tools.contract.ros_rules import Item
-from tools.contract.ros_shapes import Served, Shapes, Struct, snake
+from tools.contract.ros_shapes import Served, Shapes, Struct
+from tools.contract.words import snake
 
 PACKAGE = ROOT / "clients" / "ros2" / "ual_ros2"
 _FIELDS = (

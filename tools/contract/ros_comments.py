@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
-from google.protobuf.descriptor_pb2 import DescriptorProto, FileDescriptorProto, FileDescriptorSet
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+from tools.contract.comments import comments as comments_of
 
 WIDTH = 120
 COLUMN = 27
 """Where a comment begins beside a field."""
 BY_TOOL = "# `make proto` writes this file: do not edit."
-_MESSAGE, _ENUM, _SERVICE, _FIELD, _VALUE, _NESTED = 4, 5, 6, 2, 2, 2
 
 
 def comments(contract: FileDescriptorSet, names: Mapping[str, str]) -> dict[str, str]:
@@ -20,29 +21,16 @@ def comments(contract: FileDescriptorSet, names: Mapping[str, str]) -> dict[str,
 
     Names of methods and fields are those that ROS has instead.
     """
-    found = {name: text for file in contract.file for name, text in _of_file(file) if text}
+    found = {
+        f"{file.package}.{name}": " ".join(text.split())
+        for file in contract.file
+        for name, text in comments_of(file).items()
+        if text
+    }
     other = re.compile(rf"`?(?:\w+Service\.)?\b({'|'.join(sorted(names, key=len, reverse=True))})\b`?")
     return {
         name: other.sub(lambda each: f"`{names[each[1]]}`", text.removeprefix("TASK. ")) for name, text in found.items()
     }
-
-
-def _of_file(file: FileDescriptorProto) -> Iterator[tuple[str, str]]:
-    found = {tuple(each.path): " ".join(each.leading_comments.split()) for each in file.source_code_info.location}
-    for index, message in enumerate(file.message_type):
-        yield from _of_message(found, (_MESSAGE, index), f"{file.package}.{message.name}", message)
-    for index, service in enumerate(file.service):
-        for number, method in enumerate(service.method):
-            path = (_SERVICE, index, _FIELD, number)
-            yield f"{file.package}.{service.name}.{method.name}", found.get(path, "")
-
-
-def _of_message(
-    found: dict[tuple[int, ...], str], path: tuple[int, ...], name: str, message: DescriptorProto
-) -> Iterator[tuple[str, str]]:
-    yield name, found.get(path, "")
-    for number, field in enumerate(message.field):
-        yield f"{name}.{field.name}", found.get((*path, _FIELD, number), "")
 
 
 def beside(*parts: str) -> str:

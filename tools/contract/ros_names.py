@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tools.contract.ros_rules import Call, Flag, Flat, Item, Part
+from tools.contract.ros_rules import Called, Flag, Flat, Item, Part
 
 INSTEAD = {
     **dict.fromkeys(
@@ -118,23 +118,23 @@ EXTRA = {
         )
     ),
 }
-FIELDS: dict[str, Part | Call | Flat | Flag | None] = {
+FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
     # --- Names
-    "CameraStatus.recording_s": Call("recording_time"),
-    "CameraStorage.state": Call("storage"),
-    "CameraStorage.total_mib": Call("storage_total"),
-    "CameraStorage.available_mib": Call("storage_available"),
-    "SetCameraZoomRequest.percent": Call("zoom"),
-    "CameraTriggerItem.action": Call("camera_action"),
-    "HoldItem.seconds": Call("hold"),
-    "GpsInfo.fix": Call("gps_fix"),
-    "GetInfoResponse.namespace": Call("ns"),
-    "SetServoRequest.pwm_us": Call("pwm_us", "uint16"),
+    "CameraStatus.recording_s": Called("recording_time"),
+    "CameraStorage.state": Called("storage"),
+    "CameraStorage.total_mib": Called("storage_total"),
+    "CameraStorage.available_mib": Called("storage_available"),
+    "SetCameraZoomRequest.percent": Called("zoom"),
+    "CameraTriggerItem.action": Called("camera_action"),
+    "HoldItem.seconds": Called("hold"),
+    "GpsInfo.fix": Called("gps_fix"),
+    "GetInfoResponse.namespace": Called("ns"),
+    "SetServoRequest.pwm_us": Called("pwm_us", "uint16"),
     # --- Types
-    "TakeOffRequest.height_m": Call(type="float32"),
-    "ReturnToLaunchRequest.height_m": Call(type="float32"),
-    "PlaceOnGroundRequest.position": Call(type="geometry_msgs/Point"),
-    "ListFaultsResponse.faults": Call(type="Fault[]"),
+    "TakeOffRequest.height_m": Called(type="float32"),
+    "ReturnToLaunchRequest.height_m": Called(type="float32"),
+    "PlaceOnGroundRequest.position": Called(type="geometry_msgs/Point"),
+    "ListFaultsResponse.faults": Called(type="Fault[]"),
     "Geofence.corners": Part(
         (Item("geometry_msgs/Point[]", "corners", "[vector(each) for each in {corners}]"),),
         (("corners", "tuple(map(values.vector, {m}.corners))"),),
@@ -242,15 +242,6 @@ FIELDS: dict[str, Part | Call | Flat | Flag | None] = {
     ),
     "Parameter.value": Part.of("float64", "value", "float({value})", "value", "parameter_value({m})"),
     "SetParameterRequest.value": Part.of("float64", "value", "float({value})", "value", "{m}.value"),
-    "Log.log_id": Part.of("string", "log_id", "{id}", "id", "{m}.log_id"),
-    "Log.written": Part.of(
-        "builtin_interfaces/Time",
-        "written",
-        "stamp({time_s})",
-        "time_s",
-        "values.stamp_s({m}.written) or None",
-        "when it was written; zero where the autopilot does not say",
-    ),
     "Task.id": Part.of("string", "task_id", "{id}", "id", "{m}.task_id"),
     "Task.error": Part(
         (
@@ -424,17 +415,6 @@ ORDER = {
     ),
 }
 """The fields that come first; the others follow as the contract has them."""
-SERVICES = {
-    "CameraService": ("cameras", "Camera", "camera"),
-    "GimbalService": ("gimbals", "Gimbal", "gimbal"),
-    "LogService": ("logs", "Logs", ""),
-    "ParameterService": ("parameters", "Parameters", ""),
-    "UalService": ("", "Uav", ""),
-}
-"""The member of `ual.Uav` that has a service, its class, and the field of a request that numbers what is meant.
-
-Of all others the member and the class have the name of the service: `fence` and `Fence`.
-"""
 NO_FRAMES = ("RemoveFrame", "SetExternalPose")
 """Methods whose frames only the daemon has: tf is not asked for them."""
 MESSAGES = {"GetInfoResponse": "Info", "FencePoint": "GeoPoint", "Telemetry": "GeoPosition"}
@@ -456,8 +436,8 @@ TYPES = {
     ),
     **dict.fromkeys(("Grip", "Release"), "MoveGripper"),
 }
-MEMBERS = {"GetEquipment": "get_all", "ListVideoStreams": "streams", "PointGimbal": "point_at", "JumpToItem": "jump_to"}
-"""Members of `ual.Uav` with another name than that of the method without the noun of its service."""
+MEMBERS = {"GetRoute": "route", "ListFaults": "faults", "ListFrames": "frames", "ListParts": "parts"}
+"""Members of services whose options do not name them."""
 OWN = (
     "EnableFence",
     "GetCorrectionsStatus",

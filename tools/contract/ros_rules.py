@@ -14,7 +14,9 @@ from typing import TypeAlias
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 
 from tools.contract import ros_comments
+from tools.contract.options import Options
 from tools.contract.ros_values import Hint, hints_of, kind_of, members_of, zero_of
+from tools.contract.words import snake
 
 _UNITS = {
     "m": "m",
@@ -64,8 +66,6 @@ _GEOMETRY = {
     "AngleRange": ("float64[2]", "angle_range({x})", "read_angle_range({f})"),
 }
 """What ROS has of its own, and arrays."""
-
-
 _ALWAYS = {"Quaternion": "values.quaternion({f})", "PointStamped": "values.point_stamped({f})"}
 """How one that is never lacking is read."""
 _LACKING = {"Quaternion": "zeros", "AngleRange": "NaN", "PointStamped": "an empty frame_id"}
@@ -115,7 +115,7 @@ _FIX = Part(
 
 
 @dataclass(frozen=True)
-class Call:
+class Called:
     """Another name, or another type, than the rules give."""
 
     name: str = ""
@@ -134,7 +134,7 @@ class Flag:
     name: str
 
 
-Otherwise: TypeAlias = "Part | Call | Flat | Flag | None"
+Otherwise: TypeAlias = "Part | Called | Flat | Flag | None"
 
 
 class Rules:
@@ -143,9 +143,9 @@ class Rules:
     Args:
         comments: The comments of the contract.
         otherwise: Parts and names by ``Message.field``.
-        order: The order of a message's fields in ROS, where it is another one.
         asked: The messages that requests are made of: what is not set is 0 in them, else NaN.
         struct_of: Names the message of ROS that has the fields of one of the contract.
+        options: The options of the contract.
 
     """
 
@@ -155,11 +155,13 @@ class Rules:
         otherwise: dict[str, Otherwise],
         asked: frozenset[str],
         struct_of: Callable[[Descriptor], str],
+        options: Options,
     ) -> None:
         self._comments = comments
         self._otherwise = otherwise
         self._asked = asked
         self._struct_of = struct_of
+        self._options = options
         self.used: set[str] = set()
 
     def parts(
@@ -178,7 +180,7 @@ class Rules:
         """Returns what ROS has of a field."""
         key = f"{field.containing_type.name}.{field.name}"
         comment = self._comments.get(field.full_name, "")
-        found = self._otherwise.get(key, Call())
+        found = self._otherwise.get(key, Called())
         if key in self._otherwise:
             self.used.add(key)
         if found is None:
@@ -200,8 +202,14 @@ class Rules:
             return Part((other,), ((attribute, read),))
         return part
 
+    def _attribute(self, field: FieldDescriptor) -> str:
+        """Returns the name of a field in Python: times and durations end in their unit there."""
+        is_time = field.message_type is not None and field.message_type.name in ("Timestamp", "Duration")
+        named: str = self._options.read("Field", "field_facts", field.GetOptions()).name
+        return named or (f"{field.name}_s" if is_time else field.name)
+
     def _by_rule(self, field: FieldDescriptor, comment: str, hints: dict[str, Hint]) -> Part:
-        attribute = attribute_of(field)
+        attribute = self._attribute(field)
         hint = hints.get(attribute, Hint(field.has_presence and field.message_type is None, None, None))
         if field.message_type is not None:
             return self._of_message(field, attribute, hint, comment)
@@ -238,7 +246,7 @@ class Rules:
         return Part(inside, ((attribute, f"None if {lacks} else {made}"),))
 
     def _flagged(self, field: FieldDescriptor, flag: str, comment: str) -> Part:
-        attribute, name = attribute_of(field), named(field)
+        attribute, name = self._attribute(field), named(field)
         x, f, unit = f"{{{attribute}}}", f"{{m}}.{name}", _UNIT.search(field.name)
         kind = _TYPES[field.type]
         zero = "0.0" if kind == "float64" else "0"
@@ -289,7 +297,7 @@ class Rules:
         kind = kind_of(field.enum_type)
         names = members_of(kind)
         if field.enum_type.name in NUMBERED:
-            read = f"values.{_snake(field.enum_type.name)}({f})"
+            read = f"values.{snake(field.enum_type.name)}({f})"
             text = ros_comments.beside("one of the above", f"0 is taken as {names[0]}")
             return Part.of("uint8", name, f"{x}.value", attribute, read, text)
         listed = ros_comments.listed(names)
@@ -343,7 +351,7 @@ class Rules:
             text = ros_comments.beside(_UNITS[unit[1]] if unit else "", text)
             return Part.of(type_, name, _in(told, x, f), attribute, _in(read, x, f), text)
         struct = self._struct_of(field.message_type)
-        told, read = f"{_snake(struct)}_fields", f"read_{_snake(struct)}"
+        told, read = f"{snake(struct)}_fields", f"read_{snake(struct)}"
         if field.is_repeated:
             items = f"[{told}(each) for each in {x}]"
             if field.containing_type.name in self._asked:
@@ -358,19 +366,9 @@ class Rules:
         return Part.of(struct, name, f"{told}({x})", attribute, f"{read}({f})", text)
 
 
-def attribute_of(field: FieldDescriptor) -> str:
-    """Returns the name of a field in Python: times and durations end in their unit there."""
-    is_time = field.message_type is not None and field.message_type.name in ("Timestamp", "Duration")
-    return f"{field.name}_s" if is_time else field.name
-
-
 def named(field: FieldDescriptor) -> str:
     """Returns the name of a field in ROS: without its unit."""
     return _UNIT.sub("", field.name) or field.name
-
-
-def _snake(name: str) -> str:
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
 def _commented(item: Item, comment: str) -> Item:

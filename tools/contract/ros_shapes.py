@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from google.protobuf.descriptor import Descriptor, FieldDescriptor, MethodDescriptor, ServiceDescriptor
+from google.protobuf.descriptor import Descriptor, FieldDescriptor, MethodDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
 
 from tools.contract import ros_comments, ros_names
+from tools.contract.options import Options
 from tools.contract.ros_rules import NUMBERED, Flat, Item, Part, Rules, named
 from tools.contract.ros_values import Hint, arguments_of, hints_of, kind_of, members_of
+from tools.contract.words import snake
 
 _IN_A_FRAME = tuple(f"geometry_msgs/{name}Stamped" for name in ("Point", "Pose", "Transform", "Twist"))
 
@@ -90,15 +91,11 @@ class Served:
         return self.service == "SimulationService"
 
 
-def snake(name: str) -> str:
-    """Returns a name with underscores."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
-
-
 class Shapes:
     """All of them."""
 
     def __init__(self, contract: FileDescriptorSet) -> None:
+        self._options = Options(contract)
         pool = DescriptorPool()
         for file in contract.file:
             pool.AddSerializedFile(file.SerializeToString())  # type: ignore[no-untyped-call]
@@ -110,7 +107,7 @@ class Shapes:
         self._comments = {**ros_comments.comments(contract, self._names()), **ros_names.HEADS}
         self._asked = frozenset(self._reached("Request"))
         self._told = frozenset(self._reached("Response"))
-        self.rules = Rules(self._comments, ros_names.FIELDS, self._asked, self._struct_name)
+        self.rules = Rules(self._comments, ros_names.FIELDS, self._asked, self._struct_name, self._options)
 
     @cached_property
     def messages(self) -> dict[str, Descriptor]:
@@ -270,17 +267,19 @@ class Shapes:
 
     def _member(self, method: MethodDescriptor) -> tuple[str, dict[str, Hint]]:
         """Returns the member of `ual.Uav` that makes a call, and its arguments."""
-        service = method.containing_service
         if method.name in ros_names.NO_MEMBER:
             return "", {}
-        noun = service.name.removesuffix("Service")
-        part, interface, number = ros_names.SERVICES.get(service.name, (snake(noun), noun, ""))
-        member = ros_names.MEMBERS.get(method.name, _member_name(method.name, service))
+        service = method.containing_service
+        of_service = self._options.read("Service", "service_facts", service.GetOptions())
+        member = self._options.read("Method", "facts", method.GetOptions()).member
+        member = member or ros_names.MEMBERS.get(method.name, snake(method.name))
+        if service.name == "UalService":
+            return f"uav.{member}", arguments_of("Uav", member)
+        interface, number = of_service.part or service.name.removesuffix("Service"), snake(of_service.each)
+        part = f"uav.{snake(interface)}"
         if number and any(each.name == number for each in method.input_type.fields):
-            return f"uav.{part}[request.{number}].{member}", arguments_of(interface, member)
-        if number:
-            interface = f"{interface}s"
-        return f"uav.{part}.{member}".replace("..", "."), arguments_of(interface, member)
+            return f"{part}[request.{number}].{member}", arguments_of(of_service.each, member)
+        return f"{part}.{member}", arguments_of(interface, member)
 
     @staticmethod
     def _answer_kind(method: MethodDescriptor) -> str:
@@ -337,12 +336,3 @@ def _constants(message: Descriptor) -> tuple[str, ...]:
     return tuple(
         f"uint8 {name} = {number}" for enum in enums for number, name in enumerate(members_of(kind_of(enum)), 1)
     )
-
-
-def _member_name(method: str, service: ServiceDescriptor) -> str:
-    """Returns the member that the rules give: the method without the noun of its service."""
-    noun = service.name.removesuffix("Service").lower()
-    words = [word for word in snake(method).split("_") if word not in (noun, f"{noun}s")]
-    if words[0] in ("get", "list") and len(words) > 1:
-        return "_".join(words[1:])
-    return "_".join(["get_all"] if words == ["list"] else words)
