@@ -55,7 +55,7 @@ def test_each_method_must_have_a_member_and_each_member_a_behaviour(contract: Fi
     found = parts(contract)
     [gripper] = [each for each in found if each.name == "Gripper"]
     unserved = replace(gripper, members=[replace(gripper.members[0], name="juggle")])
-    with pytest.raises(SystemExit, match=r"shipped\.gripper\.VehicleGripper has no juggle"):
+    with pytest.raises(SystemExit, match=r"services\.gripper\.VehicleGripper has no juggle"):
         faces([unserved])
 
 

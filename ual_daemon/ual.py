@@ -54,10 +54,10 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.choice import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
-from ual_daemon.extensions.shipped._derived import PartMembers, Parts
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
+from ual_daemon.services._derived import PartMembers, Parts
 from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, VehicleSettings
 from ual_daemon.vehicle.external_poses import CONTINUES_S
 

@@ -10,7 +10,7 @@ from tools.contract.compiled import ROOT
 from tools.contract.parts import Member, Part
 from tools.contract.python_source import classes, functions
 
-ROOM = ROOT / "ual_daemon" / "extensions" / "shipped"
+ROOM = ROOT / "ual_daemon" / "services"
 
 
 @dataclass(frozen=True)

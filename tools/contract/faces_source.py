@@ -1,4 +1,4 @@
-"""Writes ``ual_daemon/extensions/shipped/_derived.py``: the services of a UAV in the process."""
+"""Writes ``ual_daemon/services/_derived.py``: the services of a UAV in the process."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def source(parts: Sequence[Part]) -> str:
         + imports(INTERFACE, used - {"Callable", "Iterator", "Protocol"})
         + "".join(f"from {each.module} import {name}\n" for each in done.values() for name in each.named(used))
         + vehicles
-        + f"from ual_daemon.extensions.shipped.answers import {', '.join(helpers)}\n"
+        + f"from ual_daemon.services.answers import {', '.join(helpers)}\n"
         + body
     )
 

@@ -1,4 +1,4 @@
-"""Writes the servicers of ``ual_daemon/server/shipped``: unpack, call, pack."""
+"""Writes the servicers of ``ual_daemon/server/services``: unpack, call, pack."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tools.contract.python_source import classes, imports, names_in
 from tools.contract.values import Values
 from tools.contract.words import snake
 
-ROOM = ROOT / "ual_daemon" / "server" / "shipped"
+ROOM = ROOT / "ual_daemon" / "server" / "services"
 BY_HAND = ROOM / "by_hand.py"
 """The methods that are more than unpack, call and pack: ``XServiceBase`` is a base of the servicer of ``XService``."""
 
@@ -56,8 +56,8 @@ def _head(owner: Part, does: Behaviour, body: str, base: str) -> str:
         + "from ual_daemon.extensions.base import lease_of\n" * ("lease_of" in used)
         + f"from {does.module} import {', '.join(does.named({does.name, does.vehicle}))}\n"
         + imports(does.path, {does.vehicle})
-        + (f"from ual_daemon.server.shipped.by_hand import {base}\n" if base else "")
-        + (f"from ual_daemon.server.shipped.waiting import {', '.join(helpers)}\n" if helpers else "")
+        + (f"from ual_daemon.server.services.by_hand import {base}\n" if base else "")
+        + (f"from ual_daemon.server.services.waiting import {', '.join(helpers)}\n" if helpers else "")
     )
 
 
@@ -103,7 +103,7 @@ def table_source(parts: Sequence[Part]) -> str:
     rows, lines = "", ""
     for each in owners:
         grpc, servicer = f"{each.file}_pb2_grpc", f"{each.service.removesuffix('Service')}Servicer"
-        lines += f"from ual_daemon.server.shipped.{each.file} import {servicer}\n"
+        lines += f"from ual_daemon.server.services.{each.file} import {servicer}\n"
         rows += f'    ("ual.v1.{each.service}", {grpc}.add_{each.service}Servicer_to_server, {servicer}),\n'
     modules = ", ".join(f"{each.file}_pb2_grpc" for each in owners)
     return (

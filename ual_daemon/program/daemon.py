@@ -19,11 +19,11 @@ from ual_daemon.program.checks import DaemonChecks
 from ual_daemon.program.namespace import Namespace
 from ual_daemon.program.supervision import Supervision, Unsupervised
 from ual_daemon.program.upkeep import Upkeep
-from ual_daemon.server import shipped
 from ual_daemon.server.addresses import Address, ListenError
 from ual_daemon.server.call_log import Observer
 from ual_daemon.server.motion_gate import MotionGate
 from ual_daemon.server.server import Server
+from ual_daemon.server.services import services
 from ual_daemon.server.telemetry_stream import LoopCalls
 from ual_daemon.server.transport import selection
 from ual_daemon.server.transport.base import MakeCredentials, Transport
@@ -246,7 +246,7 @@ class _Served:
             loop_calls,
             observers,
             callers.access,
-            [*shipped.services(self._vehicle), *self._interface.extensions.services],
+            [*services(self._vehicle), *self._interface.extensions.services],
             time_of,
             tracing.of_environment(),
             motion_gate,

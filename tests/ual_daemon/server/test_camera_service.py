@@ -8,7 +8,7 @@ from typing import Any
 
 from ual.cameras import Photo
 from ual.v1 import camera_pb2 as pb
-from ual_daemon.server.shipped.camera import CameraServicer
+from ual_daemon.server.services.camera import CameraServicer
 
 
 class Cameras:

@@ -1,4 +1,4 @@
-"""What a backend offers for its cameras; see `ual_daemon.extensions.shipped.cameras`."""
+"""What a backend offers for its cameras; see `ual_daemon.services.cameras`."""
 
 from __future__ import annotations
 

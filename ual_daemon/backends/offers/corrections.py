@@ -1,4 +1,4 @@
-"""What a backend offers for corrections of satellites (RTK); see `ual_daemon.extensions.shipped.corrections`."""
+"""What a backend offers for corrections of satellites (RTK); see `ual_daemon.services.corrections`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a backend offers for the autopilot's fence and rally points; see `ual_daemon.extensions.shipped.fence`."""
+"""What a backend offers for the autopilot's fence and rally points; see `ual_daemon.services.fence`."""
 
 from __future__ import annotations
 

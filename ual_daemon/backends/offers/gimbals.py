@@ -1,4 +1,4 @@
-"""What a backend offers for its gimbals; see `ual_daemon.extensions.shipped.gimbals`."""
+"""What a backend offers for its gimbals; see `ual_daemon.services.gimbals`."""
 
 from __future__ import annotations
 

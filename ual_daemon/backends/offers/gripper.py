@@ -1,4 +1,4 @@
-"""What a backend offers for grippers, winches, servos and relays; see `ual_daemon.extensions.shipped.gripper`."""
+"""What a backend offers for grippers, winches, servos and relays; see `ual_daemon.services.gripper`."""
 
 from __future__ import annotations
 

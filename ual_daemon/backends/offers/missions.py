@@ -1,6 +1,6 @@
 """What a backend offers for missions that the autopilot flies by itself.
 
-See `ual_daemon.extensions.shipped.missions`.
+See `ual_daemon.services.missions`.
 """
 
 from __future__ import annotations

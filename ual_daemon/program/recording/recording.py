@@ -19,11 +19,11 @@ from ual.recording.telemetry import TelemetryTopics
 from ual.types import Info, Telemetry
 from ual_daemon import logs
 from ual_daemon.backends.values import Packet, Setpoint
-from ual_daemon.extensions.shipped._derived import Cameras, Gimbals, Gripper
 from ual_daemon.program.recording.calls import CallTopic
 from ual_daemon.program.recording.packets import PacketTopics
 from ual_daemon.program.recording.setpoints import SetpointTopic
 from ual_daemon.server.call_log import CallRecord, Observer
+from ual_daemon.services._derived import Cameras, Gimbals, Gripper
 
 if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle

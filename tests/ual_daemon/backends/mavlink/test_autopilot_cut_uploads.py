@@ -21,8 +21,8 @@ from ual.errors import RejectedByAutopilotError, UalError, WrongStateError
 from ual.fences import FencePlan, FenceZone, RallyPoint
 from ual.missions import Item, TakeOff
 from ual.types import State
-from ual_daemon.extensions.shipped.fence import VehicleFence
-from ual_daemon.extensions.shipped.mission import VehicleMission
+from ual_daemon.services.fence import VehicleFence
+from ual_daemon.services.mission import VehicleMission
 
 SILENT = Faults(is_silent=True)
 COUNT = 40

@@ -19,7 +19,7 @@ from tests.waiting import until
 from ual.errors import UalError
 from ual.types import State, Telemetry
 from ual_daemon.backends.values import Cause
-from ual_daemon.extensions.shipped.mission import VehicleMission
+from ual_daemon.services.mission import VehicleMission
 
 _COMMANDS_COUNT = 5
 _SEEDS_COUNT = int(os.environ.get("UAL_TEST_MISSION_EXAMPLES", "3"))

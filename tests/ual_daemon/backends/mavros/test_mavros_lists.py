@@ -25,7 +25,7 @@ from ual.types import AltitudeReference, State
 from ual_daemon import UAL
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 from ual_daemon.backends.mavros.missions import item_of, waypoint_of
-from ual_daemon.extensions.shipped.mission import VehicleMission
+from ual_daemon.services.mission import VehicleMission
 
 
 @pytest.fixture(params=[("px4", 1), ("px4", 2), ("ardupilot", 1)], ids=lambda each: f"{each[0]}-{each[1]}")

@@ -26,7 +26,7 @@ from ual_daemon.backends.mavlink.protocols.corrections_injection import (
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.corrections import MOST_WAITING_BYTES
-from ual_daemon.extensions.shipped.rtcm import RtcmFramer
+from ual_daemon.services.rtcm import RtcmFramer
 
 
 class Bench:
