@@ -12,12 +12,13 @@ from typing import Any
 
 import pytest
 
+from tests.conftest import LIMIT_S
 from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.lockstep_mavros import LockstepMavros
 from tests.simulators.mission_store import FENCE, MISSION, RALLY
 from tests.ual_daemon.backends.mavros.test_mavros_faults import make
 from tests.waiting import until
-from ual.errors import NotSupportedError, RejectedByAutopilotError, UalTimeoutError, WrongStateError
+from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError, WrongStateError
 from ual.fences.values import FencePlan, FenceZone, RallyPoint
 from ual.geometry import Vector3
 from ual.missions import HoldTime, Item, ReturnToLaunch, Speed, TakeOff, Waypoint
@@ -25,6 +26,8 @@ from ual.types import AltitudeReference, State
 from ual_daemon import UAL
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 from ual_daemon.backends.mavros.missions import item_of, waypoint_of
+from ual_daemon.backends.offers.missions import AutopilotMissions
+from ual_daemon.backends.offers.parameters import UndecidedError
 from ual_daemon.services.mission import VehicleMission
 
 
@@ -125,6 +128,23 @@ def test_a_mission_of_sixty_items_is_read_back_as_it_was_sent(uav: UAL, backend:
     ]
     uav.mission.clear()
     assert uav.mission.download().items == ()
+
+
+def test_no_item_is_chosen_while_it_is_not_known_who_has_taken_the_uav(uav: UAL, backend: LockstepMavros) -> None:
+    items = mission(backend, 3)
+    uav.mission.upload(items)
+    offer = backend.offer(AutopilotMissions)  # type: ignore[type-abstract]  # it is only looked for
+    assert offer is not None
+    asked = list[int]()
+
+    def refusal() -> UalError | None:
+        asked.append(backend.autopilot.mission.seq)
+        return UndecidedError("the mode has changed") if len(asked) <= 3 else None
+
+    before = backend.autopilot.mission.seq
+    offer.set_current(items, 4, refusal, anew=False).result(LIMIT_S)
+    assert asked[:4] == [before] * 4
+    assert backend.autopilot.mission.seq != before
 
 
 def test_what_the_autopilot_refuses_is_an_error(uav: UAL, backend: LockstepMavros) -> None:
