@@ -141,8 +141,20 @@ class CauseWatch:
         if are_stopped is not None:
             self._are_motors_stopped, self._motor_text_s = are_stopped, now_s
 
-    def on_outputs(self, pulses_us: Sequence[int], parameters: Mapping[str, float], now_s: float) -> None:
-        """Takes the pulses that it puts out, in microseconds."""
+    def on_outputs(
+        self,
+        pulses_us: Sequence[int],
+        parameters: Mapping[str, float],
+        armed: Sample[bool] | None,
+        landed: Sample[LandedState] | None,
+        now_s: float,
+    ) -> None:
+        """Takes the pulses that it puts out, in microseconds. They count where it is armed and in the air by now: those
+        from before a pause of this computer may be from the ground.
+        """
+        if armed is None or not armed.value or not _is_in_air(landed):
+            self._motors.forget()
+            return
         if now_s >= self._motors_known_until_s:  # it costs more than the rest
             self._motors_known_until_s = now_s + MOTORS_KNOWN_S
             self._motor_channels = self._autopilot.motor_channels(parameters)

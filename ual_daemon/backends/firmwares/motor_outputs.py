@@ -45,6 +45,10 @@ class MotorOutputs:
         do_rest = max(found_us) <= motors.least_us + REST_US
         self._rests_since_s = min(self._rests_since_s, now_s) if do_rest else math.inf
 
+    def forget(self) -> None:
+        """Forgets what was told: from now on it says nothing."""
+        self._rests_since_s, self._heard_s = math.inf, -math.inf
+
     def stand(self, now_s: float) -> bool | None:
         """Returns whether all motors stand; None where that is not known now."""
         if now_s - self._heard_s > _FRESH_S:

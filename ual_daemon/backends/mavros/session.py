@@ -162,7 +162,8 @@ class Session:
         elif topic == topics.RC_OUT:
             if self.autopilot.tells_motors:
                 pulses_us = [int(each) for each in numbers(message["channels"])]
-                self._causes.on_outputs(pulses_us, self.telemetry.parameters, now_s)
+                armed, landed = self.telemetry.armed.sample, self.telemetry.landed.sample
+                self._causes.on_outputs(pulses_us, self.telemetry.parameters, armed, landed, now_s)
         elif topic == topics.STATUS_TEXT:
             self._on_text(str(message["text"]), int(number(message["severity"])), now_s)
         elif topic == topics.STATUS_EVENT:

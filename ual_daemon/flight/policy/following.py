@@ -219,9 +219,9 @@ class Following:
     def _begin_anew(self) -> None:
         """Forgets the motion from before a gap."""
         self._recent.clear()
-        self._fall, self._hold, self._stopped, self._off = None, None, None, (-math.inf, math.inf)
-        self._still_s = None
-        self._tilted_s = self._astray_s = self._slow_s = math.inf
+        self._forget_place()
+        self._fall = self._stopped = self._still_s = None
+        self._tilted_s = self._slow_s = math.inf
         self._looked_s = self._placed_s = -math.inf
 
     # --- Updates ------------------------------------------------------------------------------------------------------
@@ -359,6 +359,7 @@ class Following:
         elif now_s - self._tilted_s >= _TILTS_S:
             return Trouble.TILT, math.degrees(math.acos(max(-1.0, level)))
         if current is None or state is not State.FLYING_AUTO:
+            self._forget_place()
             return None
         moves = self._speed_squared > _MOVES_M_S * _MOVES_M_S
         if not moves:
@@ -367,7 +368,14 @@ class Following:
                 return None
         self._placed_s = now_s
         reference = current()
-        return None if reference is None else self._astray(snapshot, reference)
+        if reference is None:
+            self._forget_place()
+            return None
+        return self._astray(snapshot, reference)
+
+    def _forget_place(self) -> None:
+        """Forgets how far it is from what is asked: nothing is, or others fly."""
+        self._hold, self._off, self._astray_s = None, (-math.inf, math.inf), math.inf
 
     def _is_stopped_in_air(self, state: State, now_s: float, z_m: float) -> bool:
         """Whether motors that are stopped are so in the air: at a touch-down the pilot may stop them before the

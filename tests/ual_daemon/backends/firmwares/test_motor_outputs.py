@@ -21,13 +21,14 @@ class Watch:
 
     def __init__(self, parameters: dict[str, float] = QUAD, landed: LandedState = LandedState.IN_AIR) -> None:
         self.causes = CauseWatch(ArduCopter(), SetpointMonitor(), names_intended_mode=False)
-        self.parameters, self.landed = parameters, landed
+        self.parameters, self.landed, self.is_armed = parameters, landed, True
         self.now_s = 0.0
 
     def hear(self, pulses: list[int], count: int = 2) -> Cause | None:
         for _ in range(count):
             self.now_s += 0.25
-            self.causes.on_outputs(pulses, self.parameters, self.now_s)
+            armed, landed = Sample(self.is_armed, self.now_s), Sample(self.landed, self.now_s)
+            self.causes.on_outputs(pulses, self.parameters, armed, landed, self.now_s)
         return self.failsafe
 
     @property
@@ -69,6 +70,18 @@ def test_only_the_motors_count_and_where_they_stand(
     parameters: dict[str, float], pulses: list[int], expected: Cause | None
 ) -> None:
     assert Watch(parameters).hear(pulses, 3) is expected
+
+
+@pytest.mark.parametrize(("is_armed", "landed"), [(False, LandedState.IN_AIR), (True, LandedState.ON_GROUND)])
+def test_reports_from_before_the_take_off_say_nothing_of_it(*, is_armed: bool, landed: LandedState) -> None:
+    """After a pause of this computer it was armed and in the air, and the newest reports were from the ground."""
+    watch = Watch(landed=landed)
+    watch.is_armed = is_armed
+    watch.hear(STAND, 5)
+    watch.is_armed, watch.landed = True, LandedState.TAKING_OFF
+    watch.now_s += 0.3
+    assert watch.failsafe is None
+    assert watch.hear(STAND, 1) is None
 
 
 def test_a_text_that_was_lost_is_told_by_the_outputs_that_come_after_it() -> None:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 import pytest
 
 from tests.snapshots import changed
 from tests.ual_daemon.flight.hand_made import Autopilot
+from ual.geometry import Twist, Vector3
 from ual.types import State
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.values import Control, Estimator, LandedState, Mode, Sample
 from ual_daemon.flight.policy.following import Following, Trouble
 from ual_daemon.flight.state import estimate
+from ual_daemon.tracker.drift import DriftCorrection
+from ual_daemon.tracker.references import Reference, Velocity
 
 LOOK_S, G_M_S2 = 0.1, 9.81
 
@@ -26,6 +30,7 @@ class Watched:
         self.backend = LightBackend(BackendOptions("uav_1", settings={"speed_factor": 0}))
         self.following = Following(cast("Backend", self.backend))
         self.boots_count, self.keeps_height, self.is_placed = 1, False, True
+        self.reference: Reference | None = None
 
     def look(self) -> None:
         snapshot = self.autopilot.snapshot()
@@ -39,7 +44,7 @@ class Watched:
             boots_count=self.boots_count,
             estimator=Sample(Estimator(self.is_placed, ""), now_s),
         )
-        self.following.observe(snapshot, estimate(snapshot, self.backend.freshness), None)
+        self.following.observe(snapshot, estimate(snapshot, self.backend.freshness), lambda: self.reference)
 
     def fly(self, duration_s: float, gains_m_s2: float = 0.0) -> float | None:
         """Returns how far it had descended when a trouble was found first; None while none is."""
@@ -141,6 +146,21 @@ def test_where_the_place_was_lost_it_may_be_elsewhere() -> None:
     watched.autopilot.time_s += 1.0
     watched.look()
     assert watched.following.why == ""
+
+
+def test_a_velocity_after_a_pilots_flight_is_compared_anew() -> None:
+    """How far the one before was off counted on, and the next one ended after 0.3 s (campaign, ArduCopter 13400029)."""
+    watched = Watched()
+    asked = Velocity(Twist(Vector3(5.0, 0.0, 0.0)), DriftCorrection(), in_body=False, expires_s=math.inf)
+    watched.fly(2.0)
+    watched.reference = asked
+    assert watched.fly(0.5) is None
+    watched.reference, watched.autopilot.control, watched.autopilot.mode = None, Control.OTHER, "LOITER"
+    watched.keeps_height = True
+    watched.fly(4.0)
+    watched.reference, watched.autopilot.control, watched.autopilot.mode = asked, Control.REFERENCES, "GUIDED"
+    assert watched.fly(2.0) is None
+    assert watched.fly(3.0) is not None  # this one is never flown
 
 
 def test_a_boot_ends_what_was_told_of_a_fall() -> None:

@@ -578,7 +578,8 @@ class Session:
 
     def _on_outputs(self, message: Message, now_s: float, _: float) -> None:
         if message.port == 0:  # another one has the outputs from 17 on
-            self._causes.on_outputs(pulses(message), self.telemetry.parameters, now_s)
+            armed, landed = self.telemetry.armed.sample, self.telemetry.landed.sample
+            self._causes.on_outputs(pulses(message), self.telemetry.parameters, armed, landed, now_s)
 
     def _for_us(self, handler: Handler) -> Callable[[Message, float, float], None]:
         """Returns what gives a protocol the messages that are not meant for another station."""
