@@ -53,6 +53,10 @@ _MOVING = frozenset({"take_off", "rtl", "go_to", "go_to_geo", "go_above_home", "
 _LIFTING = (_MOVING | ENTERS) - {"land", "arm"}
 _STRANGERS = ("pilot", "station", "second_sender", "rc_loss", "battery")
 """Faults in which somebody or something else flies it."""
+_BEFALLING = (*_BLINDING, "stop", "motor_off", "motor_weak", "disarmed", "held", "wind", "second_sender")
+"""Faults by which it may not follow, or may not know that it does."""
+_BEFALLEN_S = 10.0
+_NOW = "the UAV does not follow"
 _SAYS_SO = ("not follow", "in the air, and the")
 """The words of UAL: "the UAV does not follow: ...", "the motors were disarmed in the air, and the UAV falls ..."."""
 
@@ -83,6 +87,23 @@ def follows(case: Case) -> Iterator[Breach]:
             if call.name in _MOVING | {"arm"} and due_s < call.began_s < released_s and begins(call):
                 text = f"{call.name} was accepted although it did not follow: {stray.what} since {stray.began_s:.2f}"
                 yield Breach("follows", call.began_s, text)
+
+
+def nothing_is_cried_wolf(case: Case) -> Iterator[Breach]:
+    """That it does not follow is told only where something has befallen the vehicle, or it does not by the truth."""
+    record, was_told = case.record, True  # what is told at the begin is of the flight before
+    found = strays(case)
+    for said in record.said:
+        is_told = _NOW in said.reason
+        if is_told and not was_told and not _is_so(record, found, said.time_s):
+            yield Breach("follows", said.time_s, f"{said.reason[:100]!r} is told, and nothing befell it")
+        was_told = is_told
+
+
+def _is_so(record: Record, found: Sequence[Stray], time_s: float) -> bool:
+    if is_befallen(record, _BEFALLING, time_s - _BEFALLEN_S, time_s):
+        return True
+    return any(stray.began_s - BESIDE_S <= time_s <= stray.ended_s + _BEFALLEN_S for stray in found)
 
 
 def _has_no_witness(record: Record, stray: Stray) -> bool:

@@ -41,7 +41,7 @@ from tests.campaign.evidence import (
     place_text,
     until_s,
 )
-from tests.campaign.follows import LOW_M, follows, height_m, nothing_flies_unasked
+from tests.campaign.follows import LOW_M, follows, height_m, nothing_flies_unasked, nothing_is_cried_wolf
 from tests.campaign.modes import Modes
 from tests.campaign.motion import a_task_makes_way, a_velocity_leads_straight
 from tests.campaign.places import distance_m
@@ -359,6 +359,7 @@ RULES: tuple[Callable[[Case], Iterator[Breach]], ...] = (
     a_velocity_leads_straight,
     words_are_true,
     follows,
+    nothing_is_cried_wolf,
     nothing_flies_unasked,
     a_mission_has_its_owner,
     no_part_of_a_mission_flies,
