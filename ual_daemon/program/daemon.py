@@ -16,6 +16,7 @@ from ual_daemon.backends.base import SafetyPilot
 from ual_daemon.program import ending, heap
 from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.program.checks import DaemonChecks
+from ual_daemon.program.clock_watch import ClockWatch
 from ual_daemon.program.namespace import Namespace
 from ual_daemon.program.supervision import Supervision, Unsupervised
 from ual_daemon.program.upkeep import Upkeep
@@ -176,7 +177,7 @@ class Daemon:
         trimming = asyncio.create_task(heap.keep_trimmed())
         trimming.add_done_callback(_log_failure)
         kept = [file.keep for uav in self._uavs for file in uav.vehicle.kept_files]
-        upkeep = Upkeep([*(uav.namespace.keep for uav in self._uavs), *kept])
+        upkeep = Upkeep([ClockWatch().look, *(uav.namespace.keep for uav in self._uavs), *kept])
         upkeep.start()
         try:
             for each in served:

@@ -23,7 +23,7 @@ import grpc
 from google.protobuf.message import DecodeError, Message
 from typing_extensions import override
 
-from ual.errors import TaskAbortedError, UalError
+from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
 from ual.wire import rpc_errors
 from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
@@ -184,7 +184,7 @@ class Answer:
         try:
             request = self._method.decode(message)
         except DecodeError as error:
-            raise StatusError(grpc.StatusCode.INTERNAL, f"{self.call.method}: no such message: {error}") from None
+            raise InvalidArgumentError(f"{self.call.method}: no such message: {error}") from None
         if self._method.times:
             require_times(request, self._method.times)
         return request

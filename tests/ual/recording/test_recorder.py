@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from functools import partial
 from pathlib import Path
 
@@ -68,6 +69,37 @@ def test_files_turn_over_by_size_and_by_age(tmp_path: Path, monkeypatch: pytest.
         assert len(files) >= 4
         assert sorted(number for file in files for number in numbers(file)) == [0, 1, 2, 3]
         assert all(list(Recording(file).messages()) is not None for file in files)
+
+
+def test_after_the_clock_was_set_it_goes_on_in_a_file_of_that_date(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A field computer begins in 1970, until it has heard the time."""
+    monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
+    monkeypatch.setattr(recorder_module, "_offset_ns", lambda: -time.monotonic_ns())
+    recorder = Recorder(tmp_path, "uav_1")
+    began = threading.Event()
+    recorder.at_each_file(began.set)
+    assert "_1970" in recorder.path.name
+    recorder.start()
+    put(recorder, 1)
+    now_ns = time.time_ns()
+    monkeypatch.setattr(recorder_module, "_offset_ns", lambda: now_ns)
+    assert began.wait(LIMIT_S)
+    put(recorder, 2)
+    recorder.close()
+    before, after = sorted(tmp_path.iterdir())
+    assert "_1970" in before.name
+    assert f"_{time.gmtime(now_ns / 1e9).tm_year}" in after.name
+    told = {name: list(Recording(name).messages()) for name in (before, after)}
+    assert [json.loads(each.data)["what"] for each in told[after] if each.topic == "/untold"] == ["the file before"]
+
+
+def test_only_its_user_reads_a_recording(tmp_path: Path) -> None:
+    """As with the audit: it says who was where."""
+    recorder = Recorder(tmp_path, "uav_1")
+    assert recorder.path.stat().st_mode & 0o777 == 0o600
+    recorder.close()
 
 
 class FailingDisk(File):

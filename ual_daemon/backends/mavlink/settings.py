@@ -18,6 +18,15 @@ MavlinkId = Annotated[int, Meta(ge=1, le=254)]
 ComponentId = Annotated[int, Meta(ge=0, le=255)]
 
 
+PictureHost = Annotated[
+    str,
+    Meta(
+        pattern=r"^([0-9A-Za-z._-]+|\[[0-9A-Fa-f:.]+\]|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*)(:[0-9]{1,5})?(/[^?#\s]*)?$"
+    ),
+]
+"""``HOST``, ``HOST:PORT``, ``HOST:PORT/PATH``; an address of IPv6 with a port is in brackets."""
+
+
 class MavlinkSettings(Settings, frozen=True, kw_only=True):
     """The section ``mavlink`` of the configuration.
 
@@ -28,7 +37,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     `learns_feed_forward` PX4's drag and the error of its estimate are learned and compensated: see `FeedForward`;
     `drag_1_s` is the drag that it begins with.
     With `has_camera_trigger` the autopilot itself triggers a camera, which is offered as the first one.
-    `picture_hosts` are the hosts from which pictures of cameras are fetched by HTTP.
+    `picture_hosts` are the hosts from which pictures of cameras are fetched by HTTP, ``HOST`` or ``HOST:PORT/PATH``.
     `signing_key_file` holds the key of an autopilot that signs its messages: see `signing.read_key`.
     """
 
@@ -41,7 +50,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     drag_1_s: Drag = 0.0
     signing_key_file: str | None = None
     has_camera_trigger: bool = False
-    picture_hosts: tuple[str, ...] = ()
+    picture_hosts: tuple[PictureHost, ...] = ()
 
 
 def default_url(ns: str) -> str:

@@ -74,7 +74,7 @@ _PROCESS = {
     "ual_build": Metric("info", "", "The version of the daemon."),
     "ual_process_cpu_seconds": Metric("counter", "seconds", "Processor time of a process of the daemon."),
     "ual_process_resident_memory_bytes": Metric("gauge", "bytes", "Memory of a process of the daemon."),
-    "ual_recorder_running": Metric("gauge", "", "Whether the recording goes on (0: the disk takes nothing)."),
+    "ual_recorder_running": Metric("gauge", "", "Whether the recording goes on (0: the log says why not)."),
     "ual_recorder_queue_entries": Metric("gauge", "", "Entries that wait for the disk."),
     "ual_recorder_queue_bytes": Metric("gauge", "bytes", "About how many bytes wait for the disk."),
     "ual_recorder_lost_entries": Metric("counter", "", "Entries that were dropped because the disk is too slow."),

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ual.recording.topics import Schema, Topic
-from ual.shared import output_file
+from ual.shared import output_file, whole_file
 
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP)
 """Some file systems cannot say when something is on the disk."""
@@ -33,7 +33,8 @@ class File:
     def __init__(self, path: Path, metadata: Mapping[str, Mapping[str, str]]) -> None:
         self.path = path
         self._whole_bytes = self._first_bytes = 0
-        self._raw = io.FileIO(path, "xb")
+        # Who was where is not for all users of the computer.
+        self._raw = io.FileIO(path, "xb", opener=lambda name, flags: os.open(name, flags, whole_file.OWN))
         self._stream = io.BufferedWriter(self._raw)
         try:
             self._begin(metadata)

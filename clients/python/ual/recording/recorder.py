@@ -62,16 +62,32 @@ class Entry(NamedTuple):
     value: Any
 
 
+_JUMP_S = 10.0
+"""What the computer's clock is slewed by within a file is less."""
+
+
 class Clock:
-    """UTC that does not jump: it is read once, and goes on with the computer's monotonic clock."""
+    """UTC that does not jump within a file: it is read once, and goes on with the computer's monotonic clock."""
 
     def __init__(self) -> None:
-        self.offset_ns = time.time_ns() - time.monotonic_ns()
+        self.offset_ns = _offset_ns()
         """What is added to the monotonic clock."""
+
+    def follow(self) -> float:
+        """Reads UTC again where the computer's clock was set meanwhile. Returns by how many seconds; 0: it was not."""
+        jump_s = (_offset_ns() - self.offset_ns) / 1e9
+        if abs(jump_s) < _JUMP_S:
+            return 0.0
+        self.offset_ns = _offset_ns()
+        return jump_s
 
     def now_ns(self) -> int:
         """Returns the present time, in nanoseconds since 1970."""
         return time.monotonic_ns() + self.offset_ns
+
+
+def _offset_ns() -> int:
+    return time.time_ns() - time.monotonic_ns()
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,6 +269,7 @@ class Recorder:
         self._follow_loss()
         self._on_flushed()
         self._log_lost()
+        self._follow_clock()
         age_s = time.monotonic() - self._opened_s
         if self._file.size_bytes >= self._turnover.size_bytes or age_s >= self._turnover.age_s:
             self._turn_over()
@@ -271,6 +288,14 @@ class Recorder:
             _log.error("the recording %s %s: it goes on in %s", self._path_before, loss, self._path)
             why = f"the file before, {self._path_before.name}, {loss}"
             self._write_untold("the file before", why, self.clock.now_ns())
+
+    def _follow_clock(self) -> None:
+        """Goes on in a file of the right date where the computer's clock was set: a computer may begin in 1970."""
+        if jump_s := self.clock.follow():
+            self._turn_over()
+            why = f"the computer's clock was set by {jump_s:+.1f} s: times before it are of the old clock"
+            _log.warning("the recording goes on in %s: %s", self._path, why)
+            self._write_untold("the file before", f"{self._path_before.name}: {why}", self.clock.now_ns())
 
     def _turn_over(self) -> bool:
         """Begins the next file, and ends the last. Where there can be none now, the last one goes on.

@@ -155,12 +155,15 @@ def unreachable(address: str, ns: str = "", details: str = "") -> DaemonUnreacha
         if sign in details:
             return DaemonUnreachableError(f"{whom} at {address}: {cause}", metadata)
     cause = details.rpartition(": ")[2].strip(" []") or "no answer"
+    return DaemonUnreachableError(f"{whom} at {address} ({cause}){_others(ns)}: {_remedy(address, ns)}", metadata)
+
+
+def _remedy(address: str, ns: str) -> str:
+    """Returns what to do: where the address is not the one of such a daemon, it was said, and may be a gateway's."""
+    if address != discovery.default_address(ns):
+        return "see whether the daemon, or the gateway to it, runs there, or say where it is (--address, UAL_ADDRESS)"
     start = f"ual-daemon --ns {ns}" if ns else "ual-daemon"
-    return DaemonUnreachableError(
-        f"{whom} at {address} ({cause}){_others(ns)}: start one with `{start}`, or say where it is "
-        "(--address, UAL_ADDRESS)",
-        metadata,
-    )
+    return f"start one with `{start}`, or say where it is (--address, UAL_ADDRESS)"
 
 
 def _others(ns: str) -> str:

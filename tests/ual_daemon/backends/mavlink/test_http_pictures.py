@@ -112,6 +112,37 @@ def pictures() -> Iterator[HttpPictures]:
 
 
 @pytest.mark.parametrize(
+    ("allowed", "path", "is_read"),
+    [
+        ("{host}:{port}", "/1", True),
+        ("{host}:{port}/", "/1", True),
+        ("{host}:{port}/pictures", "/pictures/1", True),
+        ("{host}:{port}/pictures/", "/pictures/1", True),
+        ("{host}/pictures", "/pictures/1", True),
+        ("{host}:1", "/1", False),
+        ("{host}:{port}/pictures", "/1", False),
+        ("{host}:{port}/pictures", "/pictures2/1", False),
+        ("{host}:{port}/pictures", "/pictures/../1", False),
+        ("{host}:{port}/pictures", "/pictures/%2e%2e/1", False),
+    ],
+)
+def test_a_port_and_a_path_of_a_host_are_allowed(server: Server, allowed: str, path: str, is_read: bool) -> None:
+    host, _, port = server.url.removeprefix("http://").partition(":")
+    server.answers[path] = gives(PNG)
+    pictures = HttpPictures((allowed.format(host=host, port=port),))
+    try:
+        found = pictures.fetch(server.url + path)
+        if is_read:
+            assert found.result(LIMIT_S).data == PNG
+        else:
+            with pytest.raises(NotSupportedError, match="picture_hosts"):
+                found.result(LIMIT_S)
+            assert server.asked == []
+    finally:
+        pictures.close()
+
+
+@pytest.mark.parametrize(
     ("data", "form", "size"),
     [(PNG, ImageFormat.PNG, (3, 2)), (JPEG, ImageFormat.JPEG, (640, 480))],
     ids=["png", "jpeg"],

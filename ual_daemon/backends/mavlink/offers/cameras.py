@@ -55,7 +55,7 @@ class MavlinkCamera(OfferedCamera):
     @override
     def info(self) -> CameraInfo:
         info = self._link.info(self._now_s())
-        gives = {CameraAbility.IMAGE} if self._pictures.hosts and CameraAbility.PHOTO in info.abilities else set()
+        gives = {CameraAbility.IMAGE} if self._pictures.has_hosts and CameraAbility.PHOTO in info.abilities else set()
         return replace(info, abilities=info.abilities | gives)
 
     @override

@@ -42,20 +42,56 @@ class Picture(NamedTuple):
     height_px: int
 
 
+_PORTS = {"http": 80, "https": 443}
+
+
+class _Allowed(NamedTuple):
+    """What a setting allows: a host, or only one of its ports (0: any), and what is below a path."""
+
+    host: str
+    port: int
+    path: str
+
+    @classmethod
+    def of(cls, text: str) -> _Allowed:
+        """Reads ``HOST``, ``HOST:PORT``, ``HOST:PORT/PATH``; an address of IPv6 with a port is in brackets."""
+        place, _, path = text.partition("/")
+        host, colon, port = place.rpartition(":")
+        if not colon or (host.count(":") and not host.endswith("]")):  # no port, or the whole is of IPv6
+            host, port = place, "0"
+        return cls(host.strip("[]").lower(), int(port), f"/{path}")
+
+    def has(self, host: str, port: int, path: str) -> bool:
+        """Whether an address is allowed. Where a path is said, nothing in it may lead out again."""
+        is_below = self.path == "/" or (
+            (path == self.path or path.startswith(self.path.rstrip("/") + "/")) and _is_plain(path)
+        )
+        return host.lower() == self.host and self.port in (0, port) and is_below
+
+
+def _is_plain(path: str) -> bool:
+    return not any(each in (".", "..") or "%" in each or "\\" in each for each in path.split("/"))
+
+
 class HttpPictures:
     """From any thread.
 
     The addresses come over a link that anybody near may write to. So only the hosts that the settings name are asked,
-    directly, and without following to others.
+    directly, and without following to others: ``HOST``, or only a port and a part of it, ``HOST:PORT/PATH``.
     """
 
     def __init__(self, hosts: tuple[str, ...]) -> None:
-        self.hosts = frozenset(host.lower() for host in hosts)
+        self._allowed = tuple(map(_Allowed.of, hosts))
         self._worker = PictureWorker("http-pictures")
         self._lock = threading.Lock()
         self._exchange: _Exchange | None = None
         """The one that was begun last."""
         self._is_closed = False
+
+    @property
+    def has_hosts(self) -> bool:
+        """Whether any may be asked."""
+        return bool(self._allowed)
 
     def fetch(self, url: str) -> Future[Picture]:
         """Returns the future of a picture. It ends within `TIMEOUT_S`, also where others wait before it."""
@@ -74,12 +110,13 @@ class HttpPictures:
 
     def _refusal(self, url: str) -> UalError | None:
         try:
-            scheme, host = urlsplit(url).scheme, urlsplit(url).hostname or ""
+            parts = urlsplit(url)
+            scheme, host, port = parts.scheme, parts.hostname or "", parts.port
         except ValueError:
             scheme, host = "", ""
-        if scheme not in ("http", "https") or not host:
+        if scheme not in _PORTS or not host:
             return NotSupportedError(f"the picture is at {url[:200]!r}, and only http and https are read")
-        if host.lower() in self.hosts:
+        if any(each.has(host, port or _PORTS[scheme], parts.path) for each in self._allowed):
             return None
         text = f"the picture is at {url[:200]!r}: add {host!r} to mavlink.picture_hosts, if it is the camera's"
         return NotSupportedError(text, {"host": host})
