@@ -62,7 +62,7 @@ def test_the_state_is_told_when_it_changes_and_again_slowly(topics: Any) -> None
     assert published.call_count == 4
 
 
-@pytest.mark.parametrize(("subscribers_count", "published_count"), [(0, 1), (1, 9)])
+@pytest.mark.parametrize(("subscribers_count", "published_count"), [(0, 1), (1, 10)])
 def test_what_is_not_heard_is_not_published_but_for_the_state(
     topics: Any, subscribers_count: int, published_count: int
 ) -> None:
@@ -727,6 +727,8 @@ def test_the_worst_that_is_known_comes_first(sample: ual.Telemetry, refused: str
         (health.Said(lease="lost: not kept for 2 s"), health.WARN, "lease lost: not kept for 2 s"),
         (health.Said(lease="not held: base holds it"), health.WARN, "lease not held: base holds it"),
         (health.Said(other_nodes=1), health.WARN, "1 more node(s) offer this UAV"),
+        (health.Said(velocity_senders=("/a", "/b")), health.WARN, "2 nodes publish velocities: /a, /b."),
+        (health.Said(velocity_senders=("/a",)), health.OK, "FLYING_AUTO"),
         (health.Said(clock="simulated time stands"), health.WARN, "simulated time stands"),
     ],
 )

@@ -9,19 +9,22 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from conftest import ARMED_FAST, Processes
+import rclpy
+from conftest import ARMED_FAST, Processes, own_processes
 from diagnostic_msgs.msg import DiagnosticArray
 from flying import ABORTED, CANCELED, LATCHED, SUCCEEDED, Client, place, pose, velocity, waited
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import BatteryState, NavSatFix
+from sensor_msgs.msg import BatteryState, Imu, NavSatFix
 from std_srvs.srv import Empty, Trigger
 from tf2_msgs.msg import TFMessage
 from ual_msgs import action, srv
 from ual_msgs.msg import State
 
 import ual
+
+__all__ = ["own_processes"]  # a fixture
 
 UAL = "/uav_1/ual"
 
@@ -373,3 +376,51 @@ def test_a_goal_in_a_frame_that_tf_refreshes_no_more_is_refused(client: Client, 
     places = client.repeat(0.02, TFMessage, "/tf", lambda: place(1.0, "map", "buoy"))
     waited(lambda: asked() == (True, ""))
     client.node.destroy_timer(places)
+
+
+# --- What readers of other packages need ------------------------------------------------------------------------------
+
+
+def test_the_attitude_is_told_as_of_an_imu_and_what_is_not_known_as_that(client: Client, flying: ual.Uav) -> None:
+    """robot_localization takes zeros of an Odometry for certainty, and -1 of an Imu for "not there"."""
+    imus, odometries = client.hear(Imu, f"{UAL}/imu"), client.hear(Odometry, f"{UAL}/odom")
+    told, odometry = waited(lambda: imus and imus[-1]), waited(lambda: odometries and odometries[-1])
+    orientation = flying.pose().pose.orientation
+    found = (told.orientation.x, told.orientation.y, told.orientation.z, told.orientation.w)
+    assert found == pytest.approx((orientation.x, orientation.y, orientation.z, orientation.w), abs=0.02)
+    assert told.header.frame_id == "uav_1/base_link"
+    assert list(told.orientation_covariance) == list(told.angular_velocity_covariance) == [0.0] * 9
+    assert told.linear_acceleration_covariance[0] == -1.0
+    for covariance in (odometry.pose.covariance, odometry.twist.covariance):
+        assert [covariance[7 * axis] for axis in range(6)] == [-1.0] * 6
+
+
+def test_two_publishers_of_velocities_are_told_by_name(client: Client, flying: ual.Uav) -> None:
+    del flying
+    told = client.hear(DiagnosticArray, f"{UAL}/health", 10)
+    other = rclpy.create_node("joystick", context=client.node.context)
+    try:
+        client.publish(TwistStamped, f"{UAL}/set_velocity", velocity(0.0, "map"))
+        publisher = other.create_publisher(Twist, f"{UAL}/cmd_vel", 1)
+        bad = waited(lambda: [each for each in told if "nodes publish velocities" in each.status[0].message])
+        assert bad[0].status[0].level == b"\x01"
+        assert "/joystick" in bad[0].status[0].message
+        other.destroy_publisher(publisher)
+        seen = len(told)
+        waited(lambda: [each for each in told[seen:] if "nodes publish velocities" not in each.status[0].message])
+    finally:
+        other.destroy_node()
+
+
+def test_stamped_velocities_are_chosen_by_a_parameter(own_processes: Processes, client: Client) -> None:
+    own_processes.daemon(*ARMED_FAST, ns="uav_8")
+    own_processes.node("ns:=uav_8", "enable_stamped_cmd_vel:=true")
+    with ual.Uav("uav_8") as uav:
+        uav.wait_for(ual.State.LANDED_ARMED, timeout_s=60.0)
+        uav.take_off(3.0)
+        begin = uav.pose().pose.position
+        deadline_s = time.monotonic() + 90.0
+        while (uav.pose().pose.position - begin).norm() < 1.0:
+            client.publish(TwistStamped, "/uav_8/ual/cmd_vel", velocity(1.0))  # no frame: along the body's axes
+            time.sleep(0.02)
+            assert time.monotonic() < deadline_s

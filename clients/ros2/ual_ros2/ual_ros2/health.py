@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import ual
+from ual_ros2 import senders
 
 OK, WARN, ERROR = 0, 1, 2
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
@@ -26,6 +27,8 @@ class Said:
     """What is wrong with ROS' time."""
     other_nodes: int = 0
     """How many other nodes offer this UAV in ROS, too."""
+    velocity_senders: tuple[str, ...] = ()
+    """The nodes that publish velocities for it."""
 
     @property
     def lacking_lease(self) -> str:
@@ -61,6 +64,7 @@ def of(sample: ual.Telemetry, said: Said) -> Status:
         (ERROR, sample.frame_lost),
         (ERROR, f"failsafe: {about.failsafe}" if about is not None and about.failsafe else ""),
         (WARN, said.rivals),
+        (WARN, senders.doubt(said.velocity_senders)),
         (WARN, said.lacking_lease),
         (WARN, said.clock),
         (WARN, f"refused: {said.refused}" if said.refused else ""),
@@ -97,6 +101,7 @@ def _of_node(said: Said) -> dict[str, str]:
         "address": said.address,
         "lease": said.lease,
         "other_nodes": str(said.other_nodes),
+        "velocity_senders": " ".join(said.velocity_senders),
         "refused": said.refused,
         "refused_count": str(said.refused_count),
     }

@@ -16,7 +16,7 @@ from std_srvs.srv import Empty, Trigger
 
 import ual
 from ual.shared.ages import without_seconds
-from ual_ros2 import outcome, topics, values
+from ual_ros2 import outcome, senders, topics, values
 from ual_ros2.about import About
 from ual_ros2.beside.everything import Beside
 from ual_ros2.cameras import Cameras
@@ -110,7 +110,9 @@ class UavInterface:
         self._subscriptions = [
             self._subscribe(PoseStamped, "set_pose", self._on_pose),
             self._subscribe(TwistStamped, "set_velocity", self._on_velocity),
-            self._subscribe(Twist, "cmd_vel", self._on_body_velocity),
+            self._subscribe(TwistStamped, "cmd_vel", self._on_stamped_body_velocity)
+            if self._shared.settings.has_stamped_cmd_vel
+            else self._subscribe(Twist, "cmd_vel", self._on_body_velocity),
             self._subscribe(PoseStamped, "external_pose", self._on_external_pose),
             self._subscribe(PoseWithCovarianceStamped, "external_pose_cov", self._on_external_pose_with_covariance),
         ]
@@ -149,7 +151,8 @@ class UavInterface:
         if not self._is_active:
             return
         # The daemon checks the stamps of poses from outside.
-        stamp_s = self._shared.time.utc_s(message.header.stamp) if name in STAMPED else 0.0
+        is_stamped = name in STAMPED or (name == "cmd_vel" and self._shared.settings.has_stamped_cmd_vel)
+        stamp_s = self._shared.time.utc_s(message.header.stamp) if is_stamped else 0.0
         try:
             self._lateness.require_setpoint(info["source_timestamp"] / values.NANO, stamp_s)
         except ual.UalError as error:
@@ -166,6 +169,11 @@ class UavInterface:
     def _on_body_velocity(self, message: Message) -> None:
         """Takes a Twist, which names no frame: as ``cmd_vel`` of other robots, along the axes of the body."""
         self._put(self._setpoints, "cmd_vel", ual.TwistStamped(values.twist(message), f"{self._ns}/base_link"))
+
+    def _on_stamped_body_velocity(self, message: Message) -> None:
+        """Takes a TwistStamped; one that names no frame is along the axes of the body, too."""
+        frame_id = message.header.frame_id or f"{self._ns}/base_link"
+        self._put(self._setpoints, "cmd_vel", ual.TwistStamped(values.twist(message.twist), frame_id))
 
     def _on_external_pose(self, message: Message) -> None:
         stamp_s = self._shared.time.utc_s(message.header.stamp)
@@ -410,6 +418,11 @@ class UavInterface:
         before, self._said.other_nodes = self._said.other_nodes, self._topics.others_count()
         if self._said.other_nodes > before:
             _log.warning("%s: %s", self._ns, self._said.rivals)
+        before_senders = self._said.velocity_senders
+        topics_of = [f"/{self._ns}/ual/{name}" for name in senders.VELOCITIES]
+        self._said.velocity_senders = senders.names(self._shared.node, topics_of)
+        if len(self._said.velocity_senders) > max(1, len(before_senders)):
+            _log.warning("%s: %s", self._ns, senders.doubt(self._said.velocity_senders))
 
     def _note_connection(self) -> None:
         self._said.address = self._uav.address

@@ -30,6 +30,7 @@ DEFAULTS: dict[str, tuple[Any, str]] = {
     "feedback_rate_hz": (10.0, "how often actions give feedback"),
     "transform_tolerance": (1.0, "how many seconds after a frame was on /tf goals and setpoints may be in it"),
     "refuse_late": (True, "whether what was sent too long ago, or is stamped so, is refused"),
+    "enable_stamped_cmd_vel": (False, "whether cmd_vel is TwistStamped, whose frame and stamp count, and no Twist"),
     "log_directory": ("", "the directory that logs of the autopilot are downloaded to; empty: none are"),
     "autostart": (True, "whether the node configures and activates itself"),
 }
@@ -54,6 +55,7 @@ class Settings:
     feedback_rate_hz: float
     transform_tolerance_s: float
     refuses_late: bool
+    has_stamped_cmd_vel: bool
     log_directory: Path | None
     """None: the node writes no logs."""
 
@@ -118,6 +120,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
         feedback_rate_hz=_rate(given, "feedback_rate_hz"),
         transform_tolerance_s=_tolerance_s(given),
         refuses_late=bool(given["refuse_late"]),
+        has_stamped_cmd_vel=bool(given["enable_stamped_cmd_vel"]),
         log_directory=_directory(given["log_directory"]),
     )
 

@@ -10,13 +10,13 @@ from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from sensor_msgs.msg import BatteryState, NavSatFix
+from sensor_msgs.msg import BatteryState, Imu, NavSatFix
 from tf2_msgs.msg import TFMessage
 from ual_msgs.msg import State
 
 import ual
 from ual.shared.ages import without_seconds
-from ual_ros2 import health, values
+from ual_ros2 import health, unknown, values
 from ual_ros2.messages import Entity, Message
 from ual_ros2.ros_time import RosTime
 
@@ -92,6 +92,7 @@ class Topics:
         self._pose = self._publisher(PoseStamped, "pose")
         self._velocity = self._publisher(TwistStamped, "velocity")
         self._odom = self._publisher(Odometry, "odom")
+        self._imu = self._publisher(Imu, "imu")
         self._ref_pose = self._publisher(PoseStamped, "ref_pose")
         self._battery = self._publisher(BatteryState, "battery")
         self._batteries = self._publisher(BatteryState, "batteries")
@@ -103,8 +104,8 @@ class Topics:
     def destroy(self) -> None:
         """Ends the topics."""
         for each in (
-            self._pose, self._velocity, self._odom, self._ref_pose, self._battery, self._batteries, self._fix,
-            self._state, self._health,
+            self._pose, self._velocity, self._odom, self._imu, self._ref_pose, self._battery, self._batteries,
+            self._fix, self._state, self._health,
         ):  # fmt: skip
             self._node.destroy_publisher(each)
 
@@ -159,6 +160,9 @@ class Topics:
     def _make_messages(self) -> None:
         self._pose_message, self._ref_pose_message = PoseStamped(), PoseStamped()
         self._velocity_message, self._odom_message = TwistStamped(), Odometry()
+        unknown.fill_odometry(self._odom_message)
+        self._imu_message = Imu()
+        unknown.fill_imu(self._imu_message)
         self._battery_message, self._fix_message = BatteryState(), NavSatFix()
         self._battery_message.header.frame_id = f"{self._ns}/base_link"
         self._fix_message.status.service = 1  # GPS
@@ -174,6 +178,11 @@ class Topics:
             values.fill_pose(self._odom_message.pose.pose, odometry.pose)
             values.fill_twist(self._odom_message.twist.twist, odometry.twist)
             self._odom.publish(self._odom_message)
+        if is_heard(self._imu):
+            self._stamp(self._imu_message.header, odometry.stamp_s, odometry.child_frame_id)
+            values.fill_quaternion(self._imu_message.orientation, odometry.pose.orientation)
+            values.fill_vector(self._imu_message.angular_velocity, odometry.twist.angular)
+            self._imu.publish(self._imu_message)
 
     def _publish_body(self, odometry: ual.Odometry) -> None:
         transform = ual.Transform(

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import ual
+from ual_ros2 import unknown
 from ual_ros2.messages import Message
 
 STATE_NUMBERS: Mapping[ual.State, int] = {state: state.value - 1 for state in ual.State}
@@ -66,12 +67,14 @@ def external_pose_with_covariance(message: Message, stamp_s: float) -> ual.types
 
 
 def standard_deviation(covariance: Sequence[float], first: int) -> float | None:
-    """Returns the largest of three axes from `first` on, of a matrix of 6 x 6; None where it is all zeros: not known.
+    """Returns the largest of three axes from `first` on, of a matrix of 6 x 6; None where it is not known.
+
+    That is where it is all zeros, or -1 as this node itself says it in `odom`.
 
     A variance that is none (negative, not finite) is NaN, so that the daemon refuses it.
     """
     variances = [float(covariance[7 * axis]) for axis in range(first, first + 3)]
-    if not any(variances):
+    if not any(variances) or all(each == unknown.NOT_KNOWN for each in variances):
         return None
     return math.sqrt(max(variances)) if all(0.0 <= each < math.inf for each in variances) else math.nan
 
