@@ -148,21 +148,48 @@ def is_running(ns: str, directory: str) -> bool:
     return False
 
 
-def registered(file: str) -> str | None:
-    """Returns the address in a registration, None where the file is none."""
+def registered(file: str, user: str) -> tuple[str, int] | None:
+    """Returns the address and the process in a registration, None where the file is none.
+
+    `user` is the number in its name, of whom it has to be; empty: anybody.
+    """
     try:
         handle = os.open(file, UNTRUSTED)
     except OSError:
         return None
     try:
         text = os.read(handle, LONGEST_FILE).decode("utf-8", "replace")
+        owner = os.fstat(handle).st_uid
     except OSError:
         return None
     finally:
         os.close(handle)
     _, found, rest = text.partition('"address": "')
     address, closed, _ = rest.partition('"')
-    return address if found and closed and address.isprintable() and "\\" not in address else None
+    if not (found and closed and address.isprintable() and "\\" not in address) or user not in ("", str(owner)):
+        return None
+    pid = text.partition('"pid": ')[2].partition(",")[0]
+    return address, int(pid) if pid.isdecimal() else 0
+
+
+def has_process(pid: int) -> bool:
+    """Whether a process is there, whoever has it."""
+    try:
+        os.kill(pid, 0)
+    except PermissionError:
+        return True
+    except (OSError, OverflowError):
+        return False
+    return pid > 0
+
+
+def address_of(ns: str, files: list[str], directory: str) -> str | None:
+    """Returns where the daemon of a namespace is, as in `ual.discovery`: one that was killed may have left a file."""
+    told = [registered(f"{directory}/{each}", each.removesuffix(".json").partition(".")[2]) for each in files]
+    found = [each for each in told if each is not None]
+    if len(found) > 1:
+        found.sort(key=lambda each: not has_process(each[1]))
+    return found[0][0] if found and is_running(ns, directory) else None
 
 
 def is_serving(address: str) -> bool:
@@ -183,10 +210,12 @@ def main() -> None:
         files = os.listdir(directory)  # noqa: PTH208  # pathlib takes as long to load as all else here
     except OSError:
         files = []
-    names = sorted(each.removesuffix(".json") for each in files if each.endswith(".json"))
-    found = [
-        registered(f"{directory}/{each}.json") for each in names if ns in (None, each) and is_running(each, directory)
-    ]
+    names: dict[str, list[str]] = {}
+    for each in sorted(files):
+        # ``uav_1.json``, and ``uav_1.10001.json`` where another user's file has that name.
+        if each.endswith(".json") and ns in (None, each.partition(".")[0]):
+            names.setdefault(each.partition(".")[0], []).append(each)
+    found = [address_of(each, names[each], directory) for each in names]
     verdicts = [is_serving(address) for address in found if address is not None]
     if not verdicts:
         sys.exit("no daemon is registered")

@@ -113,6 +113,25 @@ def test_it_is_healthy_while_its_uav_has_an_autopilot(runtime_dir: Path) -> None
         deaf.close()
 
 
+def test_the_file_of_a_user_is_read_beside_what_another_user_has_left(runtime_dir: Path) -> None:
+    """A killed daemon's registration is another user's, who alone may remove it: the next one has its user's number."""
+    environment = daemon_environment(runtime_dir)
+    daemon = DaemonProcess(("--listen", "127.0.0.1:0"), "uav_1", environment)
+    try:
+        daemon.wait_for("state", new="LANDED_DISARMED")
+        written = runtime_dir / "uav_1.json"
+        own = runtime_dir / f"uav_1.{os.getuid()}.json"
+        own.write_text(written.read_text())
+        written.write_text(json.dumps({"ns": "uav_1", "pid": 1 << 30, "address": "127.0.0.1:1"}))
+        assert health({**environment, "UAL_NS": "uav_1"}) == (0, "")
+        assert health(environment) == (0, "")
+        forged = runtime_dir / f"uav_1.{os.getuid() + 1}.json"
+        forged.write_text(own.read_text().replace(daemon.address, "127.0.0.1:2"))
+        assert health(environment) == (0, "")
+    finally:
+        daemon.close()
+
+
 def test_what_speaks_something_else_is_not_healthy(runtime_dir: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
