@@ -519,10 +519,10 @@ class Commands:
     def _note_arming(self, future: Future[None]) -> None:
         """Notes that the arming is UAL's, unless it fails."""
         arming = self._flight.arming
-        arming.is_ours = True
+        arming.order()
 
         def forget(ended: Future[None]) -> None:
             if ended.cancelled() or ended.exception() is not None:
-                arming.is_ours = False
+                arming.withdraw()
 
         future.add_done_callback(forget)

@@ -20,12 +20,14 @@ _SELECTED = "; after UAL has armed it others have selected mode {}, which starts
 class Arming:
     """The arming of the present flight, and what the autopilot flies by itself because of it.
 
-    Belongs to the update thread, except `is_ours`, which any thread may set.
+    Belongs to the update thread, except `order` and `withdraw`, which any thread may call.
     """
 
     def __init__(self) -> None:
         self.is_ours = False
         """Whether UAL has commanded the arming."""
+        self._is_ordered = False
+        """Whether UAL has commanded an arming that no update has shown yet."""
         self.is_ours_to_end = False
         """Whether the autopilot flies by itself since UAL has armed it, and nobody has taken it since."""
         self._is_armed: bool | None = None
@@ -37,6 +39,14 @@ class Arming:
         """Whether others have selected that mode on the ground, after our arming."""
         self._has_stood = False
         """Whether it stands armed, and has done so in a mode that begins no flight."""
+
+    def order(self) -> None:
+        """Notes that the next arming is UAL's. The last update may not have shown yet that it was disarmed before."""
+        self._is_ordered = True
+
+    def withdraw(self) -> None:
+        """Takes `order` back: the arming has failed."""
+        self._is_ordered = self.is_ours = False
 
     def follow(self, snapshot: Snapshot, *, is_idle: bool) -> None:
         """Notes what an update shows. `is_idle` is whether UAL flies nothing, which may be a mission, too."""
@@ -78,7 +88,9 @@ class Arming:
         was_armed, self._is_armed = self._is_armed, is_armed
         self._armed_in, self._is_selected, self.is_ours_to_end = "", False, False
         self._is_judged = not is_armed or was_armed is None
-        if was_armed:
+        if is_armed:
+            self.is_ours, self._is_ordered = self._is_ordered, False
+        elif was_armed:
             self.is_ours = False
 
     def _judge(self, snapshot: Snapshot) -> None:
