@@ -16,7 +16,8 @@ import pytest
 
 import ual
 from tests.conftest import DaemonProcess
-from tests.waiting import until, until_after, until_async, until_state
+from tests.simulators.pace import Pace
+from tests.waiting import is_at_work, until, until_after, until_async, until_state
 from ual.types import State, Telemetry
 
 pytest_plugins = ["pytester"]
@@ -78,6 +79,45 @@ def test_without_words_it_says_the_condition_and_its_answer() -> None:
 def test_a_wait_for_a_state_says_the_telemetry() -> None:
     with pytest.raises(AssertionError, match=r"FLYING_AUTO or LANDING; seen last: (.|\n)*it stands"):
         until_state(Grounded(), State.FLYING_AUTO, State.LANDING, limit_s=0.0)
+
+
+def test_simulated_time_stands_while_the_test_is_at_work() -> None:
+    steps: list[int] = []
+    is_over = threading.Event()
+
+    def fly() -> None:
+        pace = Pace(0.001, 1.0)
+        while not is_over.is_set():
+            pace.wait()
+            steps.append(1)
+
+    thread = threading.Thread(target=fly)
+    thread.start()
+    until(lambda: len(steps) > 2)
+    point = len(steps)
+    assert sum(range(10**7)) > 0  # a step takes a hundredth of this
+    assert len(steps) - point <= 1  # one may have begun
+    until(lambda: len(steps) > point + 1)
+    is_over.set()
+    thread.join()
+
+
+def test_who_waits_has_nothing_to_do_until_another_thread_notifies() -> None:
+    begins, is_over = threading.Event(), threading.Event()
+
+    def work() -> None:
+        begins.wait()
+        while not is_over.is_set():
+            pass
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    until(lambda: not is_at_work(thread))
+    begins.set()
+    assert is_at_work(thread)  # though it may not run yet
+    is_over.set()
+    thread.join()
+    assert not is_at_work(thread)
 
 
 def test_what_was_there_before_the_point_is_not_waited_for() -> None:

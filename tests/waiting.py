@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import inspect
+import selectors
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Protocol, TypeVar
+
+import grpc
 
 from ual.types import State, Telemetry
 
@@ -17,6 +23,8 @@ LIMIT_S = 240.0
 machine. Shorter than pytest's own limit, which does not say what was waited for.
 """
 _PAUSE_S = 0.005
+_WAIT = (str(Path(grpc.__file__).parent), selectors.__file__, subprocess.__file__, threading.__file__)
+"""Files in which a thread waits."""
 
 
 _died: list[threading.ExceptHookArgs] = []
@@ -36,7 +44,7 @@ def until(
     what: str = "",
     *,
     seen: Callable[[], object] | None = None,
-    between: Callable[[], object] = lambda: time.sleep(_PAUSE_S),
+    between: Callable[[], object] | None = None,
     limit_s: float = LIMIT_S,
 ) -> T:
     """Waits until a condition is true, and returns its answer.
@@ -47,8 +55,32 @@ def until(
     wait = _Wait(condition, what, seen, limit_s)
     while not (answer := condition()):
         wait.check(answer)
-        between()
+        (between or _pause)()
     return answer
+
+
+def _pause() -> float:
+    """Waits until the next look is due, and returns when that is. `is_at_work` reads it meanwhile."""
+    due_s = time.monotonic() + _PAUSE_S
+    time.sleep(_PAUSE_S)
+    return due_s
+
+
+def is_at_work(thread: threading.Thread) -> bool:
+    """Whether a thread has something to do, though a busy computer may give it no processor.
+
+    It has not while it waits for another thread, a process or a descriptor, or between two looks of `until`. It has
+    from the moment at which the other thread has notified it, or the next look is due.
+    """
+    frame = sys._current_frames().get(thread.ident or 0)
+    if frame is None:
+        return False
+    if frame.f_code is _pause.__code__:
+        return bool(time.monotonic() >= frame.f_locals.get("due_s", 0.0))
+    if frame.f_code is threading.Condition.wait.__code__:
+        waiter, waiting = frame.f_locals.get("waiter"), frame.f_locals["self"]._waiters
+        return waiter is not None and waiter not in waiting
+    return not frame.f_code.co_filename.startswith(_WAIT)
 
 
 def until_after(
