@@ -26,7 +26,9 @@ _LIBRARY = "GUARD_REQUESTS"
 _TRIGGER = re.compile(r"^desc: Trigger: Client Request: (.+):(\d+)$", re.MULTILINE)
 _TOTALS = re.compile(r"^totals: (\d+)", re.MULTILINE)
 _LIMIT_S = 600.0
-_UNREAD = "-"
+_UNREAD, _NOTHING = "-", "nothing"
+_NOTHING_COUNT = 5
+"""How often nothing is counted: a count executes some 9,000 instructions of its own, which belong to no figure."""
 _KEPT = ("PATH", "OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE", "GUARD_DEFECT")
 """Variables of the environment that a counted program gets. Any other one would move its stack and its dictionaries."""
 
@@ -104,12 +106,18 @@ class CountedProcess:
 
 def totals(directory: Path, *, has_all_threads: bool) -> Mapping[str, Sequence[float]]:
     """Reads what all threads counted, or the first one only: `Counter.count` runs on that."""
-    found: dict[str, list[float]] = defaultdict(list)
+    counts: list[tuple[str, int, int]] = []
     for path in sorted(directory.glob("counts.*" if has_all_threads else "counts.*-01")):
         text = path.read_text()
         trigger, total = _TRIGGER.search(text), _TOTALS.search(text)
         if trigger and total and trigger[1] != _UNREAD:
-            found[trigger[1]].append(int(total[1]) / int(trigger[2]))
+            counts.append((trigger[1], int(trigger[2]), int(total[1])))
+    own = [count for name, _, count in counts if name == _NOTHING]
+    own_count = statistics.median(own) if own else 0.0
+    found: dict[str, list[float]] = defaultdict(list)
+    for name, times, count in counts:
+        if name != _NOTHING:
+            found[name].append((count - own_count) / times)
     return found
 
 
@@ -134,6 +142,8 @@ class Counter:
         gc.disable()
         if self._requests is not None:
             self._requests.begin()
+        for _ in range(_NOTHING_COUNT):
+            self.count(_NOTHING, lambda _: None)
 
     def count(self, what: str, act: Callable[[int], object], times: int = 1) -> None:
         """Counts the instructions of one of so many calls. `act` gets the number of the call."""
