@@ -403,7 +403,7 @@ class Flight:
                 return False
             number = last.number + 1
             stream_number = last.stream_number if last.name == VELOCITY else number
-            self._last_command = LastCommand(number, VELOCITY, stream_number)
+            self._last_command = tuple.__new__(LastCommand, (number, VELOCITY, stream_number))  # one call less
             flown.manoeuvre, sender.newest = new, given
         sender.send_newest(given, setpoint, now_s)
         return True

@@ -54,7 +54,7 @@ class Setpoints:
         # A stream goes on within what the rules have admitted. What is new, turns with the body, or is near a bound is
         # judged by each of them.
         twist: object = velocity
-        if isinstance(velocity, TwistStamped) and velocity.frame_id in self._odom:
+        if twist.__class__ is not Twist and isinstance(velocity, TwistStamped) and velocity.frame_id in self._odom:
             twist = velocity.twist
         if twist.__class__ is not Twist or not self._flight.renew_velocity(twist, lease_id):
             stamped = stamped_twist(velocity) if isinstance(velocity, Twist) else velocity

@@ -43,6 +43,7 @@ from ual_daemon.backends.values import (
     Zone,
 )
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference
+from ual_daemon.flight.policy.autopilot_fence import RESERVE_M
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import GeofenceSettings, LimitSettings, VehicleSettings
@@ -152,6 +153,7 @@ class Twins:
         self.updated_s = 0.0
         self.conflict = ""
         self.calm, self.is_disturbed = 0, True
+        self.untaken: Snapshot | None = None
         self.publish()
 
     def each(self, act: Callable[[_Twin], object]) -> tuple[object, object]:
@@ -183,8 +185,17 @@ class Twins:
             autopilot_fence=self.fence,
         )
         snapshot = changed(snapshot, conflict=self.conflict, boots_count=1)
+        if self.untaken is not None:
+            self._take(self.untaken)
         for twin in self.both:
             twin.backend.said = snapshot
+        self.untaken = snapshot
+        if self.chance.random() < 0.75:  # else a setpoint comes between: it is the newest, but no update has taken it
+            self._take(snapshot)
+
+    def _take(self, snapshot: Snapshot) -> None:
+        self.untaken = None
+        for twin in self.both:
             twin.backend.on_update(snapshot)
 
     def let_pass(self, duration_s: float) -> None:
@@ -232,8 +243,10 @@ class Twins:
         self.conflict, self.updated_s = "", 0.0
         self.stale_s = dict.fromkeys(self.stale_s, 0.0)
         if self.chance.random() < 0.7:
-            self.fence, self.earth = None, EARTH
-            self.place, self.own = Vector3(0.0, 0.0, 5.0), Vector3(0.2, 0.1, 0.0)
+            if self.chance.random() < 0.5:
+                self.fence, self.earth = None, EARTH
+            x, y = (self.chance.choice((0.0, self.chance.uniform(-9.0, 9.0))) for _ in range(2))
+            self.place, self.own = Vector3(x, y, 5.0), Vector3(0.2, 0.1, 0.0)
             self.publish()
             self._set_home(Vector3())
             for twin in self.both:
@@ -260,11 +273,19 @@ class Twins:
     def _look_away(self) -> None:
         self.updated_s = self.chance.choice((0.2, 0.24, 0.26, 0.5))
 
-    def _glide(self) -> None:
+    def _near_autopilots_edge(self) -> None:
+        """The autopilot has a radius, at whose edge it flies."""
+        radius_m, angle = self.chance.uniform(6.0, 12.0), self.chance.uniform(-3.0, 3.0)
+        self.earth, self.fence = EARTH, AutopilotFence(radius=FenceLimit(radius_m, "a radius"))
+        x, y = (radius_m - RESERVE_M) * math.cos(angle), (radius_m - RESERVE_M) * math.sin(angle)
+        self._glide((x, y, 5.0))
+
+    def _glide(self, to: tuple[float, float, float] | None = None) -> None:
         """It flies on without a command, to near an edge."""
         corner, chance = self.chance.choice(CORNERS), self.chance
-        to = chance.choice(((*corner, 5.0), (corner[0], 0.0, 5.0), (0.0, 0.0, chance.choice((1.0, 12.0)))))
-        way = Vector3(*to) + Vector3(*(chance.gauss(0.0, 0.7) for _ in range(3))) - self.place
+        places = (*corner, 5.0), (corner[0], 0.0, 5.0), (0.0, 0.0, chance.choice((1.0, 12.0)))
+        way = Vector3(*(to or chance.choice(places))) - self.place
+        way += Vector3(*(chance.gauss(0.0, 0.7) for _ in range(3)))
         self.own = way / (0.1 * 30)
         for _ in range(30):
             self.let_pass(0.1)
@@ -274,8 +295,10 @@ class Twins:
         self.publish()
 
     def _lose_home(self) -> None:
-        self._fence_in()
-        self.earth = self.earth._replace(home_geo=None)
+        if self.fence is None:
+            self._fence_in()
+        elsewhere = GeoPoint(ORIGIN[0] + 1e-4, ORIGIN[1] - 1e-4)
+        self.earth = self.earth._replace(home_geo=self.chance.choice((None, elsewhere)))
 
     def _conflict(self) -> None:
         self.conflict = "two vehicles"
@@ -301,7 +324,7 @@ class Twins:
             (
                 None,
                 NO_FENCE,
-                AutopilotFence(radius=FenceLimit(chance.uniform(3.0, 30.0), "a radius")),
+                AutopilotFence(radius=FenceLimit(chance.uniform(4.0, 16.0), "a radius")),
                 AutopilotFence(highest=FenceLimit(chance.uniform(4.0, 9.0), "a height")),
                 AutopilotFence(zones=(Zone("a zone", True, ring),)),
             )
@@ -366,6 +389,9 @@ class Twins:
         _glide,
         _glide,
         _lose_home,
+        _lose_home,
+        _near_autopilots_edge,
+        _near_autopilots_edge,
         _conflict,
         _not_follow,
         _learn,
@@ -447,7 +473,7 @@ def test_each_velocity_is_sent_or_refused_as_without_the_clearance(
         for _ in range(5):
             twins.command()
         renewed_count += twins.both[0].renewed_count
-    assert renewed_count > 0.15 * SETPOINTS / len(PLACES)
+    assert renewed_count > 0.1 * SETPOINTS / len(PLACES)
 
 
 def test_who_only_watches_goes_on_with_no_velocity(monkeypatch: pytest.MonkeyPatch) -> None:

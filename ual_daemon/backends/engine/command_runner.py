@@ -269,7 +269,7 @@ class CommandRunner(Generic[R]):
 
     def wants_state(self, now_s: float) -> bool:
         """Whether the mode and armed should be requested now: an answer is late, or a command waits to hear them."""
-        if not (self._waiting or self._in_flight):
+        if not self.is_any_under_way and all(each.command.shows is None for each in self._in_flight.values()):
             return False
         return any(
             pending.command.shows is not None and now_s - pending.first_s >= LATE_S

@@ -59,6 +59,8 @@ class LinkWatch:
         self._url = url
         self._boots_count = 0
         self._boot_time = BootTime()
+        self.is_boot_doubtful = self.is_boot_foreign = False
+        """See `BootTime`."""
 
     # --- What is noted ------------------------------------------------------------------------------------------------
 
@@ -78,7 +80,9 @@ class LinkWatch:
 
     def on_boot_time(self, boot_s: float, now_s: float) -> bool:
         """Takes the autopilot's time since boot from a message. Returns whether it is now known to have rebooted."""
-        has_rebooted = self._boot_time.update(boot_s, now_s)
+        boot_time = self._boot_time
+        has_rebooted = boot_time.update(boot_s, now_s)
+        self.is_boot_doubtful, self.is_boot_foreign = boot_time.is_doubtful, boot_time.is_foreign
         if has_rebooted:
             self.on_reboot(now_s)
         return has_rebooted
@@ -112,16 +116,6 @@ class LinkWatch:
     def boot_s(self) -> float:
         """The newest time since boot."""
         return self._boot_time.boot_s
-
-    @property
-    def is_boot_doubtful(self) -> bool:
-        """See `BootTime.is_doubtful`."""
-        return self._boot_time.is_doubtful
-
-    @property
-    def is_boot_foreign(self) -> bool:
-        """See `BootTime.is_foreign`."""
-        return self._boot_time.is_foreign
 
     def is_silent(self, now_s: float, for_s: float) -> bool:
         """Whether it was heard once, and not for so long by now."""

@@ -46,12 +46,15 @@ class Plausibility:
 
     def accepts_rates(self, rates: Vector3) -> bool:
         """Judges angular speeds."""
-        norm = rates.norm()
+        norm = math.hypot(rates.x, rates.y, rates.z)
         return norm <= MAX_ANGULAR_SPEED_RAD_S or self._drop("angular velocity", f"of {norm:.3g} rad/s")
 
     def accepts_rotation(self, rotation: Quaternion) -> bool:
         """Judges a quaternion before it is normalized."""
-        norm = rotation.norm()
+        return self.accepts_norm(rotation.norm())
+
+    def accepts_norm(self, norm: float) -> bool:
+        """Judges the norm of a quaternion."""
         return abs(norm - 1.0) <= NORM_TOLERANCE or self._drop("attitude", f"with a quaternion of norm {norm:.3g}")
 
     def accepts_angles(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> bool:
@@ -61,18 +64,21 @@ class Plausibility:
 
     def accepts_place(self, latitude_deg: float, longitude_deg: float) -> bool:
         """Judges a place on Earth."""
-        is_on_earth = abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0
+        is_on_earth = -90.0 <= latitude_deg <= 90.0 and -180.0 <= longitude_deg <= 180.0
         return is_on_earth or self._drop("place", f"at latitude {latitude_deg:.7g}, longitude {longitude_deg:.7g}")
 
     def accepts_altitude(self, altitude_m: float) -> bool:
         """Judges an altitude above whatever."""
-        return abs(altitude_m) <= MAX_ALTITUDE_M or self._drop("altitude", f"of {altitude_m:.3g} m")
+        return -MAX_ALTITUDE_M <= altitude_m <= MAX_ALTITUDE_M or self._drop("altitude", f"of {altitude_m:.3g} m")
 
     def accepts_geo_point(self, point: GeoPoint) -> bool:
         """Judges a position on Earth."""
-        altitudes_m = (point.altitude_amsl_m, point.altitude_home_m)
-        is_on_earth = self.accepts_place(point.latitude_deg, point.longitude_deg)
-        return is_on_earth and all(each is None or self.accepts_altitude(each) for each in altitudes_m)
+        amsl_m, home_m = point.altitude_amsl_m, point.altitude_home_m
+        return (
+            self.accepts_place(point.latitude_deg, point.longitude_deg)
+            and (amsl_m is None or self.accepts_altitude(amsl_m))
+            and (home_m is None or self.accepts_altitude(home_m))
+        )
 
     def accepts_geoid_separation(self, separation_m: float) -> bool:
         """Judges how far mean sea level is from the ellipsoid."""

@@ -27,6 +27,7 @@ class UdpLink(Link):
     """A UDP socket. Nothing that happens at the other end breaks it."""
 
     is_stream = False
+    peer: Address | None = None  # an attribute: each datagram asks
 
     def __init__(self, endpoint: UdpEndpoint) -> None:
         self._endpoint = endpoint
@@ -34,7 +35,6 @@ class UdpLink(Link):
         self._socket: socket.socket | None = None
         self._descriptors: Mapping[int, int] = {}
         self._poll = select.poll()
-        self._peer: Address | None = None
         self._trouble = ""
 
     @property
@@ -52,7 +52,7 @@ class UdpLink(Link):
             if self._endpoint.is_listening:
                 sock.bind(address)
             else:
-                self._peer = address
+                self.peer = address
         except OSError as error:
             sock.close()
             raise cannot_listen(self._endpoint, error) from None
@@ -72,14 +72,9 @@ class UdpLink(Link):
     def descriptors(self) -> Mapping[int, int]:
         return self._descriptors
 
-    @property
-    @override
-    def peer(self) -> Address | None:
-        return self._peer
-
     @override
     def answer_to(self, address: Address | None) -> None:
-        self._peer = address
+        self.peer = address
 
     @override
     def receive(self, now_s: float) -> list[Chunk]:
@@ -102,7 +97,7 @@ class UdpLink(Link):
 
     @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
-        sock, peer = self._socket, self._peer
+        sock, peer = self._socket, self.peer
         if sock is None or peer is None:
             return False
         try:

@@ -106,7 +106,7 @@ class Gimbals(Protocol):
     @property
     @override
     def is_urgent(self) -> bool:
-        return any(each.is_busy for each in self.found)
+        return bool(self.found) and any(each.is_busy for each in self.found)
 
     @override
     def attach(self, target: Source, dialect: Dialect) -> None:

@@ -83,14 +83,9 @@ def geo_point(message: Message, geoid_separation_m: float | None) -> GeoPoint | 
     """Returns the position of a GLOBAL_POSITION_INT; None for the zeros that ArduPilot sends before its first fix."""
     if message.lat == message.lon == 0:
         return None
-    altitude_m = milli(message.alt)
-    return GeoPoint(
-        degrees(message.lat),
-        degrees(message.lon),
-        altitude_amsl_m=altitude_m,
-        altitude_home_m=milli(message.relative_alt),
-        altitude_ellipsoid_m=None if geoid_separation_m is None else altitude_m + geoid_separation_m,
-    )
+    altitude_m = message.alt / 1000.0  # as `milli` and `degrees`: 50 come each second
+    ellipsoid_m = None if geoid_separation_m is None else altitude_m + geoid_separation_m
+    return GeoPoint(message.lat / 1e7, message.lon / 1e7, altitude_m, message.relative_alt / 1000.0, ellipsoid_m)
 
 
 def channels(message: Message) -> list[int]:

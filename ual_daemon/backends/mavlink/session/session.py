@@ -228,14 +228,15 @@ class Session:
         """Takes a frame of this autopilot, and its content where that is decoded."""
         self._supervision.on_frame(frame.sequence, now_s)
         self._signs = frame.is_signed
-        self._identify(frame, message, address, now_s)
+        boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
+        self._identify(frame, message, address, now_s, boot_ms)
         is_foreign = frame.message_id == _HEARTBEAT and message is not None and kind_of(message) != self.identity.kind
         if self.identity.conflict or self.successor is not None or is_foreign:
             self.telemetry.on_frame(frame.sequence, now_s)
         elif message is None:
             self._on_undecoded(frame, now_s)
         else:
-            self._on_decoded(frame, message, now_s, utc_now_s)
+            self._on_decoded(frame, message, boot_ms, now_s, utc_now_s)
 
     def on_unused(self, message_id: int, sequence: int, address: Address | None, now_s: float) -> None:
         """Takes note of a frame whose content is not used: its number and where it came from count."""
@@ -249,11 +250,12 @@ class Session:
         if self._fit.is_high and not identity.conflict and self.successor is None:
             self._unused_ids.add(message_id)
 
-    def _identify(self, frame: Frame, message: Message | None, address: Address | None, now_s: float) -> None:
+    def _identify(
+        self, frame: Frame, message: Message | None, address: Address | None, now_s: float, boot_ms: int
+    ) -> None:
         """Checks that a frame is of the same vehicle as those before. A conflict discards what is known."""
         identity = self.identity
         identity.on_frame(frame.sequence, address, now_s)
-        boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
         if boot_ms > 0:
             identity.on_boot_time(boot_ms / 1000.0, now_s)
         if message is not None and frame.message_id == _HEARTBEAT:
@@ -453,9 +455,8 @@ class Session:
         uid = bytes(version.uid2).rstrip(b"\0").hex() or f"{version.uid:x}"
         return f"{self.dialect.name} {self.system_id} {uid}"
 
-    def _on_decoded(self, frame: Frame, message: Message, now_s: float, utc_now_s: float) -> None:
+    def _on_decoded(self, frame: Frame, message: Message, boot_ms: int, now_s: float, utc_now_s: float) -> None:
         telemetry = self.telemetry
-        boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
         if boot_ms > 0 and self._supervision.on_boot_time(boot_ms / 1000.0, now_s):
             telemetry.discard_boot(self._supervision.watch.begin_boot())
             self._commands.drop(now_s)

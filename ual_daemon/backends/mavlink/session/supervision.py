@@ -61,7 +61,11 @@ class Supervision:
 
     def on_frame(self, sequence: int, now_s: float) -> None:
         """Takes note of a frame of the autopilot."""
-        silence_s = self.watch.on_heard(now_s)
+        watch, heard_s = self.watch, self.watch.heard_s
+        if heard_s is not None and now_s - heard_s <= _SHORT_SILENCE_S and watch.state is LinkState.CONNECTED:
+            watch.heard_s, silence_s = now_s, 0.0  # nearly always; as `on_heard` does, without a call
+        else:
+            silence_s = watch.on_heard(now_s)
         if silence_s > _SHORT_SILENCE_S and silence_s * self._rate_hz(now_s - silence_s) > LATE_COUNT:
             self._gaps = SequenceGaps()  # the numbers may have wrapped: they do not show what was lost
         if not self._seconds or now_s - self._seconds[-1].since_s >= 1.0:

@@ -321,7 +321,7 @@ class Telemetry:
             return
         w, x, y, z = message.q1, message.q2, message.q3, message.q4
         rates = frd_to_flu(message.rollspeed, message.pitchspeed, message.yawspeed)
-        if self.plausibility.accepts_rotation(Quaternion(x, y, z, w)) and self.plausibility.accepts_rates(rates):
+        if self.plausibility.accepts_norm(math.hypot(x, y, z, w)) and self.plausibility.accepts_rates(rates):
             self._attitude.set((orientation_to_enu(w, x, y, z), rates), now_s)
 
     def _on_attitude(self, message: Message, now_s: float, _: float) -> None:
@@ -359,7 +359,8 @@ class Telemetry:
         elif self.plausibility.accepts_geo_point(found):
             self._position_geo.set(found, now_s)
             self.origin.on_geo(message.time_boot_ms, found)
-            self._check_home(milli(message.alt), milli(message.relative_alt))
+            if found.altitude_amsl_m is not None and found.altitude_home_m is not None:
+                self._check_home(found.altitude_amsl_m, found.altitude_home_m)
 
     def _check_home(self, altitude_m: float, above_home_m: float) -> None:
         """Corrects the height of home where a newer message implies another one."""

@@ -24,6 +24,7 @@ KNOWN_IDS = frozenset(_EXTRA)
 LONGEST_V1 = [mavlink.mavlink_map[each].unpacker.size if each in mavlink.mavlink_map else 255 for each in range(256)]
 """For each id that MAVLink 1 can carry the longest content; 255 where it is not known."""
 
+crc = crc16.mcrf4xx
 _SEEDS = [bytes((each,)) for each in range(256)]
 _SEED_OF = {message_id: _SEEDS[extra] for message_id, extra in _EXTRA.items()}
 
@@ -34,9 +35,9 @@ def is_valid(message_id: int, data: bytes, end: int) -> bool:
     No checksum of a message that no dialect has is valid.
     """
     seed = _SEED_OF.get(message_id)
-    return seed is not None and crc16.mcrf4xx(data[1:end] + seed) == data[end] | data[end + 1] << 8
+    return seed is not None and crc(data[1:end] + seed) == data[end] | data[end + 1] << 8
 
 
 def compute(covered: bytes, extra: int) -> bytes:
     """Returns the checksum of the covered bytes, with the seed of the message."""
-    return crc16.mcrf4xx(covered + _SEEDS[extra]).to_bytes(2, "little")
+    return crc(covered + _SEEDS[extra]).to_bytes(2, "little")

@@ -111,7 +111,7 @@ class FrameReader:
         """Tells the time, for the limit on the work in a second; to be called before bytes are read."""
         if self._refilled_s is None:
             self._budget = WORK_PER_S * SAVED_S
-        else:
+        elif self._budget < WORK_PER_S * SAVED_S:
             self._budget = min(self._budget + WORK_PER_S * (now_s - self._refilled_s), WORK_PER_S * SAVED_S)
         self._refilled_s = now_s
 
@@ -362,5 +362,6 @@ def _frame(data: bytes) -> Frame | None:
         return None
     message_id = data[7] | data[8] << 8 | data[9] << 16
     if checksum.is_valid(message_id, data, end):
-        return Frame(message_id, data[5], data[6], data[4], is_signed, data, data[_HEADER_V2:end])
+        found = message_id, data[5], data[6], data[4], is_signed, data, data[_HEADER_V2:end]
+        return tuple.__new__(Frame, found)  # as `Frame(*found)` does, one call less
     return None

@@ -31,6 +31,7 @@ _TARGET = struct.Struct("<BBBBBBHBI11fHBBB")
 (24 bits); then the payload in its order on the wire, largest fields first."""
 _TARGET_SIZE = 53
 _TARGET_ID, _TARGET_EXTRA = _Target.id, _Target.crc_extra
+_TARGET_SEED = bytes((_TARGET_EXTRA,))
 _NED = mavlink.MAV_FRAME_LOCAL_NED
 
 
@@ -136,7 +137,7 @@ class Codec:
             _TARGET_SIZE, 0, 0, number, mav.srcSystem, mav.srcComponent, _TARGET_ID, 0,
             time_ms, 0.0, 0.0, 0.0, vx, vy, vz, ax, ay, az, 0.0, yaw_rate, mask, system, component, _NED,
         )  # fmt: skip
-        return b"\xfd" + covered + checksum.compute(covered, _TARGET_EXTRA)
+        return b"\xfd" + covered + checksum.crc(covered + _TARGET_SEED).to_bytes(2, "little")
 
     def decode(self, frame: Frame) -> Message:
         """Returns the message in a frame; its signature is not checked.

@@ -178,7 +178,7 @@ class Receiver:
     ) -> None:
         for frame in frames:
             try:
-                self._on_frame(frame, address, now_s, utc_now_s, is_from_peer=is_from_peer)
+                self._on_frame(frame, address, now_s, utc_now_s, is_from_peer)
             except CorruptFrameError as error:
                 self._undecodable_count += 1
                 _log.debug("dropped a frame: %s", error)
@@ -186,7 +186,12 @@ class Receiver:
                 self._log_defect(frame.message_id)
 
     def _on_frame(
-        self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float, *, is_from_peer: bool
+        self,
+        frame: Frame,
+        address: Address | None,
+        now_s: float,
+        utc_now_s: float,
+        is_from_peer: bool,
     ) -> None:
         handler, source = self._handler, self._source
         if handler is None or source is None:
