@@ -40,6 +40,7 @@ def code(shapes: Shapes) -> dict[Path, str]:
         derived / "values.py": _values(structs),
         derived / "calls.py": _calls(served, structs),
         derived / "services.py": _services(served),
+        derived / "names.py": _names(structs, served),
         PACKAGE / "test" / "derived_values.py": _client_values(structs, served),
         PACKAGE / "test" / "derived_members.py": _client_members(structs, served),
     }
@@ -218,6 +219,27 @@ def _task_row(served: Served) -> str:
     return f'Service("{served.name}", action.{served.type}, "{served.method}"{frames}),\n'
 
 
+# --- Names ------------------------------------------------------------------------------------------------------------
+
+
+def _names(structs: Sequence[Struct], served: Sequence[Served]) -> str:
+    """Returns the module with the fields of requests that Python calls otherwise."""
+    reads = [read for each in served for read in each.request.reads]
+    for struct in structs:
+        if struct.is_asked:
+            reads += [*struct.part.reads, *(read for each in struct.variants for read in each.part.reads)]
+    names: dict[str, set[str]] = {}
+    for attribute, read in reads:
+        there = [each for each in re.findall(r"\{m\}\.([\w.]+)", read) if not each.startswith(("has_", "is_"))]
+        if there and there[0] != attribute:
+            names.setdefault(attribute, set()).add(there[0])
+    rows = "".join(f'"{name}": {tuple(sorted(there))!r},\n' for name, there in sorted(names.items()))
+    return _module(
+        "Fields of requests that UAL calls otherwise than ROS.",
+        f"NAMES: Final[Mapping[str, tuple[str, ...]]] = {{{rows}}}\n",
+    )
+
+
 # --- The program of the tests -----------------------------------------------------------------------------------------
 
 
@@ -321,7 +343,7 @@ def _module(title: str, body: str, structs: Sequence[Struct] = (), asks: Sequenc
         *(["import math"] if "math" in used else []),
         *_imported("collections.abc", sorted({"Awaitable", "Mapping"} & used)),
         *([f"from typing import {', '.join(sorted({'Any', 'Final'} & used))}"] if {"Any", "Final"} & used else []),
-        "import ual",
+        *(["import ual"] if "ual." in body else []),
         *(f"import {each}" for each in modules if each != "ual"),
         *(["from std_srvs.srv import Trigger", "from ual_msgs import srv"] if "srv." in body else []),
         *_imported("ual_ros2", sorted({"paths", "pictures", "values"} & used)),

@@ -646,7 +646,10 @@ def test_one_that_the_daemon_aborts_says_by_what_and_one_that_it_does_not_goes_o
 
 
 PLACE = SimpleNamespace(latitude=0.0, altitude=0.0)
-ASKED = SimpleNamespace(height=0.0, waypoint=PLACE, geo_waypoints=[PLACE], holds=[1.0], pwm_us=0, path=[])
+GEO = SimpleNamespace(waypoint=PLACE)
+ASKED = SimpleNamespace(
+    height=0.0, waypoint=PLACE, geo_waypoints=[GEO], holds=[1.0], pwm_us=0, path=[], pitch=0.0, zoom=0.0
+)
 
 
 @pytest.mark.parametrize(
@@ -654,7 +657,9 @@ ASKED = SimpleNamespace(height=0.0, waypoint=PLACE, geo_waypoints=[PLACE], holds
     [
         ("height_m", "height"),
         ("latitude_deg", "waypoint.latitude"),
-        ("geo_waypoints[1].altitude_m", "geo_waypoints[1].altitude"),
+        ("geo_waypoints[1].altitude_m", "geo_waypoints[1].waypoint.altitude"),
+        ("pitch_rad_s", "pitch"),
+        ("percent", "zoom"),
         ("holds_s[0]", "holds[0]"),
         ("pwm_us", "pwm_us"),
         ("path[0].altitude_m", "path[0].altitude_m"),

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 
+from ual_ros2.derived.names import NAMES
 from ual_ros2.messages import Message
 
-_UNIT = re.compile(r"_(?:m_s|m|s|rad|deg)(?=$|[.\[])")
-"""UAL's names end in their unit. Those of ROS do not."""
 _INDEX = re.compile(r"\[.*")
 
 
@@ -16,12 +16,14 @@ def field_of(request: Message, field: str) -> str:
 
     ``height_m`` is ``height`` in ROS, and ``latitude_deg`` is ``waypoint.latitude``.
     """
-    if _has(request, field):
-        return field
-    named = _UNIT.sub("", field)
-    if _has(request, named):
-        return named
-    return f"waypoint.{named}" if _has(getattr(request, "waypoint", None), named) else field
+    named = (".".join(parts) for parts in product(*map(_named, field.split("."))))
+    return next((each for each in named if _has(request, each)), field)
+
+
+def _named(part: str) -> tuple[str, ...]:
+    """Returns what a part of a path may be called: as UAL has it, or as the requests of ROS."""
+    name = _INDEX.sub("", part)
+    return (part, *(f"{each}{part[len(name) :]}" for each in NAMES.get(name, ())))
 
 
 def in_text(text: str, field: str, named: str) -> str:
