@@ -79,7 +79,7 @@ class HomeFile:
                 return
             self._number, last = number, self._written
             is_same = last is not None and (last.vehicle, last.home, last.start) == (vehicle, home, start)
-            if is_same and not self.kept.checks:
+            if is_same and self.kept.is_there:
                 return
             self._written = saved
             self.kept.write(json.dumps(asdict(saved)) + "\n")

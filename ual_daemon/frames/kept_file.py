@@ -39,6 +39,11 @@ class KeptFile:
         """What is to be told of it, human-readable: nothing while it is on the disk."""
         return (f"{self._what} is not saved in {self.path}: {self._failure}",) if self._failure else ()
 
+    @property
+    def is_there(self) -> bool:
+        """Whether what was written last is on the disk now."""
+        return not self._failure and output_file.identity_of(self.path) == self._written
+
     def read(self) -> bytes:
         """Returns what the daemon before has kept.
 
@@ -69,7 +74,7 @@ class KeptFile:
         with self._lock:
             if self._wanted is None or not self._pauses.is_due(now_s):
                 return
-            if not self._failure and output_file.identity_of(self.path) == self._written:
+            if self.is_there:
                 return
             self._write()
             if self._failure:

@@ -14,6 +14,7 @@ from ual.types import State
 from ual_daemon import logs, traces
 from ual_daemon.backends.base import SafetyPilot
 from ual_daemon.program import ending, heap
+from ual_daemon.program.aside import aside
 from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.program.checks import DaemonChecks
 from ual_daemon.program.clock_watch import ClockWatch
@@ -191,7 +192,7 @@ class Daemon:
             limit = ending.within(_SAFE_EXIT_LIMIT_S + _CLOSE_LIMIT_S)
             are_safe = all(await asyncio.gather(*(each.end() for each in served)))
             if self._network is not None:  # they were there until they were safe
-                await asyncio.to_thread(self._network.close)
+                await aside(self._network.close)
             transport.close()
             limit.cancel()
             gc.unfreeze()
@@ -317,8 +318,8 @@ class _Served:
         self.server.begin_shutdown()
         is_safe = await self._until_safe()
         await self.server.stop()
-        await asyncio.to_thread(self._interface.release)
-        await asyncio.to_thread(self._vehicle.close)
+        await aside(self._interface.release)
+        await aside(self._vehicle.close)
         return is_safe
 
     async def _until_safe(self) -> bool:

@@ -445,9 +445,9 @@ def _serve(
     worker: Worker | None,
     network: Publisher | None,
 ) -> None:
-    import asyncio
     from contextlib import ExitStack
 
+    from ual_daemon.program.aside import outcome
     from ual_daemon.program.daemon import Daemon, Uav
     from ual_daemon.program.metrics import opening
     from ual_daemon.program.namespace import Namespace, NamespaceError
@@ -483,7 +483,7 @@ def _serve(
                 network=network,
             )
             sys.setswitchinterval(_SWITCH_S)
-            are_safe = asyncio.run(daemon.run())
+            are_safe = outcome(daemon.run())
     except (ListenError, NamespaceError, RecordingError, AuditError, opening.MetricsError) as error:
         if worker is not None:
             worker.fail(str(error), _CANNOT_START)

@@ -310,9 +310,9 @@ def home(session: Session, set_z: bool) -> None:
     Without --set-z, z counts from where it did before: it says how high the ground is in <ns>/odom.
     """
     with session.connect() as uav:
-        before = uav.telemetry().sequence
         uav.set_home(set_z)
-        why = _why_not_kept(uav, before)
+        # That of now may have been made before home was written.
+        why = _why_not_kept(uav, uav.telemetry().sequence)
         ground_m = uav.transform(odom := f"{uav.ns}/odom").translation.z
     height = "" if abs(ground_m) < _SAME_HEIGHT_M else f": {_home_height(ground_m, odom)}"
     session.emit({"done": "home", "ground_z_m": round(ground_m, 2), "is_saved": not why}, f"home set{height}")
