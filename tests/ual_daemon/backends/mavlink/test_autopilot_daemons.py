@@ -53,7 +53,7 @@ def vehicle_of(kind: str, system_id: int = 1, of_loss_s: float = 1.0) -> Vehicle
 
 @pytest.fixture(params=["px4", "ardupilot"])
 def vehicle(request: pytest.FixtureRequest) -> Iterator[Vehicle]:
-    vehicle = vehicle_of(request.param)
+    vehicle = vehicle_of(request.param, of_loss_s=LIMIT_S)
     with flying(vehicle.autopilot):
         yield vehicle
 
@@ -83,6 +83,7 @@ def test_a_daemon_that_is_killed_in_flight_and_started_anew_takes_control_back(
         daemon.signal(signal.SIGKILL)
         daemon.wait()
     if isinstance(vehicle.autopilot, Px4):  # it returns, and the safety pilot stops that
+        vehicle.autopilot.parameters["COM_OF_LOSS_T"] = 1.0  # before, a starved daemon would have lost OFFBOARD
         until(lambda: vehicle.autopilot.heartbeat().custom_mode >> 24 == 5, "PX4's return")
         with vehicle.autopilot.lock:
             assert vehicle.autopilot.request_mode(LOITER)
