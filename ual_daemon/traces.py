@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from types import MappingProxyType
 from typing import Any, Protocol
 
 
@@ -17,7 +18,7 @@ class Tracer(Protocol):
         """Returns the place in a trace of what this thread or task does; None if that is not traced."""
         ...
 
-    def begin(self, name: str, above: object) -> Callable[[Future[Any]], None]:
+    def begin(self, name: str, above: object, attributes: Mapping[str, str]) -> Callable[[Future[Any]], None]:
         """Begins a part of what is at that place. Returns what ends it with a future."""
         ...
 
@@ -30,6 +31,8 @@ def current() -> object | None:
     return None if tracer is None else tracer.current()
 
 
-def begin(name: str, above: object | None) -> Callable[[Future[Any]], None] | None:
+def begin(
+    name: str, above: object | None, attributes: Mapping[str, str] = MappingProxyType({})
+) -> Callable[[Future[Any]], None] | None:
     """Begins a part of what is at that place. Returns what ends it; None where nothing is traced."""
-    return None if tracer is None or above is None else tracer.begin(name, above)
+    return None if tracer is None or above is None else tracer.begin(name, above, attributes)

@@ -122,7 +122,8 @@ class Tasks:
             self._tasks[task.id] = task
             if len(self._tasks) > _REMEMBERED_COUNT:
                 self._tasks.popitem(last=False)
-        end_trace = traces.begin(f"task: {kind.name.lower()}", traces.current())
+        about = {"ual.task_id": task.id, "ual.task": description}
+        end_trace = traces.begin(f"task: {kind.name.lower()}", traces.current(), about)
         if end_trace is not None:
             task.future.add_done_callback(end_trace)
         task.future.add_done_callback(partial(self._on_end, kind))  # not the task: it would hold itself in memory

@@ -104,14 +104,14 @@ def test_a_refused_call_has_its_reason(traced: Traced) -> None:
 
 
 def test_a_command_that_goes_on_elsewhere_belongs_to_its_call(traced: Traced) -> None:
-    span = traced.tracing.answering("/ual.v1.UalService/Arm", ())
+    span = traced.tracing.answering("/ual.v1.UalService/Arm", (("ual-ns", "uav_7"),))
     with traced.tracing.within(span):
         above = traced.tracing.current()
     assert above is not None
     assert traced.tracing.current() is None
     accepted, refused, withdrawn = Future[None](), Future[None](), Future[None]()
     for name, future in {"accepted": accepted, "refused": refused, "withdrawn": withdrawn}.items():
-        future.add_done_callback(traced.tracing.begin(name, above))
+        future.add_done_callback(traced.tracing.begin(name, above, {"ual.task_id": name}))
     accepted.set_result(None)
     refused.set_exception(RejectedByAutopilotError("not now"))
     withdrawn.cancel()
@@ -123,6 +123,9 @@ def test_a_command_that_goes_on_elsewhere_belongs_to_its_call(traced: Traced) ->
     }
     assert (spans["refused"].attributes or {})["ual.reason"] == "REJECTED_BY_AUTOPILOT"
     assert (spans["withdrawn"].attributes or {})["ual.withdrawn"] is True
+    # Each says whose it is, as its call does.
+    assert {(each.attributes or {})["ual.ns"] for each in spans.values()} == {"uav_7"}
+    assert (spans["refused"].attributes or {})["ual.task_id"] == "refused"
     assert {each.parent.span_id for each in spans.values() if each.parent} == {span.get_span_context().span_id}
 
 

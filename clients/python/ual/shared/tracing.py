@@ -28,6 +28,9 @@ Metadata = Sequence[tuple[str, "str | bytes"]]
 _EXPORT_LIMIT_VARIABLE = "OTEL_BSP_EXPORT_TIMEOUT"
 """OpenTelemetry's own, in ms."""
 _LAST_EXPORT_S = 2.0
+NS_KEY = "ual-ns"
+"""The metadata that name the UAV of a call."""
+_NS_ATTRIBUTE = "ual.ns"
 
 _log = logging.getLogger(__name__)
 
@@ -122,7 +125,8 @@ class Tracing:
         above = self._propagate.extract(carrier, self._context.Context())
         service, _, method = path.lstrip("/").rpartition("/")
         kind = self._trace.SpanKind.SERVER
-        return self._tracer.start_span(path.lstrip("/"), above, kind, _rpc(service, method))
+        named = {_NS_ATTRIBUTE: carrier[NS_KEY]} if NS_KEY in carrier else {}
+        return self._tracer.start_span(path.lstrip("/"), above, kind, _rpc(service, method) | named)
 
     def answered(self, span: Span, code: str, details: str) -> None:
         """Ends the span of a call that was answered, with gRPC's status."""
@@ -142,9 +146,15 @@ class Tracing:
         is_traced = self._trace.get_current_span().get_span_context().is_valid
         return self._context.get_current() if is_traced else None
 
-    def begin(self, name: str, above: object) -> Callable[[Future[Any]], None]:
-        """Begins a span below the place that `current` has returned. Returns what ends it with a future."""
-        span = self._tracer.start_span(name, above)  # type: ignore[arg-type]  # as `current` returned it
+    def begin(self, name: str, above: object, attributes: Mapping[str, str]) -> Callable[[Future[Any]], None]:
+        """Begins a span below the place that `current` has returned. Returns what ends it with a future.
+
+        It names the UAV that the call above names.
+        """
+        over = self._trace.get_current_span(above)  # type: ignore[arg-type]  # as `current` returned it
+        ns = (getattr(over, "attributes", None) or {}).get(_NS_ATTRIBUTE)
+        told = {**attributes, **({} if ns is None else {_NS_ATTRIBUTE: ns})}
+        span = self._tracer.start_span(name, above, attributes=told)  # type: ignore[arg-type]  # as above
 
         def end(future: Future[Any]) -> None:
             error = None if future.cancelled() else future.exception()
