@@ -161,8 +161,8 @@ class Twins:
         one, other = (_outcome(act, twin) for twin in self.both)
         return one, other
 
-    def publish(self) -> None:
-        """An update comes."""
+    def publish(self, *, is_taken: bool | None = None) -> None:
+        """A snapshot comes, and mostly its update: else a setpoint comes between."""
         now_s, old_s = self.now_s, self.stale_s
         snapshot = Snapshot(
             now_s,
@@ -190,7 +190,7 @@ class Twins:
         for twin in self.both:
             twin.backend.said = snapshot
         self.untaken = snapshot
-        if self.chance.random() < 0.75:  # else a setpoint comes between: it is the newest, but no update has taken it
+        if is_taken or (is_taken is None and self.chance.random() < 0.75):
             self._take(snapshot)
 
     def _take(self, snapshot: Snapshot) -> None:
@@ -214,11 +214,12 @@ class Twins:
         self.calm -= 1
         if self.calm < 0:
             self.is_disturbed = not self.is_disturbed
+            self.calm = chance.randrange(6 if self.is_disturbed else 24)
             if self.is_disturbed:
                 chance.choice(self._changes)(self)
-            else:
-                self._calm_down()
-            self.calm = chance.randrange(6 if self.is_disturbed else 24)
+                self.publish(is_taken=False)
+                return
+            self._calm_down()
         if chance.random() < 0.8:
             self.publish()
 
