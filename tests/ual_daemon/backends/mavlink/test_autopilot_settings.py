@@ -25,7 +25,7 @@ from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.mavlink.protocols.ftp_packet import Opcode
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.extensions.shipped import parameters
+from ual_daemon.services import parameters
 
 LOSSY = Faults(loss=0.2, jitter_s=0.1, duplication=0.1)
 NAMES_COUNT = 300
