@@ -53,10 +53,10 @@ flown on, and the sample is made for one subscriber.
 """
 
 SERVED_SETPOINTS = {
-    "stream": Most(146, 400, 72),
-    "stream with everything": Most(155, 520, 150),
+    "stream": Most(158, 400, 72),
+    "stream with everything": Most(168, 520, 150),
     "call": Most(187, 440, 96),
-    "call with everything": Most(329, 600, 200),
+    "call with everything": Most(347, 600, 200),
 }
 """A velocity from a received message to the backend of a light UAV, in a stream or as a call of its own. *Everything*:
 by a token and under a lease, while the flight is recorded and audited, and an extension and a second program subscribe.

@@ -380,6 +380,9 @@ class Flight:
 
         Returns False, and does nothing, where something is to be judged: `begin_reference` is then the way.
         """
+        if self._clearance.rests_count > 0:
+            self._clearance.rests_count -= 1
+            return False
         (snapshot, now_s), flown, sender, drift = self._backend.newest(), self._flown, self.sender, self.drift
         if (
             self.following.why

@@ -25,6 +25,10 @@ from ual_daemon.trajectory.envelope import RAMP_S
 from ual_daemon.validation import MAX_SPEED_M_S
 
 _ROUNDING = 1e-12
+_RESTS_COUNT = 3
+"""Where there is no room, so many setpoints are judged by the rules without asking: most near an edge are."""
+_SAME_M2 = 0.1**2
+"""Within this distance, squared, of where a ball was too small, no other one is looked for: each setpoint would pay."""
 _WAY_S = REACTION_S + RAMP_S / 2.0
 """For so long a speed is flown on, whatever the brakes. With `brake_s2_m` it bounds `stopping_s` from above, as
 (q + RAMP_S) / 2 is never less than sqrt(q * RAMP_S)."""
@@ -40,6 +44,7 @@ class _Clearance:
         climb_m_s, sink_m_s, turn_rad_s: The limits.
         brake_s2_m: Half the inverse of the least acceleration.
         x, y, z, radius_m: The ball, in the local frame.
+        rooms: The parts of the fence that were known when it was made.
 
     """
 
@@ -54,6 +59,7 @@ class _Clearance:
     y: float = 0.0
     z: float = 0.0
     radius_m: float = -1.0
+    rooms: object = None
 
 
 class Clearance:
@@ -63,6 +69,8 @@ class Clearance:
         self._backend = backend
         self._limits = limits
         self._geofence = geofence
+        self.rests_count = 0
+        """How many setpoints need not ask."""
         self._now = _Clearance(VehicleInfo(), World(*(None,) * 7))
 
     def admits(self, twist: Twist, snapshot: Snapshot, now_s: float) -> bool:
@@ -96,10 +104,15 @@ class Clearance:
         # All points of `reach` lie within this distance of where it is.
         reach_m = speed_m_s * (_WAY_S + speed_m_s * now.brake_s2_m)
         left_m, off_x, off_y, off_z = now.radius_m - reach_m, here.x - now.x, here.y - now.y, here.z - now.z
-        if left_m >= 0.0 and off_x * off_x + off_y * off_y + off_z * off_z <= left_m * left_m:
+        off2 = off_x * off_x + off_y * off_y + off_z * off_z
+        if left_m >= 0.0 and off2 <= left_m * left_m:
             return True
-        now = self._now = self._made(info, snapshot)  # there may be room here, too
-        return reach_m <= now.radius_m
+        if off2 >= _SAME_M2 or now.rooms is not self._geofence.rooms:
+            now = self._now = self._made(info, snapshot)  # there may be room here, too
+            if reach_m <= now.radius_m:
+                return True
+        self.rests_count = _RESTS_COUNT
+        return False
 
     def _made(self, info: VehicleInfo, snapshot: Snapshot) -> _Clearance:
         """Returns the clearance where the UAV is; one that admits nothing where it is not sure."""
@@ -125,6 +138,7 @@ class Clearance:
             here.y,
             here.z,
             radius_m - SURE_M,
+            self._geofence.rooms,
         )
 
 

@@ -430,6 +430,11 @@ class Geofence:
             self.require_inside([here, goal], what, snapshot)
             self._find_room(now, points)
 
+    @property
+    def rooms(self) -> object:
+        """The parts of the fence in which the last setpoints were found: another object where they are others."""
+        return None if self._last is None else self._last.rooms
+
     def surely_inside_m(self, snapshot: Snapshot) -> float:
         """Returns the radius of a ball around a UAV in the air, in which every velocity may stop; negative for none.
 
