@@ -26,6 +26,7 @@ ALLOWED = {
     "dji/session.py": "a silent topic is subscribed to anew, the confirmation of a landing, and calls that were ended",
     "dji/telemetry.py": "messages that a newer one has overtaken",
     "firmwares/batteries.py": "batteries of which nothing is told any more",
+    "firmwares/motor_outputs.py": "after which silence it is not known whether the motors turn: nothing is sent",
     "firmwares/sender_watch.py": "after which silences a target may be an old one of ours: nothing is sent",
     "firmwares/trigger_camera.py": "orders of a camera that were given up: nothing that flies",
     "mavlink/links/connection.py": "when a TCP connection counts as half-open, and when a link works again",

@@ -285,7 +285,7 @@ def test_a_pod_may_do_no_more_than_the_image_needs() -> None:
 def test_all_parts_of_a_fleet_mean_the_same_pods() -> None:
     labels = {"app.kubernetes.io/name": "ual"}
     found = {each["kind"]: each["spec"] for each in manifests()}
-    assert found["StatefulSet"]["template"]["metadata"]["labels"] == labels
+    assert found["StatefulSet"]["template"]["metadata"]["labels"] == labels | {"ual": "daemon"}
     assert found["StatefulSet"]["selector"]["matchLabels"] == labels
     assert found["Service"]["selector"] == labels
     assert found["PodDisruptionBudget"]["selector"]["matchLabels"] == labels

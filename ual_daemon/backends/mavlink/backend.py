@@ -162,8 +162,8 @@ class MavlinkBackend(Backend):
         now_s, discovery = self.clock.now_s(), self._discovery
         if discovery is None:
             return
-        session, heard_s = discovery.session, discovery.watch.heard_s
-        if session is None or heard_s is None or now_s - heard_s > discovery.watch.lost_s or session.telemetry.conflict:
+        session = discovery.session
+        if session is None or not discovery.watch.is_up(now_s) or session.telemetry.conflict:
             return
         plain = session.setpoint_encoder.velocity(setpoint, now_s)
         if plain is not None:
