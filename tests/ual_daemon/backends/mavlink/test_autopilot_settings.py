@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.conftest import LIMIT_S
 from tests.simulators import Faults
 from tests.simulators.mission_store import Sender
 from tests.simulators.parameter_files import PACKED
@@ -25,7 +24,6 @@ from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.mavlink.protocols.ftp_packet import Opcode
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.services import parameters
 
 LOSSY = Faults(loss=0.2, jitter_s=0.1, duplication=0.1)
 NAMES_COUNT = 300
@@ -36,9 +34,7 @@ WHOLE = {"px4": "EKF2_EV_CTRL", "ardupilot": "FLTMODE6"}
 
 
 @pytest.fixture(params=["px4", "ardupilot"])
-def flight(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Flight]:
-    # A caller's limit is real time, and on a busy computer less of the autopilot's passes: here its answers count.
-    monkeypatch.setattr(parameters, "ONE_S", LIMIT_S)
+def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
     flight = Flight(request.param)
     flight.kind = request.param  # type: ignore[attr-defined]
     flight.wait_for_state(State.LANDED_DISARMED)

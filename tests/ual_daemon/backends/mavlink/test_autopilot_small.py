@@ -11,6 +11,7 @@ import pytest
 from tests.simulators import ArduPilot
 from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, UsualRates
+from tests.waiting import until
 from ual.types import Limits, State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -101,7 +102,10 @@ def test_a_severe_text_is_told_by_health_and_by_the_log_and_ages(caplog: pytest.
             flight.autopilot.say("Mission: 3 WP", mavlink.MAV_SEVERITY_INFO)
         text = "autopilot: Potential Thrust Loss (3)"
         flight.wait_for(lambda: text in str(flight.uav.telemetry().health), "the text")
-        (said,) = [vars(each) for each in caplog.records if vars(each).get("ual_event") == "autopilot_says"]
+        is_told = "autopilot_says"
+        (said,) = until(
+            lambda: [vars(each) for each in caplog.records if vars(each).get("ual_event") == is_told], "its line"
+        )
         assert said["ual_fields"] == {"text": "Potential Thrust Loss (3)", "severity": 0}
         assert "Mission" not in str(flight.uav.telemetry().health)
         flight.wait_for(lambda: text not in str(flight.uav.telemetry().health), "its end")
