@@ -92,7 +92,7 @@ class Spans:
     def current(self) -> object:
         return self
 
-    def begin(self, name: str, above: object) -> Callable[[Future[Any]], None]:
+    def begin(self, name: str, above: object, attributes: object) -> Callable[[Future[Any]], None]:
         assert above is self
         return lambda future: self.ended.append((name, str(future.exception(0))))
 
