@@ -104,8 +104,8 @@ class ReceiveLoop:
         if connection.connections_count != self._connections_count:
             self._connections_count = connection.connections_count
             self._discovery.reconnected()
-        now_s, utc_s = clock.now_s(), clock.utc_s() if chunks else 0.0  # they have all come by now
-        for data, address in chunks:
+        for data, address in chunks:  # each with a time of its own: a replay keeps their order by it
+            now_s, utc_s = clock.now_s(), clock.utc_s()
             if self.on_received is not None:
                 self.on_received(data, address, now_s, utc_s)
             self._discovery.receiver.receive(data, address, now_s, utc_s)
