@@ -92,7 +92,7 @@ class Loop:
         self._watch = watch
         self._wake = wake
         self._watched_s = watched_s
-        self._settle = settle
+        self._settle = driven.tick if settle is None else settle
         self._posted: deque[Posted] = deque()
         self._given = futures.OpenFutures()
         self._gap = SchedulingGap()
@@ -188,15 +188,12 @@ class Loop:
     def _tick(self, now_s: float) -> None:
         self._ticked_s, self._has_moved = now_s, False
         is_next = now_s >= self._next_tick_s
-        is_whole = is_next or self._settle is None or bool(self._posted) or self._driven.is_urgent
+        is_whole = is_next or bool(self._posted) or self._driven.is_urgent
         if is_next:
             self._next_tick_s = now_s + TICK_S
         for _ in range(len(self._posted)):  # those that are retried wait for the next tick
             self._contained.call(self._posted.popleft(), now_s)
-        if is_whole or self._settle is None:
-            self._driven.tick(now_s)
-        else:
-            self._settle(now_s)
+        (self._driven.tick if is_whole else self._settle)(now_s)
 
 
 class LoopThread:
