@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -28,7 +27,7 @@ class KeptFile:
         self._lock = threading.Lock()
         self._wanted: str | None = None
         self._is_durable = False
-        self._written: tuple[int, int] | None = None  # device and inode
+        self._written: tuple[int, int, int] | None = None  # its identity
         self._failure = ""
         self._pauses = GrowingPauses()
         self.on_change: Callable[[], object] = bool
@@ -42,7 +41,8 @@ class KeptFile:
     @property
     def is_there(self) -> bool:
         """Whether what was written last is on the disk now."""
-        return not self._failure and output_file.identity_of(self.path) == self._written
+        is_written = self._written is not None and not self._failure
+        return is_written and output_file.identity_of(self.path) == self._written
 
     def read(self) -> bytes:
         """Returns what the daemon before has kept.
@@ -85,14 +85,13 @@ class KeptFile:
         before = self._failure
         try:
             whole_file.replace(self.path, self._wanted, whole_file.READABLE, is_durable=self._is_durable)
-            found = os.lstat(self.path)
         except OSError as error:
             self._failure = _why(error)
             if not before:
                 logs.event(_log, logging.WARNING, "not_saved", what=self._what, file=self.path, why=self._failure)
                 self.on_change()
             return
-        self._written, self._failure = (found.st_dev, found.st_ino), ""
+        self._written, self._failure = output_file.identity_of(self.path), ""
         if before:
             logs.event(_log, logging.WARNING, "saved_again", what=self._what, file=self.path, why=before)
             self.on_change()

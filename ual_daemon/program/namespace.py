@@ -56,7 +56,7 @@ class Namespace:
         self._ns = ns
         self._registration: Registration | None = None
         self._registered: Path | None = None
-        self._written: tuple[int, int] | None = None  # device and inode
+        self._written: tuple[int, int, int] | None = None  # its identity
         self._failure = ""
         self._pauses = GrowingPauses()
         path = discovery.lock_file(ns)

@@ -8,13 +8,16 @@ from pathlib import Path
 _ROOT = 0
 
 
-def identity_of(path: Path) -> tuple[int, int] | None:
-    """Returns the device and the inode of what is at a path; None where nothing can be found."""
+def identity_of(path: Path) -> tuple[int, int, int] | None:
+    """Returns the device, the inode and the time of change of what is at a path; None where nothing can be found.
+
+    The inode of a file that was removed is soon another one's.
+    """
     try:
         found = path.lstat()
     except OSError:
         return None
-    return found.st_dev, found.st_ino
+    return found.st_dev, found.st_ino, found.st_mtime_ns
 
 
 def loss_of(path: Path, file: int) -> str:
