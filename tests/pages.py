@@ -51,11 +51,6 @@ class Page:
     path: Path
     text: str
 
-    @property
-    def prose(self) -> str:
-        """The text without its code."""
-        return _SPAN.sub("", _INDENTED.sub("", _FENCE.sub("", self.text)))
-
     @functools.cached_property
     def blocks(self) -> list[str]:
         """The blocks of code, fenced or indented; without those of other languages than the shell's and ours."""

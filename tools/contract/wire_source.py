@@ -11,15 +11,15 @@ _BY_HAND = ("convert", "mission_items", "rally_points")
 
 def source(values: Values) -> str:
     """Returns the module."""
-    tables = "".join(map(_table, values.enums.values()))
     asked = "".join(_argument(values.enums[name]) for name in sorted(values.in_requests))
-    body = tables + asked + "".join(map(_codec, values.messages.values()))
+    functions = asked + "".join(map(_codec, values.messages.values()))
+    body = "".join(_table(each) for each in values.enums.values() if each.table in functions) + functions
     return f"{_head(values, body)}{body}"
 
 
 def _head(values: Values, body: str) -> str:
     classes = [each.name for each in values.enums.values()] + [each.name for each in values.messages.values()]
-    used = sorted({name for name in classes if f"{name}" in body and not _is_tuple(values, name)})
+    used = sorted({name for name in classes if name in body and not _is_tuple(values, name)})
     return (
         f'"""Between the messages of ``{values.file}.proto`` and their values. ``make proto`` writes this file: do not '
         'edit it."""\n\nfrom __future__ import annotations\n\n'

@@ -11,7 +11,6 @@ from ual.contract.camera import (
     CameraMode,
     CameraStatus,
     CameraStorage,
-    ImageFormat,
     ImageKind,
     Photo,
     StorageState,
@@ -26,8 +25,6 @@ _CAMERA_ABILITY: Mapping[int, CameraAbility] = {each.value: each for each in Cam
 _CAMERA_MODE: Mapping[int, CameraMode] = {each.value: each for each in CameraMode}
 
 _STORAGE_STATE: Mapping[int, StorageState] = {each.value: each for each in StorageState}
-
-_IMAGE_FORMAT: Mapping[int, ImageFormat] = {each.value: each for each in ImageFormat}
 
 _IMAGE_KIND: Mapping[int, ImageKind] = {each.value: each for each in ImageKind}
 
