@@ -63,8 +63,10 @@ def test_a_radio_that_is_overrun_is_asked_for_less_until_it_fits(caplog: pytest.
         position = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
         flight.wait_for(lambda: 0.03 <= channel.intervals_s[position] <= 0.25, "a lower rate")
         flight.wait_for(lambda: flight.backend.link_statistics().loss < 0.1, "a link that fits")
-        expected = "not armed; it is asked for 25 positions a second, as the link carries no more"
-        flight.wait_for(lambda: reason(flight) == expected, "the parameters that were lost at first")
+        # 25 positions and all else are 4.3 kB/s: about a tenth is lost; whether that is too much is close.
+        text = "not armed; it is asked for {} positions a second, as the link carries no more"
+        settled = {text.format(25), text.format(12.5)}
+        flight.wait_for(lambda: reason(flight) in settled, "the parameters that were lost at first")
         assert sum(vars(record).get("ual_event") == "stream_rates_changed" for record in caplog.records) <= 4
         fly(flight)
         flight.uav.close()
