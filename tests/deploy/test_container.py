@@ -67,8 +67,31 @@ def test_what_is_copied_and_installed_is_named() -> None:
     assert re.search(r":\d", base)
     for name, rest in found:
         if name == "RUN" and "pip install" in rest:
-            assert "--no-cache-dir" in rest
-            assert "--constraint constraints.txt" in rest or re.search(r"cyclonedx-bom==\d", rest)
+            for each in rest.split("pip install")[1:]:
+                assert "--no-cache-dir" in each
+                assert "--require-hashes" in each or "--no-index --no-deps" in each
+
+
+def requirements(name: str) -> dict[str, tuple[str, ...]]:
+    """Requirements of a file, each with its hashes."""
+    text = (CONTAINER / name).read_text(encoding="utf-8").replace("\\\n", "")
+    lines = [line.partition(" --hash=") for line in text.splitlines() if not line.startswith("#")]
+    return {requirement.strip(): tuple(hashes.split("--hash=")) for requirement, _, hashes in lines}
+
+
+@pytest.mark.parametrize("name", ["requirements.txt", "sbom-requirements.txt"])
+def test_each_package_of_the_image_is_named_by_its_hashes(name: str) -> None:
+    found = requirements(name)
+    assert found
+    for requirement, hashes in found.items():
+        assert re.match(r"[a-z0-9-]+==\d", requirement), requirement
+        assert all(re.fullmatch(r"sha256:[0-9a-f]{64} *", each) for each in hashes), requirement
+
+
+def test_the_image_has_the_versions_that_are_tested() -> None:
+    tested = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    versions = {re.split(" *;", line)[0] for line in tested}
+    assert {re.split(" *;", each)[0].strip() for each in requirements("requirements.txt")} <= versions
 
 
 def test_labels_say_what_it_is() -> None:
