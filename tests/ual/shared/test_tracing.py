@@ -75,6 +75,27 @@ def test_with_its_variables_calls_are_traced(monkeypatch: pytest.MonkeyPatch) ->
     assert found is of_environment()
 
 
+def test_a_question_begins_no_trace(traced: Traced) -> None:
+    with traced.tracing.calling("ual.v1.UalService", "ListFrames") as metadata:
+        assert metadata == ()
+    span = traced.tracing.answering("/ual.v1.UalService/ListFrames", metadata)
+    with traced.tracing.within(span):
+        assert traced.tracing.current() is None
+    traced.tracing.answered(span, "OK", "")
+    assert traced.spans() == {}
+
+
+def test_a_question_of_a_traced_program_is_a_part_of_its_trace(traced: Traced) -> None:
+    with (
+        traced.tracing.calling("ual.v1.UalService", "Arm"),
+        traced.tracing.calling("ual.v1.UalService", "ListFrames") as metadata,
+    ):
+        span = traced.tracing.answering("/ual.v1.UalService/ListFrames", metadata)
+    traced.tracing.answered(span, "OK", "")
+    assert span.get_span_context().trace_id == traced.spans()["ual.v1.UalService/Arm"].context.trace_id
+    assert set(traced.spans()) == {"ual.v1.UalService/Arm", "ual.v1.UalService/ListFrames"}
+
+
 def test_a_call_and_its_answer_are_one_trace(traced: Traced) -> None:
     with traced.tracing.calling("ual.v1.UalService", "Arm") as metadata:
         assert [key for key, _ in metadata] == ["traceparent"]

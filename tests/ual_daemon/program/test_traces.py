@@ -121,17 +121,17 @@ def test_a_refusal_is_an_error_on_both_sides(
     assert (client.attributes or {})["ual.reason"] == "WRONG_STATE"
 
 
-async def _state(address: str) -> None:
+async def _add_frame(address: str) -> None:
     async with ual.aio.Uav(address=address) as uav:
-        await uav.state()
+        await uav.add_frame(ual.Transform(frame_id="map", child_frame_id="pad"))
 
 
 def test_the_asyncio_client_is_traced_as_well(
     runtime_dir: Path, collector: Collector, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with closing(start(runtime_dir)) as daemon, traced_client(monkeypatch) as exported:
-        asyncio.run(_state(daemon.address))
-        [server] = collector.wait_for(f"{SERVICE}/GetTelemetry")
+        asyncio.run(_add_frame(daemon.address))
+        [server] = collector.wait_for(f"{SERVICE}/AddFrame")
     [client] = exported.get_finished_spans()
     context = client.get_span_context()
     assert context is not None

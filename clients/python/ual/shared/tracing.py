@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from ual.contract.method import Kind
+from ual.contract.methods import METHODS
 from ual.errors import UalError
 from ual.shared import extras
 
@@ -107,7 +109,13 @@ class Tracing:
 
     @contextmanager
     def calling(self, service: str, method: str) -> Iterator[Metadata]:
-        """Yields the metadata that go with a call, which ends with the block. An error of the block is the call's."""
+        """Yields the metadata that go with a call, which ends with the block. An error of the block is the call's.
+
+        A question begins no trace: a program that polls would fill its collector with them.
+        """
+        if _is_question(service, method) and not self._trace.get_current_span().get_span_context().is_valid:
+            yield ()
+            return
         attributes = _rpc(service, method)
         kind = self._trace.SpanKind.CLIENT
         with self._tracer.start_as_current_span(f"{service}/{method}", kind=kind, attributes=attributes) as span:
@@ -120,10 +128,15 @@ class Tracing:
                 raise
 
     def answering(self, path: str, metadata: Metadata) -> Span:
-        """Begins the span of a call that is answered, ``/package.Service/Method``; its caller's, if that has one."""
+        """Begins the span of a call that is answered, ``/package.Service/Method``; its caller's, if that has one.
+
+        A question without a traced caller gets a span that is not recorded.
+        """
         carrier = {key: value for key, value in metadata if isinstance(value, str)}
         above = self._propagate.extract(carrier, self._context.Context())
         service, _, method = path.lstrip("/").rpartition("/")
+        if _is_question(service, method) and not self._trace.get_current_span(above).get_span_context().is_valid:
+            return self._trace.INVALID_SPAN
         kind = self._trace.SpanKind.SERVER
         named = {_NS_ATTRIBUTE: carrier[NS_KEY]} if NS_KEY in carrier else {}
         return self._tracer.start_span(path.lstrip("/"), above, kind, _rpc(service, method) | named)
@@ -166,6 +179,11 @@ class Tracing:
             span.end()
 
         return end
+
+
+def _is_question(service: str, method: str) -> bool:
+    known = METHODS.get(method)
+    return known is not None and known.kind is Kind.QUESTION and service == f"ual.v1.{known.service}"
 
 
 def _rpc(service: str, method: str) -> dict[str, str]:
