@@ -1,6 +1,7 @@
-"""Measures the network: ``python -m benchmarks.network [--only presence|flight|wire] [--uavs 1000]``.
+"""Measures the network: ``python -m benchmarks.network [--only presence|failover|flight|wire] [--uavs 1000]``.
 
 - presence: A fleet in five daemons, each in a network namespace of its own, and two routers with certificates.
+- failover: The same, of 500 UAVs that know both routers, the first of which is killed: what a program that starts sees.
 - flight: How late setpoints at 50 Hz are: without the network, with it, without its router, and beside nonsense.
 - wire: 10,000 UAVs that twenty processes tell of, from recorded telemetry, over one router.
 
@@ -16,7 +17,7 @@ from benchmarks.children import prefer_this
 from benchmarks.network import flight, presence, wire
 from benchmarks.network.goals import Found
 
-PARTS = ("presence", "flight", "wire")
+PARTS = ("presence", "failover", "flight", "wire")
 
 
 def main() -> int:
@@ -33,6 +34,8 @@ def main() -> int:
     for part in arguments.only or PARTS:
         if part == "presence":
             found += presence.measure(arguments.uavs, arguments.seconds)
+        elif part == "failover":
+            found += presence.measure_failover(arguments.uavs // 2)
         elif part == "flight":
             found += flight.measure(arguments.messages, arguments.seconds)
         else:

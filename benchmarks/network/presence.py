@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import sys
 import tempfile
 import time
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.children import Child, Process
@@ -15,26 +17,66 @@ from benchmarks.network.goals import Found
 from benchmarks.network.site import ROUTERS, Site
 
 _DAEMONS = 5
+_FAILOVER_S = 2.0
 _LISTED_S, _KILLED_S, _STOPPED_S, _RIGHT_S = 3.0, 1.0, 3.0, 3.0
 _CUT_S = 60.0
 _STEADY_S = 6.0
 _START_LIMIT_S = 120.0
 
 
+@dataclass(frozen=True)
+class _Fleet:
+    """Daemons of a site that all serve, its routers, and a program that listens."""
+
+    site: Site
+    spans: list[str]
+    routers: list[Process]
+    listener: Child
+    daemons: list[Process]
+
+
+def _fly(uavs: int, stack: ExitStack, *, is_split: bool) -> _Fleet:
+    each = uavs // _DAEMONS
+    spans = [f"uav_{i * each + 1}-{(i + 1) * each}" for i in range(_DAEMONS)]
+    directory = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="ual-network-")))
+    lan = stack.enter_context(namespaces.lan())
+    site = Site(directory, lan, spans, stack, is_split=is_split)
+    routers = [site.router(name) for name in ROUTERS]
+    listener = site.listener()
+    daemons = [_daemon(site, span, i * each + 1, each, stack) for i, span in enumerate(spans)]
+    for daemon, span in zip(daemons, spans, strict=True):
+        _wait_until_serving(daemon, directory / f"{span}.log")
+    return _Fleet(site, spans, routers, listener, daemons)
+
+
+def measure_failover(uavs: int) -> list[Found]:
+    """Measures what a program sees that starts after the first of two routers was killed, with the UAVs in the air."""
+    with ExitStack() as stack:
+        fleet = _fly(uavs, stack, is_split=False)
+        fleet.listener.ask("until", count=uavs, limit_s=_START_LIMIT_S)
+        at_s = time.monotonic()
+        fleet.routers[0].popen.kill()
+        found = [_discovered(fleet.listener, "at once after router_1 was killed", uavs)]
+        back = fleet.listener.ask("until", count=uavs, is_exact=True)
+        found.append(Found("router_1 is killed: who runs sees all again", back["at_s"] - at_s, "s", _STOPPED_S))
+        found.append(_discovered(fleet.listener, "once who runs sees all again", uavs))
+        return found
+
+
+def _discovered(listener: Child, when: str, uavs: int) -> Found:
+    seen = listener.ask("discover", limit_s=_START_LIMIT_S)
+    what = f"a program that starts {when} lists {seen['count']} of {uavs}"
+    return Found(what, seen["took_s"] if seen["count"] == uavs else math.inf, "s", _FAILOVER_S)
+
+
 def measure(uavs: int, seconds: float) -> list[Found]:
     """Measures a fleet of so many."""
     each = uavs // _DAEMONS
-    spans = [f"uav_{i * each + 1}-{(i + 1) * each}" for i in range(_DAEMONS)]
     with ExitStack() as stack:
-        directory = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="ual-network-")))
-        lan = stack.enter_context(namespaces.lan())
-        site = Site(directory, lan, spans, stack)
-        routers = [site.router(name) for name in ROUTERS]
-        listener = site.listener()
-        daemons = [_daemon(site, span, i * each + 1, each, stack) for i, span in enumerate(spans)]
-        for daemon, span in zip(daemons, spans, strict=True):
-            _wait_until_serving(daemon, directory / f"{span}.log")
+        fleet = _fly(uavs, stack, is_split=True)
         served_s = time.monotonic()
+        site, spans, routers, listener, daemons = fleet.site, fleet.spans, fleet.routers, fleet.listener, fleet.daemons
+        lan = site.lan
         listed = listener.ask("until", count=uavs, limit_s=_START_LIMIT_S)
         found = [
             Found(

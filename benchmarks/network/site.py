@@ -18,7 +18,16 @@ ROUTERS = ("router_1", "router_2")
 class Site:
     """A network with two routers, UAVs by their publishers, and an observer at the second router."""
 
-    def __init__(self, directory: Path, lan: Lan | Loopback, publishers: Sequence[str], stack: ExitStack) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        lan: Lan | Loopback,
+        publishers: Sequence[str],
+        stack: ExitStack,
+        *,
+        is_split: bool = True,
+    ) -> None:
+        """`is_split` keeps the listener at the second router and the UAVs at the first: all crosses both."""
         self.directory = directory
         self.lan = lan
         self._stack = stack
@@ -34,10 +43,10 @@ class Site:
             for i, (name, address) in enumerate(zip(ROUTERS, addresses, strict=True))
         ]
         network_files.write(directory, network_files.Site("benchmark", routers, publishers, ["observer"]))
-        # The listener is at the second router, the daemons are at the first: all crosses both.
-        self._keep_router("observer", routers[1].endpoint)
-        for name in publishers:
-            self._keep_router(name, routers[0].endpoint)
+        if is_split:
+            self._keep_router("observer", routers[1].endpoint)
+            for name in publishers:
+                self._keep_router(name, routers[0].endpoint)
 
     def _keep_router(self, name: str, endpoint: str) -> None:
         file = self.directory / f"{name}.network.yaml"
