@@ -16,6 +16,7 @@ from tools.contract.ros_shapes import Served, Shapes, Struct
 from tools.contract.words import snake
 
 PACKAGE = ROOT / "clients" / "ros2" / "ual_ros2"
+TESTS = PACKAGE / "test"
 _FIELDS = (
     "Fields", "angle_range", "geo_point_fields", "in_bytes", "key_values", "name_of", "named", "names_of", "none_of",
     "point_stamped", "quaternion", "ratio", "read_all", "read_geo_point", "stamp", "transform", "vector",
@@ -41,8 +42,8 @@ def code(shapes: Shapes) -> dict[Path, str]:
         derived / "calls.py": _calls(served, structs),
         derived / "services.py": _services(served),
         derived / "names.py": _names(structs, served),
-        PACKAGE / "test" / "derived_values.py": _client_values(structs, served),
-        PACKAGE / "test" / "derived_members.py": _client_members(structs, served),
+        TESTS / "derived_values.py": _client_values(structs, served),
+        TESTS / "derived_members.py": _client_members(structs, served),
     }
 
 
@@ -247,9 +248,14 @@ def _client_values(structs: Sequence[Struct], served: Sequence[Served]) -> str:
     body = [
         *(_told(each) for each in structs if not each.is_told),
         *(_read(each) for each in structs if not each.is_asked),
-        *(_asked(each) for each in served if each.member and each.is_whole),
+        *(_asked(each) for each in served if each.member and each.is_whole and _is_asked(each)),
     ]
     return _module("What the tests' program in ROS asks and reads.", "\n\n".join(body), structs)
+
+
+def _is_asked(served: Served) -> bool:
+    """Whether a member of the tests' program has its request: a derived one, or one by hand."""
+    return served.is_beside or any(_asks(served) in path.read_text("utf-8") for path in TESTS.glob("ros_*.py"))
 
 
 def _client_members(structs: Sequence[Struct], served: Sequence[Served]) -> str:

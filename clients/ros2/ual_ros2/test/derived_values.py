@@ -25,7 +25,6 @@ from reading import (
     read_angle_range,
     read_viewpoint,
     transform_stamped,
-    twist_stamped,
 )
 
 import ual
@@ -318,38 +317,11 @@ def read_parameter(message: Message) -> ual.parameters.values.Parameter:
     )
 
 
-def ask_list_frames() -> Fields:
-    """Returns the request of list_frames."""
-    return {}
-
-
 def ask_add_frame(*, transform: Any) -> Fields:
     """Returns the request of add_frame."""
     return {
         "transform": transform_stamped(transform),
     }
-
-
-def ask_remove_frame(*, frame_id: Any) -> Fields:
-    """Returns the request of remove_frame."""
-    return {
-        "frame_id": frame_id,
-    }
-
-
-def ask_get_route() -> Fields:
-    """Returns the request of get_route."""
-    return {}
-
-
-def ask_arm() -> Fields:
-    """Returns the request of arm."""
-    return {}
-
-
-def ask_disarm() -> Fields:
-    """Returns the request of disarm."""
-    return {}
 
 
 def ask_take_off(*, height_m: Any, force: Any) -> Fields:
@@ -414,62 +386,6 @@ def ask_return_to_launch(*, height_m: Any) -> Fields:
     return {
         "height": height_m or 0.0,
     }
-
-
-def ask_set_pose(*, pose: Any) -> Fields:
-    """Returns the request of set_pose."""
-    return {
-        "pose": pose_stamped(pose),
-    }
-
-
-def ask_set_velocity(*, velocity: Any) -> Fields:
-    """Returns the request of set_velocity."""
-    return {
-        "velocity": twist_stamped(velocity),
-    }
-
-
-def ask_set_external_pose(*, pose: Any, position_std_dev_m: Any, orientation_std_dev_rad: Any) -> Fields:
-    """Returns the request of set_external_pose."""
-    return {
-        "pose": pose_stamped(pose),
-        "has_position_std_dev": position_std_dev_m is not None,
-        "position_std_dev": 0.0 if position_std_dev_m is None else position_std_dev_m,
-        "has_orientation_std_dev": orientation_std_dev_rad is not None,
-        "orientation_std_dev": 0.0 if orientation_std_dev_rad is None else orientation_std_dev_rad,
-    }
-
-
-def ask_take_control(*, force: Any) -> Fields:
-    """Returns the request of take_control."""
-    return {
-        "force": force,
-    }
-
-
-def ask_set_home(*, set_z: Any) -> Fields:
-    """Returns the request of set_home."""
-    return {
-        "set_z": set_z,
-    }
-
-
-def ask_abort(*, freeze: Any) -> Fields:
-    """Returns the request of abort."""
-    return {
-        "freeze": freeze,
-    }
-
-
-def ask_pause() -> Fields:
-    """Returns the request of pause."""
-    return {}
-
-
-def ask_resume() -> Fields:
-    """Returns the request of resume."""
-    return {}
 
 
 def ask_list_cameras() -> Fields:
