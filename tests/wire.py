@@ -20,47 +20,12 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError, Message
 
-from ual.v1 import (
-    camera_pb2,
-    corrections_pb2,
-    fence_pb2,
-    gimbal_pb2,
-    gripper_pb2,
-    logs_pb2,
-    mission_pb2,
-    parameters_pb2,
-    simulation_pb2,
-    ual_pb2,
-)
+from tests.contract_files import FILES, SERVICES
 
 ROOT = Path(__file__).parents[1]
 RECORDS = ROOT / "tests" / "data" / "wire"
 BASELINE = ROOT / "proto" / "baseline.binpb"
 """An image of the contract (a FileDescriptorSet, by buf), which it must stay compatible with."""
-FILES = (
-    "ual/v1/ual.proto",
-    "ual/v1/simulation.proto",
-    "ual/v1/parameters.proto",
-    "ual/v1/mission.proto",
-    "ual/v1/camera.proto",
-    "ual/v1/gimbal.proto",
-    "ual/v1/fence.proto",
-    "ual/v1/gripper.proto",
-    "ual/v1/logs.proto",
-    "ual/v1/corrections.proto",
-)
-SERVICES = (
-    "ual.v1.UalService",
-    "ual.v1.SimulationService",
-    "ual.v1.ParameterService",
-    "ual.v1.MissionService",
-    "ual.v1.CameraService",
-    "ual.v1.GimbalService",
-    "ual.v1.FenceService",
-    "ual.v1.GripperService",
-    "ual.v1.LogService",
-    "ual.v1.CorrectionsService",
-)
 
 REMEDY = (
     "Programs that are installed would be misunderstood. Undo it: a field keeps its number, name and type for ever; "
@@ -98,35 +63,21 @@ class Record:
 
 def contract_pool() -> DescriptorPool:
     """The contract as it is now."""
-    return _pool(descriptor_pb2.FileDescriptorProto.FromString(file.DESCRIPTOR.serialized_pb) for file in _modules())
+    return _pool(descriptor_pb2.FileDescriptorProto.FromString(file.serialized_pb) for file in FILES)
 
 
 def baseline_pool() -> DescriptorPool:
     """The contract that must be kept."""
     image = descriptor_pb2.FileDescriptorSet.FromString(BASELINE.read_bytes())
-    return _pool(file for file in image.file if file.name in FILES)
+    known = {each.name for each in FILES}
+    return _pool(file for file in image.file if file.name in known)
 
 
 def changed_pool(change: Any) -> DescriptorPool:
     """The contract as it would be after ``change`` of the description of ual.proto."""
-    files = [descriptor_pb2.FileDescriptorProto.FromString(file.DESCRIPTOR.serialized_pb) for file in _modules()]
+    files = [descriptor_pb2.FileDescriptorProto.FromString(file.serialized_pb) for file in FILES]
     change(files[0])
     return _pool(files)
-
-
-def _modules() -> tuple[Any, ...]:
-    return (
-        ual_pb2,
-        simulation_pb2,
-        parameters_pb2,
-        mission_pb2,
-        camera_pb2,
-        fence_pb2,
-        gripper_pb2,
-        gimbal_pb2,
-        logs_pb2,
-        corrections_pb2,
-    )
 
 
 def _pool(files: Iterable[descriptor_pb2.FileDescriptorProto]) -> DescriptorPool:

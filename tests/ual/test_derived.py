@@ -29,14 +29,7 @@ BY_HAND = {
     "task",
     "dry_run",
     "simulation",
-    "mission",
-    "parameters",
-    "fence",
-    "gripper",
-    "logs",
-    "cameras",
-    "gimbals",
-    "corrections",
+    *(each.module for each in parts(compiled()) if not each.bound),
 }
 """What is more than one call, or another thing for asyncio."""
 

@@ -8,36 +8,11 @@ from typing import Any, NamedTuple
 
 import grpc
 from google.protobuf import message_factory
-from google.protobuf.descriptor import Descriptor, FieldDescriptor, FileDescriptor, MethodDescriptor
+from google.protobuf.descriptor import Descriptor, FieldDescriptor, MethodDescriptor
 from google.protobuf.message import Message
 
-from ual.v1 import (
-    camera_pb2,
-    corrections_pb2,
-    fence_pb2,
-    gimbal_pb2,
-    gripper_pb2,
-    logs_pb2,
-    mission_pb2,
-    network_pb2,
-    parameters_pb2,
-    simulation_pb2,
-    ual_pb2,
-)
+from tests.contract_files import FILES
 
-FILES: tuple[FileDescriptor, ...] = (
-    ual_pb2.DESCRIPTOR,
-    camera_pb2.DESCRIPTOR,
-    corrections_pb2.DESCRIPTOR,
-    fence_pb2.DESCRIPTOR,
-    gimbal_pb2.DESCRIPTOR,
-    gripper_pb2.DESCRIPTOR,
-    logs_pb2.DESCRIPTOR,
-    mission_pb2.DESCRIPTOR,
-    network_pb2.DESCRIPTOR,
-    parameters_pb2.DESCRIPTOR,
-    simulation_pb2.DESCRIPTOR,
-)
 METHODS: dict[str, MethodDescriptor] = {
     f"/{service.full_name}/{name}": method
     for file in FILES

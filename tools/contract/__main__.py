@@ -6,7 +6,7 @@ With ``--check`` it writes nothing, and fails where something is out of date.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -15,6 +15,7 @@ from tools.contract import (
     calls_source,
     clients_source,
     faces_source,
+    lists_source,
     methods,
     roles_page,
     ros,
@@ -38,13 +39,25 @@ def derived() -> dict[Path, str]:
     values = all_values(contract)
     return {
         **stubs(contract),
-        **{_path(each.module): formatted(values_source.source(each)) for each in values.values()},
-        **{CLIENT / "wire" / f"{name}.py": formatted(wire_source.source(each)) for name, each in values.items()},
+        **_values([each for each in values.values() if each.enums or each.messages]),
         CLIENT / "contract" / "methods.py": formatted(methods.source(described)),
         **_services(contract, values),
         page: roles_page.page(page.read_text(encoding="utf-8"), described),
         **ros.derived(contract),
+        **_lists(contract),
     }
+
+
+def _values(values: Sequence[Values]) -> dict[Path, str]:
+    return {
+        **{_path(each.module): formatted(values_source.source(each)) for each in values},
+        **{CLIENT / "wire" / f"{each.file}.py": formatted(wire_source.source(each)) for each in values},
+    }
+
+
+def _lists(contract: FileDescriptorSet) -> dict[Path, str]:
+    found = lists_source.lists(parts(contract))
+    return {path: formatted(source) if path.suffix == ".py" else source for path, source in found.items()}
 
 
 def _path(module: str) -> Path:

@@ -5,12 +5,15 @@ The tests' own program in ROS has the other direction, in ``ual_ros2/test/derive
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from tools.contract.compiled import ROOT
 from tools.contract.formatting import formatted
+from tools.contract.parts import INTERFACE
+from tools.contract.python_source import classes, functions
 from tools.contract.ros_rules import Item
 from tools.contract.ros_shapes import Served, Shapes, Struct
 from tools.contract.words import snake
@@ -264,13 +267,36 @@ def _client_members(structs: Sequence[Struct], served: Sequence[Served]) -> str:
         f'Member({_type(each)}, "{each.name}", {_asks(each)}, {_answer(each)}),\n'
         for each in _members(served)
     )
-    body = f"MEMBERS: Final[Mapping[tuple[str, str], Member]] = {{\n{rows}}}\n"
+    body = f"MEMBERS: Final[Mapping[tuple[str, str], Member]] = {{\n{rows}}}\n\n\n{_beside()}"
     return _module(
         "The members of `ual.interface` that are services in ROS.",
         body,
         structs,
         [_asks(each) for each in _members(served)],
     )
+
+
+def _beside() -> str:
+    """Returns the class with the members of a UAV that are services beside flying."""
+    uav = functions(classes(INTERFACE)["Uav"])
+    found = [(name, ast.unparse(each.returns)) for name, each in uav.items() if each.returns and _is_part(each)]
+    members = "".join(
+        f"    @property\n    def {name}(self) -> ual.interface.{kind}:\n"
+        f"        found: ual.interface.{kind} = self._beside.{name}\n        return found\n\n"
+        for name, kind in found
+    )
+    return (
+        "class BesideMembers(ual.interface.Uav):\n"
+        '    """A UAV with its services beside flying."""\n\n'
+        f"    _beside: Any\n\n{members}"
+    )
+
+
+def _is_part(member: ast.FunctionDef) -> bool:
+    """Whether a member of `ual.interface.Uav` is a service beside flying."""
+    kind = "" if member.returns is None else ast.unparse(member.returns)
+    is_property = any(ast.unparse(each) == "property" for each in member.decorator_list)
+    return is_property and kind in classes(INTERFACE) and kind != "Simulation"
 
 
 def _members(served: Sequence[Served]) -> list[Served]:

@@ -22,11 +22,11 @@ from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, Simul
 from ual_daemon.backends.engine.contained import Contained
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.judged import judged
+from ual_daemon.backends.light import derived
 from ual_daemon.backends.light.camera import LightCameras, Seen
 from ual_daemon.backends.light.corrections import LightCorrections
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.gimbal import GimbalMoment, LightGimbals
-from ual_daemon.backends.light.gripper import LightGripper
 from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.simulation import LightSimulation
@@ -120,7 +120,7 @@ class LightBackend(Backend):
         self._holds_by: Cause | None = None
         """The failsafe by which it holds its position."""
         self._corrections = LightCorrections(self.world.now_s)
-        self._gripper = LightGripper(self.world.now_s, lambda: self._faults.is_link_lost)
+        self._offers = derived.offers(self.world.now_s, lambda: self._faults.is_link_lost)
         self._snapshot = Snapshot(0.0)
         self._gimbals = LightGimbals(settings.gimbals, self._moment)
         self._cameras = LightCameras(
@@ -220,7 +220,7 @@ class LightBackend(Backend):
 
     @override
     def offer(self, kind: type[T]) -> T | None:
-        offers: tuple[object, ...] = (self._corrections, self._cameras, self._gimbals, self._gripper)
+        offers: tuple[object, ...] = (self._corrections, self._cameras, self._gimbals, *self._offers)
         return next((each for each in offers if isinstance(each, kind)), None)
 
     @override

@@ -170,6 +170,11 @@ class LightGripper(OfferedGripper):
         return future
 
 
+def offered(clock: Callable[[], float], is_link_lost: Callable[[], bool]) -> LightGripper:
+    """Makes that of one UAV."""
+    return LightGripper(clock, is_link_lost)
+
+
 def _state(closing: _Motion, now_s: float) -> GripperState:
     if closing.speed(now_s):
         return GripperState.CLOSING if closing.end else GripperState.OPENING

@@ -33,15 +33,15 @@ from ual_daemon.backends.mavlink.links.endpoints import (
     vehicle_key,
     vehicle_urls,
 )
+from ual_daemon.backends.mavlink.offers import derived
 from ual_daemon.backends.mavlink.offers.cameras import MavlinkCameras, trigger_order
 from ual_daemon.backends.mavlink.offers.corrections import MavlinkCorrections
 from ual_daemon.backends.mavlink.offers.gimbals import MavlinkGimbals
-from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
 from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.mavlink.offers.lists import MavlinkLists, fence_of, missions_of
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
-from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.offers.reach import Orders, Reach
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
@@ -98,9 +98,11 @@ class MavlinkBackend(Backend):
             fence_of(reach, lists),
             MavlinkLogs(reach),
             MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
-            MavlinkGripper(reach, lambda what, command: self._command(what, lambda _: command), self._payload_messages),
             MavlinkCameras(self._cameras_found, self._now_s, reach, self._pictures, self._camera_trigger()),
             MavlinkGimbals(self._gimbals_found, self._now_s, reach),
+            *derived.offers(
+                Orders(reach, lambda what, command: self._command(what, lambda _: command), self._payload_messages)
+            ),
         )
 
     def _fly_mission(self) -> Future[None]:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 from derived_values import (
     ask_clear_fence,
@@ -85,6 +85,7 @@ from std_srvs.srv import Trigger
 from ual_msgs import srv
 
 import ual
+import ual.interface
 import ual.missions.plan
 import ual.simulation
 from ual_ros2.derived.values import read_fault, read_mission_item
@@ -246,3 +247,49 @@ MEMBERS: Final[Mapping[tuple[str, str], Member]] = {
         srv.PlaceOnGround, "simulation/place_on_ground", ask_simulation_place_on_ground, nothing
     ),
 }
+
+
+class BesideMembers(ual.interface.Uav):
+    """A UAV with its services beside flying."""
+
+    _beside: Any
+
+    @property
+    def parameters(self) -> ual.interface.Parameters:
+        found: ual.interface.Parameters = self._beside.parameters
+        return found
+
+    @property
+    def mission(self) -> ual.interface.Mission:
+        found: ual.interface.Mission = self._beside.mission
+        return found
+
+    @property
+    def cameras(self) -> ual.interface.Cameras:
+        found: ual.interface.Cameras = self._beside.cameras
+        return found
+
+    @property
+    def gimbals(self) -> ual.interface.Gimbals:
+        found: ual.interface.Gimbals = self._beside.gimbals
+        return found
+
+    @property
+    def corrections(self) -> ual.interface.Corrections:
+        found: ual.interface.Corrections = self._beside.corrections
+        return found
+
+    @property
+    def fence(self) -> ual.interface.Fence:
+        found: ual.interface.Fence = self._beside.fence
+        return found
+
+    @property
+    def gripper(self) -> ual.interface.Gripper:
+        found: ual.interface.Gripper = self._beside.gripper
+        return found
+
+    @property
+    def logs(self) -> ual.interface.Logs:
+        found: ual.interface.Logs = self._beside.logs
+        return found

@@ -299,8 +299,12 @@ class Beside:
         self.gripper: ual.interface.Gripper = parts(RosGripper, "gripper")
         self.logs: ual.interface.Logs = parts(RosLogs, "logs")
         self.mission: ual.interface.Mission = parts(RosMission, fly)
-        self.parameters: ual.interface.Parameters = parts(Part, "parameters")
         self.simulation: ual.interface.Simulation = parts(RosSimulation, "simulation")
+        self._asking = asking
+
+    def __getattr__(self, name: str) -> Part:
+        """Returns a service of which all follows from the contract."""
+        return Part(self._asking, name)
 
 
 def _any(asking: Asking) -> Callable[..., Any]:

@@ -12,6 +12,7 @@ from dataclasses import fields as fields_of
 from typing import Any, NoReturn
 
 from asked import Asked
+from derived_members import BesideMembers
 from derived_values import (
     ask_add_frame,
     ask_follow_path,
@@ -36,7 +37,7 @@ from ual_msgs import action, srv
 
 import ual
 from ual.geometry import stamped_pose, stamped_twist
-from ual.interface import DryRun, Lease, Simulation, Task, Uav
+from ual.interface import DryRun, Lease, Simulation, Task
 from ual.shared.time_limit import time_limit
 from ual.types import (
     FollowPathRequest,
@@ -73,7 +74,7 @@ def inexpressible(member: str) -> NoReturn:
     raise InexpressibleError(member)
 
 
-class RosUav(Uav):
+class RosUav(BesideMembers):
     """One UAV of a node."""
 
     def __init__(self, client: Client, ns: str, now_s: Callable[[], float], *, is_simulated: bool = True) -> None:
@@ -118,7 +119,8 @@ class RosUav(Uav):
     def simulation(self) -> Simulation:
         if not self._is_simulated:
             raise ual.NotSupportedError("the services of a simulation are not there")
-        return self._beside.simulation
+        found: Simulation = self._beside.simulation
+        return found
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
@@ -229,10 +231,6 @@ class RosUav(Uav):
             raise error_of(result)
         return read_plan(result.plan)
 
-    @property
-    def parameters(self) -> ual.interface.Parameters:
-        return self._beside.parameters
-
     def _call(self, kind: Any, name: str, /, **fields: Any) -> Any:
         answer = self._client.call(kind, f"/{self.ns}/ual/{name}", **fields)
         if not answer.success:
@@ -248,36 +246,6 @@ class RosUav(Uav):
             text, _, metadata = answer.message.partition("\n")
             reason, _, message = text.partition(": ")
             raise ual.errors.from_reason(reason, message, json.loads(metadata or "{}"))
-
-    # --- What is beside flying ----------------------------------------------------------------------------------------
-
-    @property
-    def cameras(self) -> ual.interface.Cameras:
-        return self._beside.cameras
-
-    @property
-    def gimbals(self) -> ual.interface.Gimbals:
-        return self._beside.gimbals
-
-    @property
-    def mission(self) -> ual.interface.Mission:
-        return self._beside.mission
-
-    @property
-    def gripper(self) -> ual.interface.Gripper:
-        return self._beside.gripper
-
-    @property
-    def fence(self) -> ual.interface.Fence:
-        return self._beside.fence
-
-    @property
-    def logs(self) -> ual.interface.Logs:
-        return self._beside.logs
-
-    @property
-    def corrections(self) -> ual.interface.Corrections:
-        return self._beside.corrections
 
     def _fly_mission(self, fields: Mapping[str, Any]) -> ual.TaskInfo:
         manoeuvre = Manoeuvre(self._client, self._call, action.FlyMission, self.ns, "fly_mission", fields)

@@ -18,7 +18,7 @@ from ual_daemon.backends.firmwares.gripper_codec import ANSWER_S, UNSENT_S
 from ual_daemon.backends.futures import OpenFutures
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
-from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.offers.reach import Orders, Reach
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.session import Session
@@ -44,7 +44,7 @@ class Bench(Harness):
         messages = PayloadMessages()
         self.discovery = Discovery(MavlinkSettings(), self.link, "test", self.setpoints, None, messages)
         reach = Reach(lambda: self.discovery.session, self._reach, lambda act: act(self.discovery), self._give)
-        self.gripper = MavlinkGripper(reach, self._command, messages)
+        self.gripper = MavlinkGripper(Orders(reach, self._command, messages))
         self.autopilot = autopilot
         self.orders: list[tuple[float, ...]] = []
         self.requests: list[float] = []

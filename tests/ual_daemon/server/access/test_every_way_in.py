@@ -11,28 +11,18 @@ import grpc.aio
 from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection_pb2
 
+from tests.contract_files import FILES
 from tests.ual_daemon.server.access.ways_in import Served, Way, beyond_loopback, make_files, served, ways
 from tests.waiting import LIMIT_S
 from ual.access.roles import Role
-from ual.v1 import corrections_pb2, fence_pb2, gripper_pb2, mission_pb2, parameters_pb2, simulation_pb2, ual_pb2
+from ual.v1 import simulation_pb2
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.transport.selection import Choice
 
 PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "security.md"
-DESCRIPTORS = (
-    ual_pb2.DESCRIPTOR,
-    simulation_pb2.DESCRIPTOR,
-    parameters_pb2.DESCRIPTOR,
-    mission_pb2.DESCRIPTOR,
-    fence_pb2.DESCRIPTOR,
-    gripper_pb2.DESCRIPTOR,
-    corrections_pb2.DESCRIPTOR,
-    health_pb2.DESCRIPTOR,
-    reflection_pb2.DESCRIPTOR,
-)
 METHODS = {
     f"/{service.full_name}/{name}": method
-    for file in DESCRIPTORS
+    for file in (*FILES, health_pb2.DESCRIPTOR, reflection_pb2.DESCRIPTOR)
     for service in file.services_by_name.values()
     for name, method in service.methods_by_name.items()
 }

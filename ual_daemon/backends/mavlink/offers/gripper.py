@@ -14,9 +14,8 @@ from ual.gripper import GripperState, WinchStatus
 from ual_daemon.backends import futures
 from ual_daemon.backends.firmwares.gripper_codec import GRIPPER, GripperCodec, PayloadOrder, ordered
 from ual_daemon.backends.firmwares.gripper_orders import OrderedGripper
-from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, command_of, request_message
-from ual_daemon.backends.mavlink.offers.reach import Reach
-from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
+from ual_daemon.backends.mavlink.dialects.command_long import command_of, request_message
+from ual_daemon.backends.mavlink.offers.reach import Orders
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.payload import PayloadMessage
 
@@ -29,21 +28,10 @@ _CHANNELS_COUNT = 16
 
 
 class MavlinkGripper(OrderedGripper):
-    """What the autopilot of one backend moves.
+    """What the autopilot of one backend moves."""
 
-    Args:
-        reach: The way to the thread that receives.
-        command: Passes a command to the autopilot, with a human-readable name.
-        messages: What is listened to, beside the messages that the session needs.
-
-    """
-
-    def __init__(
-        self, reach: Reach, command: Callable[[str, LongCommand], Future[None]], messages: PayloadMessages
-    ) -> None:
-        self._reach = reach
-        self._command = command
-        self._messages = messages
+    def __init__(self, orders: Orders) -> None:
+        self._reach, self._command, self._messages = orders
 
     @override
     def gripper_state(self, instance: int) -> Future[GripperState]:
@@ -134,6 +122,11 @@ class MavlinkGripper(OrderedGripper):
         if session.dialect.gripper is None:
             raise NotSupportedError(f"UAL moves nothing that {session.dialect.name} carries")
         return session.dialect.gripper
+
+
+def offered(orders: Orders) -> MavlinkGripper:
+    """Makes that of one backend."""
+    return MavlinkGripper(orders)
 
 
 def _refuse(future: Future[T], asked: Future[None]) -> None:

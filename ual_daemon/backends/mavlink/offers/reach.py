@@ -8,8 +8,10 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from ual.errors import UalError
 from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.discovery import Discovery
+from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.session import Session
 
 T = TypeVar("T")
@@ -21,6 +23,21 @@ class Give(Protocol):
     def __call__(self, what: str, begin: Callable[[Discovery, Future[T]], object], /) -> Future[T]:
         """See `Loop.give`."""
         ...
+
+
+class Orders(NamedTuple):
+    """The way of orders that are commands.
+
+    Attributes:
+        reach: The way to the protocols.
+        give: Passes a command to the autopilot, with a human-readable name.
+        messages: What is listened to, beside the messages that the session needs.
+
+    """
+
+    reach: Reach
+    give: Callable[[str, LongCommand], Future[None]]
+    messages: PayloadMessages
 
 
 class Reach(NamedTuple):

@@ -1,0 +1,71 @@
+"""Writes the command of a service that has none by hand: each member is a command, with its arguments."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+
+from tools.contract.parts import INTERFACE, Member, Part
+from tools.contract.python_source import classes
+
+_TYPES = {"str": "", "int": ", type=int", "float": ", type=float"}
+_LISTS = "get_all"
+"""The member whose command is called ``list``."""
+
+
+def commands(part: Part) -> str:
+    """Returns the group of a service."""
+    about = (ast.get_docstring(classes(INTERFACE)[part.name]) or "").splitlines()[0].partition(" See ``")[0]
+    examples = ", ".join(f'"ual {part.module} {_name(each)}"' for each in part.members if not each.signature.args[1:])
+    return (
+        f'\n\n@click.group("{part.module}", cls=UalGroup, section=Section.CARRIED, examples=({examples},))\n'
+        f'def {part.module}() -> None:\n    """{about}"""\n'
+        + "".join(_command(part, each) for each in part.members if not each.is_stream)
+    )
+
+
+def _name(member: Member) -> str:
+    return "list" if member.name == _LISTS else member.name.replace("_", "-")
+
+
+def _command(part: Part, member: Member) -> str:
+    name = _name(member)
+    declared = "".join(f"@click.{each}\n" for each in _parameters(part, member))
+    arguments = "".join(f", {each.arg}: {ast.unparse(each.annotation)}" for each in member.arguments if each.annotation)
+    call = f"uav.{part.module}.{member.name}({member.passed() if member.arguments else ''})"
+    done = f'    session.emit({{"done": "{part.module} {name}"}}, "done")\n'
+    told = "    session.emit(found, str(found))\n"
+    is_told = member.returned != "None"
+    return (
+        f'\n\n@{part.module}.command("{name}", cls=UalCommand)\n{declared}@pass_session\n'
+        f"def _{part.module}_{member.name}(session: Session{arguments}) -> None:\n"
+        f'    """{member.documentation.splitlines()[0]}"""\n'
+        f"    with session.connect() as uav:\n        {'found = ' * is_told}{call}\n{told if is_told else done}"
+    )
+
+
+def _parameters(part: Part, member: Member) -> Iterator[str]:
+    """Yields the declarations of a member's arguments: those without a default are arguments of the command."""
+    given = len(member.signature.args) - len(member.signature.defaults)
+    required = [each.arg for each in member.signature.args[1:given]]
+    defaults: dict[str, ast.expr | None] = dict(
+        zip([each.arg for each in member.signature.args[given:]], member.signature.defaults, strict=True)
+    )
+    defaults |= {
+        each.arg: value for each, value in zip(member.signature.kwonlyargs, member.signature.kw_defaults, strict=True)
+    }
+    for each in member.arguments:
+        kind = "" if each.annotation is None else ast.unparse(each.annotation).removesuffix(" | None")
+        default = defaults.get(each.arg)
+        flag = each.arg.removeprefix("is_").replace("_", "-")
+        if kind == "bool":
+            shown = "False" if default is None else ast.unparse(default)
+            yield f'option("--{flag}/--no-{flag}", "{each.arg}", default={shown})'
+        elif kind not in _TYPES:
+            path = f"ual_tools/{part.module}.py"
+            raise SystemExit(f"{part.name}.{member.name} takes a {kind}: its command is by hand, in {path}")
+        elif each.arg in required:
+            yield f'argument("{each.arg}"{_TYPES[kind]})'
+        else:
+            shown = "" if default is None else f", default={ast.unparse(default)}"
+            yield f'option("--{flag}", "{each.arg}"{_TYPES[kind]}{shown})'

@@ -1,0 +1,12 @@
+"""What is offered for services by modules that nothing else names. ``make proto`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ual_daemon.backends.light import gripper
+
+
+def offers(clock: Callable[[], float], is_link_lost: Callable[[], bool]) -> tuple[object, ...]:
+    """Returns what is offered."""
+    return (gripper.offered(clock, is_link_lost),)

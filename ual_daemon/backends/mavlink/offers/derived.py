@@ -1,0 +1,11 @@
+"""What is offered for services by modules that nothing else names. ``make proto`` writes this file: do not edit it."""
+
+from __future__ import annotations
+
+from ual_daemon.backends.mavlink.offers import gripper
+from ual_daemon.backends.mavlink.offers.reach import Orders
+
+
+def offers(orders: Orders) -> tuple[object, ...]:
+    """Returns what is offered."""
+    return (gripper.offered(orders),)
