@@ -7,10 +7,13 @@ import sys
 
 from tools.contract.compiled import ROOT
 
+_OURS = 'lint.isort.known-first-party = ["ual", "ual_daemon", "ual_ros2", "ual_tools"]'
+"""Said here, since a module that is not written yet would be taken for another's."""
+
 
 def formatted(source: str) -> str:
     """Returns a module of the clients in its style, with its imports sorted."""
-    for command in (["check", "--quiet", "--fix", "--select", "I"], ["format", "--quiet"]):
+    for command in (["check", "--quiet", "--fix", "--select", "I", "--config", _OURS], ["format", "--quiet"]):
         where = str(ROOT / "clients" / "python" / "ual" / "_derived.py")
         ruff = [sys.executable, "-m", "ruff", *command, "--stdin-filename", where, "-"]
         source = subprocess.run(ruff, input=source, capture_output=True, text=True, check=True, cwd=ROOT).stdout  # noqa: S603 (our own command)
