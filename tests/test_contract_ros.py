@@ -47,27 +47,27 @@ def test_a_new_field_is_there_without_its_unit(contract: FileDescriptorSet) -> N
     assert '"load": value.load_n' in next(text for path, text in ros.derived(with_load).items() if is_of_node(path))
 
 
-class Parachute:
+class Juggler:
     """A part of `ual.interface` that is not there."""
 
-    def enable_parachute(self, is_on: bool) -> None:
+    def enable_juggler(self, is_on: bool) -> None:
         """Enables it."""
 
 
 def test_a_new_service_needs_no_line(contract: FileDescriptorSet, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ual.interface, "Parachute", Parachute, raising=False)
+    monkeypatch.setattr(ual.interface, "Juggler", Juggler, raising=False)
     copy = FileDescriptorSet()
     copy.CopyFrom(contract)
-    file = copy.file.add(name="ual/v1/parachute.proto", package="ual.v1", syntax="proto3")
-    add(file.message_type.add(name="EnableParachuteRequest"), "is_on", FieldDescriptorProto.TYPE_BOOL)
-    file.message_type.add(name="EnableParachuteResponse")
-    types = (".ual.v1.EnableParachuteRequest", ".ual.v1.EnableParachuteResponse")
-    service = file.service.add(name="ParachuteService")
-    service.method.add(name="EnableParachute", input_type=types[0], output_type=types[1])
-    assert "bool is_on\n---\nbool success" in made(copy, "EnableParachute.srv")
-    assert 'Service("enable_parachute", srv.EnableParachute, "EnableParachute")' in made(copy, "services.py")
-    assert "await uav.parachute.enable_parachute(is_on=request.is_on)" in made(copy, "calls.py")
-    assert "  srv/EnableParachute.srv\n" in made(copy, "CMakeLists.txt")
+    file = copy.file.add(name="ual/v1/juggler.proto", package="ual.v1", syntax="proto3")
+    add(file.message_type.add(name="EnableJugglerRequest"), "is_on", FieldDescriptorProto.TYPE_BOOL)
+    file.message_type.add(name="EnableJugglerResponse")
+    types = (".ual.v1.EnableJugglerRequest", ".ual.v1.EnableJugglerResponse")
+    service = file.service.add(name="JugglerService")
+    service.method.add(name="EnableJuggler", input_type=types[0], output_type=types[1])
+    assert "bool is_on\n---\nbool success" in made(copy, "EnableJuggler.srv")
+    assert 'Service("enable_juggler", srv.EnableJuggler, "EnableJuggler")' in made(copy, "services.py")
+    assert "await uav.juggler.enable_juggler(is_on=request.is_on)" in made(copy, "calls.py")
+    assert "  srv/EnableJuggler.srv\n" in made(copy, "CMakeLists.txt")
 
 
 def is_of_node(path: Path) -> bool:

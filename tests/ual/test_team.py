@@ -14,6 +14,8 @@ import pytest
 import ual
 import ual.interface
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tools.contract.compiled import compiled
+from tools.contract.parts import parts
 from ual.types import State, TaskStatus
 
 TEAM = ("uav_1", "uav_2", "uav_3")
@@ -42,14 +44,7 @@ NOT_OF_A_TEAM = {
     "set_external_pose",
     "task",
     "extension",
-    "parameters",
-    "cameras",
-    "gimbals",
-    "corrections",
-    "fence",
-    "gripper",
-    "logs",
-    "mission",
+    *(each.module for each in parts(compiled()) if not each.bound),
 }
 """What makes sense for one UAV only: `team["uav_1"]` is one."""
 
