@@ -34,8 +34,10 @@ _EVERY_S = 0.09
 """Between two looks: a velocity that comes sooner shows no more."""
 _DESCENDS_M_S = 0.5
 """What descends more slowly does not fall, whatever was asked."""
+_GAINS_M_S = 0.5
+"""A descent that has become faster by so much since the look before may be a fall: each velocity is looked at then."""
 _RECENT_COUNT = 9
-"""Looks that are kept: those of `_OLDEST_S`."""
+"""Velocities that are kept, `_EVERY_S` apart: those of `_OLDEST_S`."""
 _FALLS_S = 0.1
 """So long a fall must last: three velocities at 30 Hz."""
 GAIN_S, _OLDEST_S = 0.35, 0.75
@@ -331,7 +333,7 @@ class Following:
         if _is_by_hand(state, control.mode):
             self._begin_anew()
             return None  # its pilot may fly as he likes
-        self._recent.append(_Seen(now_s, z_m, down_m_s))
+        self._keep(snapshot.time_s, _Seen(now_s, z_m, down_m_s))
         if down_m_s <= _DESCENDS_M_S:
             self._fall = None
         else:
@@ -344,6 +346,16 @@ class Following:
             return None
         self._looked_s = now_s
         return self._tilted_or_astray(snapshot, state, current)
+
+    def _keep(self, time_s: float, seen: _Seen) -> None:
+        """Keeps a velocity, to compare later ones with. One that may be of a fall lets the next look come at once: a
+        fall from 1.5 m lasts for half a second.
+        """
+        last = self._recent[-1] if self._recent else seen
+        if self._fall is not None or seen.down_m_s > max(last.down_m_s, 0.0) + _GAINS_M_S:
+            self.due_s = time_s
+        if last is seen or seen.time_s - last.time_s >= _EVERY_S:
+            self._recent.append(seen)
 
     def _tilted_or_astray(
         self, snapshot: Snapshot, state: State, current: Callable[[], Reference | None] | None
