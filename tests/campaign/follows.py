@@ -267,7 +267,7 @@ def nothing_flies_unasked(case: Case) -> Iterator[Breach]:
         elif not is_up and each.place[2] - _ground_m(record) > _HIGH_M:
             is_up = True
             is_own_landing = _bounces(case, lay_s, each.time_s)
-            if not is_own_landing and not _is_lifted_by_somebody(record, lay_s, each.time_s):
+            if not is_own_landing and not _is_lifted_by_somebody(case, lay_s, each.time_s):
                 text = f"it lifts off {each.time_s - lay_s:.1f} s after it lay, and nobody asks for that"
                 yield Breach("nothing flies", each.time_s, text)
 
@@ -297,11 +297,12 @@ def _bounces(case: Case, lay_s: float, time_s: float) -> bool:
     return is_landing and not any(lay_s - _LIES_S <= sent.time_s <= time_s for sent in case.record.sent)
 
 
-def _is_lifted_by_somebody(record: Record, lay_s: float, time_s: float) -> bool:
+def _is_lifted_by_somebody(case: Case, lay_s: float, time_s: float) -> bool:
     """Whether a command goes on, or was done, since it lay for the last time, or something else flies it."""
+    record = case.record
     if is_befallen(record, _STRANGERS, lay_s - TOLD_S, time_s) or any(order.what == "fly" for order in record.orders):
         return True
-    if _is_left_to_itself(record, lay_s, time_s):
+    if _is_left_to_itself(record, lay_s, time_s) or _is_returning(case, lay_s, time_s):
         return True
     if any(
         call.name == "take_off" and call.outcome in _BROKEN_OFF and 0.0 < time_s - call.began_s < _OWN_CLIMB_S
@@ -312,6 +313,13 @@ def _is_lifted_by_somebody(record: Record, lay_s: float, time_s: float) -> bool:
     return any(
         until_s(call) + TOLD_S + WAKE_S >= time_s or (not call.outcome and call.ended_s > lay_s) for call in asked
     )
+
+
+def _is_returning(case: Case, lay_s: float, time_s: float) -> bool:
+    """Whether its own fence was narrower than where it stood: ArduCopter, armed, lifts off to return."""
+    is_fenced = is_befallen(case.record, ("fence", "wide_fence"), lay_s - TOLD_S, time_s)
+    now = list(between(case.changes, time_s, time_s))
+    return is_fenced and bool(now) and now[-1].mode == case.modes.returns
 
 
 def _is_left_to_itself(record: Record, lay_s: float, time_s: float) -> bool:
