@@ -22,7 +22,7 @@ from ual_daemon.backends.values import (
     Sample,
     Snapshot,
 )
-from ual_daemon.flight.state import Estimate, estimate
+from ual_daemon.flight.state import Estimate, estimate, is_surely_auto
 
 NOW_S = 100.0
 FRESHNESS = Freshness(link_s=1.0, pose_s=2.0, mode_s=3.0, landed_s=4.0, estimator_s=5.0)
@@ -393,3 +393,82 @@ def test_without_a_position_the_reason_says_what_the_autopilot_does_in_the_air(
     assert found.why == (
         f"{NO_POSITION}{does}" if does is not None else "the autopilot has not said its mode for 4.0 s"
     )
+
+
+# --- In few steps -----------------------------------------------------------------------------------------------------
+
+
+AGED = st.sampled_from((0.0, 0.9, 1.0, 1.0 + 2**-40, 1.1, 1.9, 2.0, 2.1, 2.9, 3.0, 3.1, 3.9, 4.0, 4.1, 4.9, 5.0, 5.1))
+
+
+def aged(values: st.SearchStrategy[object]) -> st.SearchStrategy[object]:
+    """Samples of about any age limit, in most cases good ones."""
+    return st.none() | st.builds(lambda value, age_s: Sample(value, NOW_S - age_s), values, AGED)
+
+
+def often(value: object, *others: object) -> st.SearchStrategy[object]:
+    return st.sampled_from((value,) * 6 + others)
+
+
+NEARLY_AUTO = st.builds(
+    lambda time_s, heard, **values: changed(Snapshot(time_s, None if heard is None else NOW_S - heard), **values),
+    time_s=st.floats(NOW_S - 2.0, NOW_S),
+    heard=st.none() | AGED,
+    armed=aged(often(True, False)),
+    landed=aged(often(*LandedState)) | aged(st.just(IN_AIR)),
+    mode=aged(often(Mode("OFFBOARD", AUTO), *(Mode("a mode", control) for control in Control))),
+    estimator=aged(often(Estimator(True), Estimator(False, "no GPS"))),
+    pose=aged(st.just(Pose())),
+    conflict=often("", "two vehicles"),
+)
+
+
+@given(NEARLY_AUTO, st.permutations((1.0, 2.0, 3.0, 4.0, 5.0)) | st.just([9.0] * 5))
+def test_the_few_steps_of_a_stream_find_what_the_estimate_finds(snapshot_then: Snapshot, limits: list[float]) -> None:
+    freshness = Freshness(*limits)
+    landed = snapshot_then.control.landed
+    is_in_air = landed is not None and landed.value is IN_AIR
+    found = estimate(snapshot_then.at(NOW_S), freshness).state
+    assert is_surely_auto(snapshot_then, NOW_S, freshness) == (found is State.FLYING_AUTO and is_in_air)
+
+
+NOT_AUTO: dict[str, dict[str, object]] = {
+    "nothing heard": {"heard_s": None},
+    "two vehicles": {"conflict": "two vehicles"},
+    "disarmed": {"armed": Sample(False, NOW_S)},
+    "armed or not is not known": {"armed": None},
+    "the pilot's mode": {"mode": Sample(Mode("POSCTL", PILOT), NOW_S)},
+    "no mode": {"mode": None},
+    "a doubtful estimate": {"estimator": Sample(Estimator(False, "no GPS"), NOW_S)},
+    "no estimator": {"estimator": None},
+    "no pose": {"pose": None},
+    "no landed state": {"landed": None},
+    **{f"landed state {each.name}": {"landed": Sample(each, NOW_S)} for each in LandedState if each is not IN_AIR},
+}
+
+
+@pytest.mark.parametrize("values", NOT_AUTO.values(), ids=NOT_AUTO)
+def test_the_few_steps_rely_on_each_value(values: dict[str, object]) -> None:
+    assert is_surely_auto(HEALTHY, NOW_S, FRESHNESS)
+    assert not is_surely_auto(changed(HEALTHY, **values), NOW_S, FRESHNESS)
+
+
+@pytest.mark.parametrize(
+    ("value", "limit_s"),
+    [
+        ("heard_s", FRESHNESS.link_s),
+        ("armed", FRESHNESS.mode_s),
+        ("mode", FRESHNESS.mode_s),
+        ("landed", FRESHNESS.landed_s),
+        ("estimator", FRESHNESS.estimator_s),
+        ("pose", FRESHNESS.pose_s),
+    ],
+)
+def test_the_few_steps_rely_on_each_age_as_of_now(value: str, limit_s: float) -> None:
+    def is_auto(age_s: float) -> bool:
+        old = NOW_S - age_s if value == "heard_s" else Sample(value_of(HEALTHY, value).value, NOW_S - age_s)
+        then = changed(HEALTHY, **{value: old}).at(NOW_S - age_s)
+        return is_surely_auto(then, NOW_S, FRESHNESS)
+
+    assert is_auto(limit_s)
+    assert not is_auto(math.nextafter(limit_s, math.inf) + 1e-9)
