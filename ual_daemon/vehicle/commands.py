@@ -201,8 +201,8 @@ class Commands:
             raise WrongStateError(f"{error.message}; {self._how_to_arm()}", error.metadata) from None
 
     def _is_to_be_armed(self, snapshot: Snapshot) -> bool:
-        """Whether a take-off waits for the automatic arming, which comes, too, when the autopilot disarms after a
-        landing.
+        """Returns whether a take-off waits for the automatic arming, which comes, too, when the autopilot disarms after
+        a landing.
         """
         is_armed = snapshot.control.armed is not None and snapshot.control.armed.value
         return self.is_armed_automatically and (not is_armed or is_after_landing(snapshot))
@@ -344,7 +344,8 @@ class Commands:
         return task if state in _NOT_FLOWN_YET and state not in self._abortable() else None
 
     def _is_mission_stopped(self) -> bool:
-        """Whether a mission is being stopped already that has not taken off yet: another abort changes nothing."""
+        """Returns whether a mission is being stopped already that has not taken off yet: another abort changes nothing.
+        """
         state = self._flight.estimate(self._backend.snapshot()).state
         return self._flight.is_stopping_mission and state in _ON_WAY_UP and state not in self._abortable()
 
@@ -356,8 +357,8 @@ class Commands:
         return (State.FLYING_AUTO, State.TAKING_OFF, State.LANDING)
 
     def _is_flown_by_autopilot(self, snapshot: Snapshot) -> bool:
-        """Whether the autopilot flies by itself what UAL is to end: what our arming has begun, or a take-off or a
-        landing that nobody but UAL can abort.
+        """Returns whether the autopilot flies by itself what UAL is to end: what our arming has begun, or a take-off or
+        a landing that nobody but UAL can abort.
         """
         if self._flight.arming.is_ours_to_end and snapshot.control.settled_mode:
             return True
@@ -380,7 +381,7 @@ class Commands:
         return self._preconditions.require_state(name, lease_id, State.UNINITIALIZED)
 
     def _is_mission(self, task_id: str) -> bool:
-        """Whether the autopilot flies a mission that is this task, or any where no task is named."""
+        """Returns whether the autopilot flies a mission that is this task, or any where no task is named."""
         info = self._flight.task_info()
         is_named = not task_id or (info is not None and task_id == info.id)
         return self._flight.is_on_mission and is_named

@@ -1,4 +1,4 @@
-"""What go-tos, paths and ways home are planned by, so that what is left of them can be planned anew."""
+"""Plans of go-tos, paths and ways home: what is left of each can be planned anew."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ LONG_COUNT = 200
 """A path of more waypoints takes more than 15 ms to plan, 30 ms inside a fence."""
 _BEFORE_S = 1e-6
 _SAME_HEIGHT_M = 0.25
-"""What PX4 corrects its home by at a time is less."""
+"""Height difference in metres that counts as none; PX4 corrects its home by less at a time."""
 
 
 class PathBounds(NamedTuple):
-    """What a path is planned with: the limits, and the speed of a leg that has none of its own (None: the limits')."""
+    """Bounds of a path: the limits, and the speed of legs that have none of their own (None: the limits' speed)."""
 
     limits: Limits
     leg_speed_m_s: float | None = None
@@ -59,7 +59,7 @@ class PathCourse(Course):
         """`above_home` says of each waypoint whether its height counts from home, which is at `home_m`; none: no."""
         self._flight, self._command = flight, command
         self._waypoints = list(waypoints)
-        """Those that are left; a speed of None is that of `bounds`, which returns what bounds the path now."""
+        """Waypoints that are left; a speed of None is that of `bounds`, which returns what bounds the path now."""
         self._radius_m, self._bounds, self._heading, self._look_at = corner_radius_m, bounds, heading, look_at
         self._planned_by = bounds()
         self._above_home, self._home_m = list(above_home), home_m

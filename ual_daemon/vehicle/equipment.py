@@ -25,7 +25,7 @@ class Device(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What it is, human-readable."""
+        """Human-readable name of the device."""
         return f"the {self.kind} {self.name}"
 
 
@@ -39,7 +39,7 @@ class _Order:
 
 
 class Equipment:
-    """What the UAV carries. From any thread.
+    """Payload devices that the UAV carries. From any thread.
 
     An autopilot's answers do not say which order they are for. So a second order of a device waits for no first one: it
     is refused, or replaces it.

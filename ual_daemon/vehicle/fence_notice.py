@@ -10,7 +10,7 @@ from ual_daemon import logs
 from ual_daemon.backends.values import VehicleInfo
 
 LOOK_S = 1.0
-"""How often it looks until it is known whether the autopilot has one."""
+"""Seconds between two looks until it is known whether the autopilot has a fence."""
 
 _log = logging.getLogger(__name__)
 

@@ -1,4 +1,4 @@
-"""What is measured of one UAV, as it is now, for those who watch the daemon from outside (``--metrics``)."""
+"""Present measurements of one UAV for monitoring from outside (``--metrics``)."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ _FORWARD = Vector3(1.0, 0.0, 0.0)
 
 
 class Followed(NamedTuple):
-    """What a gimbal follows: as it was given, and as a goal."""
+    """Target that a gimbal follows: as it was given, and as a goal."""
 
     point: PointStamped
     goal: Goal
@@ -52,7 +52,7 @@ class _Order:
 
     number: int = 0
     boots_count: int = 0
-    """How often the autopilot had booted when it began; 0 where that is not known."""
+    """Boots of the autopilot when the order began; 0 where that is not known."""
     activity: GimbalActivity | None = None
     followed: Followed | None = None
     problem: str = ""
@@ -61,7 +61,8 @@ class _Order:
 
 
 class Aim(NamedTuple):
-    """How a gimbal has to be turned to look at something: as far as it can, and the way to it in the local frame."""
+    """Turn that points a gimbal at a target: angles within its limits, and the vector to the target in the local frame.
+    """
 
     angles: GimbalAngles
     reference: GimbalReference
@@ -80,7 +81,7 @@ class Gimbals:
         self._orders: dict[int, _Order] = {}
         self._attached_count = 0
         self.due_s = -math.inf if self._offer else math.inf
-        """When `update` is to be called next: an attribute, because each update looks."""
+        """Time at which `update` is to be called next; an attribute, because each update reads it."""
         self.is_busy = False
         """Whether `update` is needed."""
         self.attach()

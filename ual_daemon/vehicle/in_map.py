@@ -1,4 +1,4 @@
-"""What is reported in ``map``, for those who draw it: where the UAV may fly, and the way that it flies."""
+"""Content of ``map`` for displays: where the UAV may fly, and the route that it flies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a mission is: the autopilot's word, judged by its mode, the task, and the items that were reached.
+"""Mission stage: the autopilot's report, corrected by its mode, the task, and the items that were reached.
 
 PX4 tells ACTIVE after a mission was left, or in a landing of UAL, and COMPLETE at each disarming. Its word may be 1.8 s
 old.
@@ -16,7 +16,7 @@ from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
 
 
 class Brought(NamedTuple):
-    """When UAL has changed the autopilot's mission last, and its stage since."""
+    """Last change that UAL made to the autopilot's mission: its time, and the stage since."""
 
     time_s: float = -math.inf
     stage: MissionStage = MissionStage.UNKNOWN

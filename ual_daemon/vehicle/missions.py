@@ -42,7 +42,7 @@ _COMMANDED = "UAL was commanded anew"
 AGAIN_S = 1.0
 """A mission that could not be read is asked for again after this."""
 _ASIDE_M = 10.0
-"""So far from where the UAV stands its take-off may lead: satellites err by a few metres."""
+"""Metres by which a mission's take-off may be off the UAV's position; satellite positions err by a few metres."""
 
 
 class Missions:
@@ -66,16 +66,16 @@ class Missions:
         self._file = file
         self._uploads = uploads
         self._lost = None if file is None or flight.is_watch_only else file.read()
-        """What the daemon flew before it was restarted, until that is found again or gone."""
+        """Mission that the daemon flew before its restart, until it is found on the autopilot again or is gone."""
         self._finding: Future[KeptMission] | None = None
         self._next_s = -math.inf
         self._kept_as: FlownMission | None = None
-        """What is in the file since this daemon flies a mission."""
+        """Content of the file since this daemon flies a mission."""
         self._last: AutopilotMission | None = None
         """The newest mission that was flown, or is."""
         self._brought = Brought()
         self.changes_count = 0
-        """How often something was about to be sent that changes the autopilot's mission."""
+        """Changes of the autopilot's mission that were about to be sent."""
 
     # --- What is asked for --------------------------------------------------------------------------------------------
 

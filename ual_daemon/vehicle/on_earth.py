@@ -1,4 +1,4 @@
-"""Where on Earth the configured geofence is, for an autopilot that keeps fences by latitude and longitude."""
+"""Position on Earth of the configured geofence, for autopilots that keep fences by latitude and longitude."""
 
 from __future__ import annotations
 

@@ -56,9 +56,12 @@ from ual_daemon.vehicle.refusal_log import accepted
 from ual_daemon.vehicle.way_home import WayHome, plan_way_home
 
 MOST_WAYPOINTS = 10_000
-"""So many take 0.7 s of processor time with a corner at each, 1.4 s inside a fence; a mission has some hundred."""
+"""Most waypoints of a path: they take 0.7 s of processor time with a corner at each, 1.4 s inside a fence; a mission
+has some hundred.
+"""
 _NEAR_START_M, _NEAR_START_S = 1.0, 0.5
-"""How far a UAV may fly on while its next trajectory is planned: this distance, plus its speed times this time."""
+"""Distance that a UAV may fly while its next trajectory is planned: these metres, plus its speed times these seconds.
+"""
 
 
 _MakeManoeuvre: TypeAlias = Callable[[VehicleTask], Manoeuvre]

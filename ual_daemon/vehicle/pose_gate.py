@@ -1,4 +1,4 @@
-"""Which of the poses that come from outside go to the autopilot: new ones, in order, that a vehicle can have flown."""
+"""Gate for external poses: it passes new ones, in order, that a vehicle can have flown."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ual.geometry import Pose
 OLDEST_S = 0.2
 """An older pose says where the UAV was. Autopilots keep about so much of the past."""
 FUTURE_S = 0.05
-"""How far the clock of the source may be ahead."""
+"""Seconds by which the clock of the source may be ahead."""
 SHORTEST_S = 0.004
 """Poses are passed on 250 times a second at most: no autopilot uses more, and links and computers have other work."""
 _TICK_S = 0.001
@@ -80,7 +80,7 @@ class PoseGate:
         return Drop("it jumps as no vehicle flies", _apart(last, seen))
 
     def _goes_on(self, last: _Seen, seen: _Seen, std_dev_m: float, fastest_m_s: float) -> bool:
-        """Whether a pose follows the last good one, or those that have gone on elsewhere for long."""
+        """Returns whether a pose follows the last good one, or those that have gone on elsewhere for long."""
         elsewhere = self._elsewhere
         if elsewhere is None or not _is_nearer(elsewhere, last, seen):
             if _is_flown(last, seen, std_dev_m, fastest_m_s):
@@ -96,7 +96,7 @@ class PoseGate:
 
 
 def _is_nearer(elsewhere: _Seen, last: _Seen, seen: _Seen) -> bool:
-    """Whether a pose goes on where dropped ones were, and does not come back to where the last good one was.
+    """Returns whether a pose goes on where dropped ones were, and does not come back to where the last good one was.
 
     The time since the last good one does not count for it: while poses are dropped it grows, until any jump would be
     one that a vehicle can have flown.
@@ -105,12 +105,12 @@ def _is_nearer(elsewhere: _Seen, last: _Seen, seen: _Seen) -> bool:
 
 
 def _measure(begin: Pose, end: Pose) -> float:
-    """How far two poses are apart, in allowed margins of place and orientation."""
+    """Returns the distance between two poses in allowed margins of position and orientation."""
     return (end.position - begin.position).norm() / MARGIN_M + _angle_rad(begin, end) / _MARGIN_RAD
 
 
 def _is_flown(begin: _Seen, end: _Seen, std_dev_m: float, fastest_m_s: float) -> bool:
-    """Whether a vehicle can have moved from one to the other."""
+    """Returns whether a vehicle can have moved from one to the other."""
     passed_s = end.time_s - begin.time_s
     way_m = MARGIN_M + _SIGMAS * std_dev_m + fastest_m_s * passed_s
     if (end.pose.position - begin.pose.position).norm() > way_m:

@@ -1,4 +1,4 @@
-"""Where the poses from outside come from: steps of their source, and whether there are two of them.
+"""Sources of the external poses: detects steps of a source, and two sources at once.
 
 A step within what the gate passes is taken, as a vehicle may have been pushed; it is told. Poses that step to and fro,
 or callers that take turns, are two sources: the autopilot flies to a place between them, or to each in turn.
@@ -19,7 +19,7 @@ SLACK_M_S = 2.0
 UNKNOWN_M_S = 5.0
 """The same where its velocity is not known."""
 RETURNS_COUNT = 3
-"""So many returns, or turns of callers, within `WINDOW_S` show two sources."""
+"""Returns, or turns of callers, within `WINDOW_S` that prove two sources."""
 WINDOW_S = 1.0
 _OWN = "this process"
 

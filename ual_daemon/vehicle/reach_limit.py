@@ -1,4 +1,4 @@
-"""How far away a goal may lie: a swapped or an empty coordinate is no goal."""
+"""Limit of the distance to a goal: a swapped or an empty coordinate is no goal."""
 
 from __future__ import annotations
 

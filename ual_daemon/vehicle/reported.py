@@ -1,4 +1,4 @@
-"""What a UAV reports, whether a backend flies it or a recording plays it: its samples, its states, its frames."""
+"""Reports of a UAV, flown by a backend or played from a recording: its samples, states and frames."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ class SevereLog:
 
     def __init__(self) -> None:
         self.seen: tuple[SevereText, ...] = ()
-        """Those of the last update."""
+        """Severe texts of the last update."""
 
     def observe(self, texts: tuple[SevereText, ...]) -> None:
         """Logs those that are new."""

@@ -16,7 +16,7 @@ from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
 
 AUTOPILOT = "autopilot: "
-"""How a severe text of the autopilot begins among the checks that fail."""
+"""Prefix of the autopilot's severe texts among the failing checks."""
 
 
 class Follows(Protocol):
@@ -27,11 +27,11 @@ class Follows(Protocol):
 
 
 class Doing(Protocol):
-    """What a UAV does, as far as a sample tells it. `Flight` is that of one that UAL flies."""
+    """Activity of a UAV, as far as a sample reports it."""
 
     @property
     def limitation(self) -> str:
-        """What the reason of the state adds; empty if nothing."""
+        """Addition to the reason of the state; empty if there is none."""
 
     @property
     def following(self) -> Follows:
@@ -39,7 +39,7 @@ class Doing(Protocol):
 
     @property
     def holder(self) -> Cause | None:
-        """Who holds the control, where the autopilot's data do not tell."""
+        """Holder of the control, where the autopilot's data do not tell."""
 
     def reference_pose(self) -> Pose | None:
         """Returns the pose that is commanded now, in the local frame; None if no pose is."""
@@ -49,7 +49,7 @@ class Doing(Protocol):
 
 
 class _Reported(NamedTuple):
-    """What is reported in the pose frame."""
+    """Pose, velocity and reference in the pose frame."""
 
     frame_id: str
     pose: Pose | None

@@ -45,7 +45,7 @@ class UploadEntry:
     began_s: float
 
     def is_of(self, name: str, vehicle: str) -> bool:
-        """Whether it concerns a list of a vehicle."""
+        """Returns whether it concerns a list of a vehicle."""
         return self.list == name and (not self.vehicle or not vehicle or self.vehicle == vehicle)
 
     @property

@@ -90,7 +90,7 @@ class Vehicle(ReportedVehicle):
         self.missions = Missions(backend, self._flight, resolver, self._tasks, settings, file, self.uploads)
         """The missions that the autopilot flies by itself."""
         self.equipment = Equipment(settings.payload)
-        """What the UAV carries, and may move."""
+        """Payload devices that the UAV carries."""
         self.gimbals = Gimbals(backend, resolver)
         """The gimbals that it carries."""
         self._jumps = JumpDetector()
@@ -208,7 +208,7 @@ class Vehicle(ReportedVehicle):
         return self.backend.offer(kind)
 
     def is_armed(self) -> bool | None:
-        """Whether it is armed; None while that is not known."""
+        """Returns whether it is armed; None while that is not known."""
         snapshot, freshness = self.backend.snapshot(), self.backend.freshness
         armed, heard_s = snapshot.control.armed, snapshot.heard_s
         if armed is None or heard_s is None or snapshot.time_s - heard_s > freshness.link_s:
