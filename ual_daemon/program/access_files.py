@@ -15,7 +15,7 @@ from ual_daemon.settings import ConfigError, Settings, convert
 
 
 class _RolesFile(Settings, frozen=True, kw_only=True):
-    """What `docs/evidence/security.md` says of the file."""
+    """Content of the roles file, described in `docs/evidence/security.md`."""
 
     certificates: Mapping[str, str] = {}
     tokens: Mapping[str, str] = {}

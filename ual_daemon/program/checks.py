@@ -10,11 +10,11 @@ from ual.shared import guard
 from ual_daemon.frames.kept_file import KeptFile
 
 BEGIN = "daemon: "
-"""How each check begins in `failing_checks`."""
+"""Prefix of each of the daemon's own checks in `failing_checks`."""
 
 
 class Checked(Protocol):
-    """What tells of the checks: a vehicle."""
+    """Source of the checks: a vehicle."""
 
     daemon_checks: tuple[str, ...]
     kept_files: tuple[KeptFile, ...]

@@ -198,7 +198,9 @@ def steps(key: str) -> list[str | int]:
 
 
 def _has(values: Mapping[str, Any], key: str) -> bool:
-    """Whether the key's first part is there. An error about a key that is missing belongs to its section's source."""
+    """Returns whether the key's first part is there. An error about a key that is missing belongs to its section's
+    source.
+    """
     path = steps(key)
     return bool(path) and path[0] in values
 

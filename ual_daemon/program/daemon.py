@@ -50,12 +50,12 @@ _CLOSE_LIMIT_S = 10.0
 """For all that is left once the UAVs are safe."""
 _FIRST_REMINDER_S, _REMINDER_PERIOD_S = 1.0, 5.0
 _GATHER_S = 0.005
-"""How long a fleet gathers updates before it hands them to the event loop together."""
+"""Seconds for which a fleet gathers updates before it hands them to the event loop together."""
 _ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  compared with, not bound to
 
 
 class Callers(NamedTuple):
-    """Who may call: TLS, and how callers show who they are."""
+    """Callers that are let in: TLS, and how callers prove their identity."""
 
     credentials: MakeCredentials | None = None
     access: Access | None = None

@@ -15,7 +15,7 @@ from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.settings import LONGEST_NAMESPACE, ConfigError, VehicleSettings
 
 ROW = 10
-"""How many UAVs stand in a row, from west to east. The next row is to the north."""
+"""UAVs in a row, from west to east. The next row is to the north."""
 
 _FILES_EACH = 2
 """File descriptors of a UAV without callers and with one address: its lock and the address. One more for each further

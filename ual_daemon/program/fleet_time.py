@@ -18,7 +18,7 @@ from ual.interface import Simulation
 ASK, MAKE, MADE = "ask", "make", "made"
 """A worker asks for a change; all workers make it; it is made."""
 _LOOK_S = 1.0
-"""How often one that waits looks whether the fleet ends."""
+"""Seconds between two looks of a waiting worker whether the fleet ends."""
 
 Tell = Callable[..., None]
 """Sends words to the other process: text, numbers or None."""

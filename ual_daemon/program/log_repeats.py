@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 PERIOD_S = 10.0
 _MOST_KINDS = 100
-"""So many different lines are remembered; further ones are written as they come."""
+"""Most different lines that are remembered; further ones are written as they come."""
 _COUNTED_EVENTS = ("refused", "call_failed", "caller_gone", "autopilot_rebooted", "external_pose_dropped")
 _NOT_COMPARED = ("caller", "repeated", "reboots_count", "detail")
 

@@ -36,8 +36,8 @@ _STICKY_FOR_ALL = 0o1777
 _READABLE = 0o644
 _RETRY_S = 0.005
 _RETRY_LIMIT_S = 1.0
-"""How long to try to take a lock that clients may hold for a moment. Blocking `flock` has no time limit, and a client
-that is stopped at that moment would keep the lock.
+"""Seconds for which to try to take a lock that clients may hold for a moment. Blocking `flock` has no time limit, and a
+client that is stopped at that moment would keep the lock.
 """
 
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 _CHUNK_BYTES = 1 << 16
 _MOST_CHUNKS = 16
-"""So much is read from one pipe before the others have their turn. A pipe holds less."""
+"""Chunks that are read from one pipe before the others have their turn. A pipe holds less."""
 
 
 class Reader:

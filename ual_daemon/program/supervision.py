@@ -1,4 +1,5 @@
-"""What a daemon's process owes to whoever started it: when it may serve, that it serves, and when it is to end."""
+"""Duties of a daemon's process to the program that started it: reports of readiness and life, and the end on request.
+"""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ Kind = Literal["counter", "gauge", "histogram", "info", "summary"]
 
 
 class Metric(NamedTuple):
-    """What a metric is. `unit` is empty for a number; else the name ends in it."""
+    """Kind, unit and help text of a metric."""
 
     kind: Kind
     unit: str

@@ -40,7 +40,7 @@ class Recorded(Protocol):
 
     @property
     def figures(self) -> QueueFigures:
-        """What waits to be written."""
+        """Figures of the queue of lines that wait to be written."""
         ...
 
 
@@ -49,7 +49,7 @@ class Audited(Protocol):
 
     @property
     def figures(self) -> AuditFigures:
-        """How it stands."""
+        """Figures of the audit."""
         ...
 
 

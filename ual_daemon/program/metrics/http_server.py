@@ -124,7 +124,7 @@ class _Serving:
         self._connections: dict[asyncio.Task[None], None] = {}
         """From the oldest on."""
         self._silent: dict[asyncio.Task[None], None] = {}
-        """Those whose request is not complete."""
+        """Connections whose request is not complete."""
         self._cause = ""
         """Why connections cannot be accepted now."""
 

@@ -1,4 +1,6 @@
-"""Where the metrics are served (``--metrics``), and what that needs. Imports prometheus_client only when used."""
+"""Address of the metrics (``--metrics``), and the packages that serving them needs. Imports prometheus_client only when
+used.
+"""
 
 from __future__ import annotations
 

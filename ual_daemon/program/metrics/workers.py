@@ -47,7 +47,7 @@ class WorkersMetrics:
         self._loop = asyncio.get_running_loop()
         self._number = 0
         self._found: dict[int, list[Sample]] = {}
-        """What was answered, by the number of the worker."""
+        """Samples of each worker's answer, by the worker's number."""
         self._asked: Future[list[Sample]] = Future()
 
     def samples(self) -> list[Sample]:

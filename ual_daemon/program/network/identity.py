@@ -1,4 +1,4 @@
-"""Whose the network's certificate is: routers take a UAV's word by the name in it, and drop the rest without a word.
+"""Name in the network's certificate: routers pass a UAV's messages by it, and silently drop all others.
 
 The certificate is shown to the authority here, as a router would see it: by a handshake in memory.
 """

@@ -37,7 +37,7 @@ class _Waiting(NamedTuple):
 
 
 def changes(method: str) -> bool:
-    """Whether a method changes something: of what is not ours, whatever needs more than an observer."""
+    """Returns whether a method changes something: of what is not ours, whatever needs more than an observer."""
     return _IS_AUDITED.get(method, needed_role(method) > Role.OBSERVER)
 
 

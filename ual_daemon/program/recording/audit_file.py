@@ -1,4 +1,4 @@
-"""Where the lines of an audit go: into a file, in which they are chained, or through a pipe to who writes the file.
+"""Destination of an audit's lines: a file, in which they are chained, or a pipe to the process that writes the file.
 
 Imports no gRPC: the supervisor of a fleet opens the file before it forks its workers.
 """
@@ -30,9 +30,9 @@ _LONGEST_LINE = 8 << 20
 """In bytes: so far from its end the last whole line of a file is looked for."""
 _LONGEST_ADDED = 4 << 20
 _LEAST_SPACE_BYTES = 64 << 10
-"""What a disk needs to take further lines."""
+"""Free bytes that a disk needs to take further lines."""
 _OUTLINE = frozenset({"event", "time", "ns", "id", "identity", "caller", "agent", "method"})
-"""What is written of an entry that is too long."""
+"""Fields that are written of an entry that is too long."""
 
 
 class AuditError(Exception):
@@ -50,10 +50,10 @@ def time_text(time: datetime) -> str:
 
 
 class Lines(ABC):
-    """Where the lines of an audit go."""
+    """Destination of the lines of an audit."""
 
     name: str
-    """What the log calls it."""
+    """Name in the log."""
 
     def __init__(self, file: int) -> None:
         self._file = file
@@ -67,7 +67,7 @@ class Lines(ABC):
 
     @property
     def unwritten_bytes(self) -> int:
-        """How much was added that is not written."""
+        """Bytes that were added and are not written yet."""
         return len(self._unwritten)
 
     @abstractmethod

@@ -20,19 +20,19 @@ from ual_daemon.program.recording.audit_file import AuditError, Lines, time_text
 _log = logging.getLogger(__name__)
 
 _MOST_WAITING = 10_000
-"""So many lines wait at most for a disk that takes none."""
+"""Most lines that wait for a disk that takes none."""
 _MOST_BYTES = 64 << 20
-"""So many bytes of requests and answers wait at most."""
+"""Most bytes of requests and answers that wait."""
 _PIECE_BYTES = 1 << 20
-"""So much is made ready to be written at once: a line takes many times the memory of its request."""
+"""Bytes that are encoded at once: a line takes many times the memory of its request."""
 _LOOK_S = 0.5
-"""How often it is looked whether the file and the space for it are there, at least."""
+"""Longest time in s between two checks that the file exists and its disk has space."""
 _RETRY_S = 1.0
 _CLOSE_LIMIT_S = 5.0
 
 
 class AuditReport(NamedTuple):
-    """How an audit stands: why it cannot be written now (empty: it can), and what of it is to be told."""
+    """State of an audit: why it cannot be written now (empty: it can), and its failing checks."""
 
     trouble: str = ""
     checks: tuple[str, ...] = ()
@@ -82,7 +82,7 @@ class AuditWriter:
 
     @property
     def report(self) -> AuditReport:
-        """How it stands now. From any thread."""
+        """State of the audit now. From any thread."""
         trouble, found = self.trouble, []
         if trouble:
             found.append(f"the audit {self._lines.name} cannot be written: {trouble}")
@@ -94,7 +94,7 @@ class AuditWriter:
 
     @property
     def figures(self) -> AuditFigures:
-        """What is measured of it. From any thread."""
+        """Measurements of the audit. From any thread."""
         counts = len(self._waiting), self._waiting_bytes, self._lost_count, self._file_losses_count
         return AuditFigures(not self.trouble, *counts)
 

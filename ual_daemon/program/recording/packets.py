@@ -7,7 +7,7 @@ from ual.recording.topics import Topic
 from ual_daemon.backends.values import Packet
 
 _MOST_PEERS = 64
-"""So many other ends of a link are told apart; a flood of addresses shares one."""
+"""Most remote ends of a link that are told apart; a flood of addresses shares one."""
 
 
 class PacketTopics:

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 _PICTURE_S = 1.0
-"""How long the end of the daemon waits for a picture that is under way."""
+"""Seconds for which the end of the daemon waits for a picture that is under way."""
 _INFO_S = 1.0
-"""How often it is looked whether its info has changed."""
+"""Seconds between two checks whether the vehicle's info has changed."""
 
 
 class UavRecording(Observer):
@@ -160,12 +160,12 @@ class Recording:
 
     @property
     def figures(self) -> QueueFigures:
-        """What waits to be written."""
+        """Figures of the queue of messages that wait to be written."""
         return self._recorder.figures
 
     @property
     def checks(self) -> tuple[str, ...]:
-        """What is to be told of it, human-readable: nothing while it records."""
+        """Human-readable failing checks of the recording: none while it records."""
         trouble = self._recorder.trouble
         return (f"the recording stands still: {trouble}",) if trouble else ()
 
