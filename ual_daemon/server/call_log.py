@@ -50,7 +50,7 @@ class CallRecord:
 
 
 class Observer(Protocol):
-    """What observes the calls for a UAV. It is called on the threads that serve, and must not block."""
+    """Observer of the calls for a UAV. It is called on the threads that serve, and must not block."""
 
     @abstractmethod
     def on_request(self, method: str) -> object:

@@ -1,4 +1,4 @@
-"""What is the same for every call: who calls, for which UAV, and how calls end at shutdown."""
+"""Common part of every call: its caller, its UAV, and its end at shutdown."""
 
 from __future__ import annotations
 
@@ -43,15 +43,13 @@ both together, as each client does, must get in."""
 MOST_METADATA_BYTES = 16384
 """Names and values of one call. gRPC has a limit for each frame of them only."""
 REQUEST_S = 10.0
-"""How long a call may wait for its request; up to twice as long, as that is looked at so often."""
+"""Seconds for which a call may wait for its request; up to twice as long, since it is checked at this period."""
 
 _log = logging.getLogger(__name__)
 
 
 class CallFigures(NamedTuple):
-    """Who calls, as it is now: how many callers have calls under way that wait or are streams, and how many streams of
-    each method there are. `failures` counts the calls that were refused or have failed since the start, by reason.
-    """
+    """Present calls: callers with calls under way that wait or are streams, and streams by method."""
 
     callers_count: int
     streams: Counter[str]
@@ -150,7 +148,7 @@ class Calls:
 
     @property
     def figures(self) -> CallFigures:
-        """Who calls now, and how many calls have failed."""
+        """Present calls, and the count of failed ones."""
         with self._lock:
             answers, failures = list(self._answers), self._failures.copy()
         streams = Counter(answer.method_name.rpartition("/")[2] for answer in answers if answer.is_stream)
@@ -158,12 +156,12 @@ class Calls:
 
     @property
     def running_count(self) -> int:
-        """How many calls are under way that a shutdown has to end."""
+        """Calls under way that a shutdown has to end."""
         return len(self._answers)
 
     @property
     def without_request_count(self) -> int:
-        """How many calls wait for their request."""
+        """Calls that wait for their request."""
         return len(self._without_request)
 
     def begin_shutdown(self) -> None:

@@ -1,4 +1,4 @@
-"""How one call is answered, which depends on how the servicer's method is written.
+"""Dispatch of one call, which depends on how the servicer's method is written.
 
 - ``def`` of a request, or a generator into which each request of a stream is sent. It runs on the transport's thread,
   in the order of the calls, and must not block. This is the fast way: no other thread has to wake. If it begins
@@ -80,7 +80,7 @@ class Method:
 
 
 class Register(Protocol):
-    """Where the answers under way are known (`ual_daemon.server.calls.Calls`)."""
+    """Registry of the answers under way (`ual_daemon.server.calls.Calls`)."""
 
     standstill: Standstill
     motion_gate: MotionGate | None

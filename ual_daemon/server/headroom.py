@@ -27,32 +27,32 @@ except ImportError:  # pragma: no cover  Windows has no such limits
 MOST_REQUEST_BYTES: Final = 4 << 20
 """The longest path that makes sense has some ten thousand waypoints: 1 MB."""
 RESERVE_BYTES: Final = 12 << 20
-"""What stays free for the flight and for the connections: 200 of them take 8 MB."""
+"""Bytes that stay free for the flight and for the connections: 200 of them take 8 MB."""
 SMALL_BYTES: Final = 64 << 10
 """Requests up to this size need no memory that counts."""
 WORK_FACTOR: Final = 40
-"""What a request's values and its plan take, by its size: 26 MB of memory, 35 MB of addresses for 9,900 waypoints."""
+"""Memory of a request's values and its plan by its size: 26 MB of memory, 35 MB of addresses for 9,900 waypoints."""
 
 FLIES_ON: Final = frozenset(each.path for each in METHODS.values() if each.flies_on)
 """The methods that are accepted however little memory is left."""
 
 _LOOK_S = 0.1
 _PROMISE_S = 5.0
-"""What is read and planned for a request takes its memory little by little, within this time."""
+"""Seconds within which the work on a request takes the memory that was promised to it."""
 _CGROUPS = Path("/sys/fs/cgroup")
 _log = logging.getLogger(__name__)
 
 
 class Reader(Protocol):
-    """What reads the requests for one UAV."""
+    """Reader of the requests for one UAV."""
 
     @property
     def without_request_count(self) -> int:
-        """How many requests may arrive at any moment."""
+        """Requests that may arrive at any moment."""
 
 
 class Headroom:
-    """What the limits of this process leave free. Any thread may call.
+    """Memory and addresses that the limits of this process leave free. Any thread may call.
 
     `free_bytes` looks: infinite where nothing limits the process. For small requests it is asked ten times a second at
     most.
@@ -62,7 +62,7 @@ class Headroom:
         self, free_bytes: Callable[[], float] | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.servers: weakref.WeakSet[Reader] = weakref.WeakSet()
-        """What reads requests in this process."""
+        """Readers of requests in this process."""
         self._free_bytes = free_bytes or limits_of_this_process()
         self._clock = clock
         self._looked_s = -math.inf

@@ -84,7 +84,7 @@ class TelemetryPacker:
 
     def __init__(self) -> None:
         self._rare: tuple[tuple[object, ...], bytes] = ((), b"")
-        """What changes rarely, as it was last, and as it is packed. Replaced as a whole."""
+        """Values that change rarely, as they were last, and their packed bytes. Replaced as a whole."""
 
     def response(self, sample: Telemetry) -> bytes:
         """Returns the ``StreamTelemetryResponse`` for a reader that missed nothing."""

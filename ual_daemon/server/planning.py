@@ -29,7 +29,7 @@ _computing = threading.Lock()
 
 
 class PlanFigures(NamedTuple):
-    """How many plans are under way, how many have ended, and how long those took in all, their wait included."""
+    """Plans under way, plans that have ended, and the sum of their durations in s, their wait included."""
 
     running_count: int = 0
     ended_count: int = 0
@@ -54,7 +54,7 @@ class Planning:
 
     @property
     def figures(self) -> PlanFigures:
-        """How many plans there are and were."""
+        """Counts and durations of the plans."""
         return self._figures
 
     def begin(self, what: str, plan: Callable[[], T]) -> Future[T]:

@@ -37,7 +37,7 @@ _SIMULATION_SERVICE: str = simulation_pb2.DESCRIPTOR.services_by_name["Simulatio
 _HEALTH_SERVICE: str = health_pb2.DESCRIPTOR.services_by_name["Health"].full_name
 
 NEEDED_TO_LAND = frozenset(f"/{_UAL_SERVICE}/{method}" for method in ("SetExternalPose", "StreamExternalPoses"))
-"""What goes on in a shutdown until the flight has ended: by these a UAV may know where it is."""
+"""Methods that a shutdown leaves open until the flight has ended: a UAV may need them to know its position."""
 
 _OPTIONS: Sequence[tuple[str, int]] = (
     # One daemon for a port: with this on (gRPC's default), a second one could listen, too, and get a part of the calls.
@@ -85,7 +85,7 @@ class AddedService(Protocol):
 
 
 class ServerFigures(NamedTuple):
-    """What is measured of a server: its calls, the samples that slow readers have missed, and the plans."""
+    """Measurements of a server: its calls, the samples that slow readers have missed, and the plans."""
 
     calls: CallFigures
     missed_count: int

@@ -1,4 +1,4 @@
-"""What waited unread while the daemon stood still is old, and moves nothing.
+"""Standstill of the daemon: requests that waited unread meanwhile are old, and move nothing.
 
 A daemon that is stopped, or whose computer sleeps, reads afterwards what was sent to it meanwhile. Its caller may have
 given up since. gRPC does not say when a message was sent, so all that is read just after a standstill counts as old.
@@ -21,7 +21,7 @@ from ual_daemon.vehicle.refusal_log import RefusalLog
 _log = logging.getLogger(__name__)
 
 BEAT_S = 0.5
-"""How often it is noted that the daemon runs."""
+"""Seconds between two notes that the daemon runs."""
 STANDSTILL_S = 2.5
 """After so long without a beat the daemon has stood still. A busy computer holds one up for a second, and its callers
 still wait for their answers. After a second what was known of the autopilot is discarded anyway

@@ -105,13 +105,13 @@ class Reader:
         self._sequence = first.sequence
         self._missed_count = 0
         self.missed_count = 0
-        """How many samples it has missed of which it was told."""
+        """Announced samples that the reader has missed."""
         self._is_sending = True
         send(first.packed(), self._on_sent)
 
     @property
     def due_s(self) -> float:
-        """When it takes the next sample, by its clock, in s."""
+        """Time at which the reader takes the next sample, by its clock, in s."""
         return self._due_s
 
     def offer(self, sample: PackedTelemetry) -> None:
@@ -199,7 +199,7 @@ class Updates:
 
     @property
     def missed_count(self) -> int:
-        """How many samples slow readers have missed since the start."""
+        """Samples that slow readers have missed since the start."""
         with self._lock:
             return self._missed_before + sum(reader.missed_count for reader in self._readers)
 

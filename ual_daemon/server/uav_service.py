@@ -54,7 +54,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @property
     def plans(self) -> PlanFigures:
-        """How many paths are and were planned."""
+        """Counts and durations of planned paths."""
         return self._planning.figures
 
     # Names and order are those of the contract.

@@ -1,1 +1,1 @@
-"""Who calls, and what the caller may do: docs/evidence/security.md."""
+"""Identity of callers, and what each may do: docs/evidence/security.md."""

@@ -1,4 +1,4 @@
-"""Who gave the present command."""
+"""Caller of the present command."""
 
 from __future__ import annotations
 

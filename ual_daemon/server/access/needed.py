@@ -1,4 +1,4 @@
-"""Which role each method needs."""
+"""Role that each method needs."""
 
 from __future__ import annotations
 

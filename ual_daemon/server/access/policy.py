@@ -20,9 +20,9 @@ from ual_daemon.server.transport.base import Call
 
 AUTHORIZATION = "authorization"
 FORWARDED_FOR = "x-forwarded-for"
-"""Where a gateway on this computer says from which address a call came to it."""
+"""Header in which a gateway on this computer names the address that a call came from."""
 FORWARDED_NAME = "x-ual-certificate"
-"""Where such a gateway gives the name of the certificate that it has verified."""
+"""Header in which such a gateway gives the name of the certificate that it has verified."""
 _BEARER = "bearer "
 
 
@@ -40,21 +40,20 @@ _DEFAULT = Roles()
 
 
 class KnownTokens(Protocol):
-    """What is read when it is needed: `WatchedFile`."""
+    """Value that is read when it is needed: `WatchedFile`."""
 
     @property
     def value(self) -> tuple[Token, ...]:
-        """What it says now."""
+        """Tokens of the file now."""
 
 
 class Access:
-    """Who calls a daemon. Any thread may call.
+    """Identification of callers, and their roles. Any thread may call.
 
     Args:
         roles: Returns what the roles file says now.
         known_tokens: The tokens; None where the daemon knows none.
         now: The time, UTC.
-
     """
 
     def __init__(
@@ -124,7 +123,7 @@ class Access:
 
 
 ANYBODY = Access(lambda: Roles(nobody=Role.COMMANDER))
-"""Where the network is trusted (``--insecure`` without tokens and roles)."""
+"""Access for a trusted network (``--insecure`` without tokens and roles)."""
 
 
 def _by_certificate(name: str, roles: Roles) -> Caller:

@@ -20,7 +20,7 @@ T = TypeVar("T")
 _log = logging.getLogger(__name__)
 
 _LOOK_S = 0.2
-"""How often it is looked whether the file has changed."""
+"""Seconds between two checks whether the file has changed."""
 
 
 class WatchedFile(Generic[T]):
@@ -48,7 +48,7 @@ class WatchedFile(Generic[T]):
 
     @property
     def value(self) -> T:
-        """What the file says now."""
+        """Content of the file now."""
         now_s = time.monotonic()
         if now_s >= self._next_look_s:
             self._next_look_s = now_s + self._look_s

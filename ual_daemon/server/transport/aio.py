@@ -33,7 +33,7 @@ _OnSent: TypeAlias = Callable[[bool], object]
 _log = logging.getLogger(__name__)
 
 _WATCH_S = 1.0
-"""How often a server is looked at that may have ended, and an address is tried again."""
+"""Seconds between two looks whether a server has ended, and between attempts to open an address."""
 
 
 class AioTransport(Transport):
@@ -153,7 +153,7 @@ class _AnyMethod(grpc.GenericRpcHandler):
 
 
 class _End(NamedTuple):
-    """What `Call.finish` was given."""
+    """Arguments of `Call.finish`."""
 
     message: bytes | None
     code: grpc.StatusCode
@@ -339,7 +339,7 @@ class AioCall(Call):
 
 
 async def _try(operation: Coroutine[Any, Any, object]) -> bool:
-    """Whether it was done; False where gRPC cannot do it any more, because the call is cancelled."""
+    """Returns whether it was done; False where gRPC cannot do it any more, because the call is cancelled."""
     try:
         await operation
     except grpc.aio.InternalError:

@@ -1,4 +1,4 @@
-"""What every transport offers: it serves gRPC on addresses, and hands over each call as a `Call`.
+"""Interface of the transports: they serve gRPC on addresses, and hand over each call as a `Call`.
 
 All callbacks of a transport come from one thread: for `aio` it is the event loop's, for `core` another one. They must
 not block.
@@ -27,9 +27,9 @@ class Call(Protocol):
     method: str
     """``/package.Service/Method``."""
     metadata: Metadata
-    """What the caller sent before its messages."""
+    """Headers that the caller sent before its messages."""
     identity: str = ""
-    """Who calls, once that is known: see `ual_daemon.server.access`."""
+    """Identity of the caller, once it is known: see `ual_daemon.server.access`."""
     lease_id: str = ""
     """The lease by which the caller commands; empty where it has none."""
     is_finished: bool

@@ -37,7 +37,7 @@ _READ_S = 0.001
 _RETRY_S = 0.1
 """After an error of the queue itself, which may come again at once."""
 _END_S = 5.0
-"""How long `close` waits for the thread. It ends at once, unless a call never ended."""
+"""Seconds for which `close` waits for the thread. It ends at once, unless a call never ended."""
 
 
 def _log_defect(error: Exception) -> None:

@@ -1,4 +1,4 @@
-"""What the kernel does for a listening socket, where gRPC has no option for it."""
+"""Socket options of listening sockets that gRPC cannot set."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 _DEFER_S = 5
-"""How long the kernel waits for the first bytes of a caller before it hands its connection over all the same."""
+"""Seconds for which the kernel waits for a caller's first bytes before it hands its connection over all the same."""
 _DESCRIPTORS = Path("/proc/self/fd")
 
 
