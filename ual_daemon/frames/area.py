@@ -1,4 +1,4 @@
-"""What may be flown over, as seen from above: a polygon or everything, cut by named zones. Local frame, metres.
+"""Area that may be flown over, seen from above: a polygon or everything, cut by named zones. Local frame, metres.
 
 The geometry is that of shapely (GEOS), which is loaded only if there is a polygon or a zone.
 """
@@ -43,7 +43,7 @@ class _Named(NamedTuple):
     shape: BaseGeometry
 
     def admits(self, line: BaseGeometry) -> bool:
-        """Whether a point or a line lies on the right side of it."""
+        """Returns whether a point or a line lies on the right side of it."""
         return bool(self.shape.covers(line) if self.is_inclusion else not self.shape.intersects(line))
 
 

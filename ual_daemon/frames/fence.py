@@ -48,7 +48,7 @@ class Fence:
         Raises `ConfigError` if the polygon crosses itself or has no area.
         """
         self.corners: tuple[Point2, ...] = tuple(corners)
-        """Those of the polygon; the zones that cut it have others."""
+        """Corners of the polygon; the zones that cut it have others."""
         self._area = Area(corners)
         self.disc: Disc | None = None
         self._lowest_m, self._highest_m = lowest_m - MARGIN_M, highest_m + MARGIN_M
@@ -109,7 +109,7 @@ class Fence:
         return None if found is None else found.point
 
     def _is_allowed(self, before: Vector3 | None, point: Vector3, *, has_come_in: bool, is_inside: bool) -> bool:
-        """Whether a segment is allowed; `before` is None for the first point."""
+        """Returns whether a segment is allowed; `before` is None for the first point."""
         if before is None:
             return True
         if has_come_in:
@@ -174,11 +174,13 @@ class Fence:
         return self._lowest_m <= point.z <= self._highest_m
 
     def _comes_in_once(self, outside: Vector3, inside: Vector3) -> bool:
-        """Whether a segment that ends inside comes in only once. (In height, and into the disc, it always does.)"""
+        """Returns whether a segment that ends inside comes in only once. (In height, and into the disc, it always
+        does.)
+        """
         return self._area.is_entered_once((outside.x, outside.y), (inside.x, inside.y))
 
     def _crosses(self, a: Vector3, b: Vector3) -> bool:
-        """Whether a segment between two points outside goes through the inside."""
+        """Returns whether a segment between two points outside goes through the inside."""
         begin, end = 0.0, 1.0  # the part of the segment in the height band, as shares of its length
         rise_m = b.z - a.z
         if rise_m != 0.0:

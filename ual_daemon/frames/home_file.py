@@ -21,14 +21,13 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class SavedHome:
-    """Where the frames of a vehicle are on Earth.
+    """Saved position of a vehicle's frames on Earth.
 
     Attributes:
         vehicle: Which vehicle it is; see `ual_daemon.backends.values.VehicleInfo.identity`.
         home: The origin of ``<ns>/odom``; None if it was set, but nothing ties it to Earth.
         start: Where the origin of the local frame was at first: a fence in ``map`` stays there.
         saved_s: When it was saved, UTC since 1970.
-
     """
 
     vehicle: str
@@ -38,7 +37,7 @@ class SavedHome:
 
     @property
     def age_s(self) -> float:
-        """How long ago it was saved; negative if the computer's clock was set back."""
+        """Age in s of the saved home; negative if the computer's clock was set back."""
         return time.time() - self.saved_s
 
 
@@ -55,7 +54,7 @@ class HomeFile:
 
     @property
     def path(self) -> Path:
-        """Where it is."""
+        """Path of the file."""
         return self.kept.path
 
     def read(self) -> SavedHome | None:

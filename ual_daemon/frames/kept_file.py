@@ -35,7 +35,7 @@ class KeptFile:
 
     @property
     def checks(self) -> tuple[str, ...]:
-        """What is to be told of it, human-readable: nothing while it is on the disk."""
+        """Human-readable failing checks of the file: none while it is on the disk."""
         return (f"{self._what} is not saved in {self.path}: {self._failure}",) if self._failure else ()
 
     @property

@@ -29,7 +29,7 @@ _NO_FIX_S = 3.0
 OLDEST_HOME_S = 12 * 3600.0
 """A home that was saved longer ago is of another day, and is forgotten."""
 FARTHEST_HOME_M = 1000.0
-"""Where a UAV stands farther from its saved home, it was brought to another field."""
+"""Metres between a UAV and its saved home beyond which it was brought to another field."""
 _NOTICED_M = 0.05
 
 
@@ -63,7 +63,7 @@ class LocalFrame:
         self.start = Anchor()
         self.map_loss: Loss | None = None
         self.projection: Projection | None = None
-        """By which the anchors are placed; None while it is not known where the local frame is on Earth."""
+        """Projection that places the anchors; None while the local frame's position on Earth is not known."""
         self.lock = threading.RLock()
         self._file, self._identity, self._on_moved = home_file, identity, on_moved
         self._saved: SavedHome | None = None
@@ -225,7 +225,7 @@ class LocalFrame:
             self._must_save = True
 
     def _is_all_known(self, snapshot: Snapshot) -> bool:
-        """Whether nothing changes before the local frame, or the boot, does."""
+        """Returns whether nothing changes before the local frame, or the boot, does."""
         if not self._has_begun or self._saved is not None or self._must_save:
             return False
         if snapshot.earth.projection is not self.projection:  # waits for a fix

@@ -196,7 +196,7 @@ class FrameResolver:
             raise validation.refuse(field, text)
 
     def _is_upright(self, frame_id: str) -> bool:
-        """Whether a frame is known to be level; the UAV's is, for commands."""
+        """Returns whether a frame is known to be level; the UAV's is, for commands."""
         tree = self.tree
         top = tree.body if tree.is_below_body(frame_id) else tree.odom if tree.is_below_odom(frame_id) else MAP
         try:

@@ -29,7 +29,7 @@ _FASTEST_M_S = 100.0
 
 @dataclass(frozen=True, slots=True)
 class FrameMotion:
-    """How a frame that a client moves goes on in its parent, from `since_s` (backend clock) on."""
+    """Motion of a client's frame in its parent, from `since_s` (backend clock) on."""
 
     since_s: float
     velocity: Vector3 = field(default_factory=Vector3)
@@ -95,8 +95,9 @@ class FrameTree:
         self._lock = threading.Lock()
         self._fixed = {MAP, self.odom, self.body, *(frame.frame_id for frame in settings.frames)}
         self.links = self._build(settings)
-        """What each frame is tied to: another object whenever a frame was added, moved or removed. It changes only
-        here; an attribute, because each setpoint looks."""
+        """Parent of each frame: another object whenever a frame was added, moved or removed. It changes only here; an
+        attribute, because each setpoint looks.
+        """
         self._odom_in_map: tuple[_Links, Transform | None] = ({}, None)
         """The transform from odom to map, and the links from which it was computed."""
 
