@@ -103,8 +103,8 @@ class Along:
         return Vector3(x, y, z)
 
     def is_within(self, limits: Limits) -> bool:
-        """Whether the velocities and accelerations of all axes together are allowed. From a start at a limit they may
-        exceed it.
+        """Returns whether the velocities and accelerations of all axes together are allowed. From a start at a limit
+        they may exceed it.
         """
         for look in range(_LOOKS + 1):
             _, v, a = self.at(self.duration_s * look / _LOOKS)

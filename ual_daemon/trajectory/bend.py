@@ -105,8 +105,8 @@ class Change:
         pieces.settle(end, after)
 
     def is_within(self, limits: Limits) -> bool:
-        """Whether the velocities are allowed while the acceleration changes, and the velocities that would be reached
-        if the acceleration decreased to 0 from then on. All other velocities are between allowed ones.
+        """Returns whether the velocities are allowed while the acceleration changes, and the velocities that would be
+        reached if the acceleration decreased to 0 from then on. All other velocities are between allowed ones.
         """
         if self.acceleration == _NONE:  # all velocities are between the first and the last one
             return True

@@ -91,7 +91,7 @@ class Facing(Heading):
         return self._facing(position, velocity, acceleration)
 
     def _is_last(self, index: int) -> bool:
-        """Whether a turn lasts until the end of the motion, where the point may be directly below."""
+        """Returns whether a turn lasts until the end of the motion, where the point may be directly below."""
         return index + 1 == len(self._turns) and self._patched_s >= self._duration_s
 
     def _facing(self, position: Vector3, velocity: Vector3, acceleration: Vector3) -> tuple[float, float, float]:

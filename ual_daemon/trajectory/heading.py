@@ -1,4 +1,4 @@
-"""Where the nose points: turns from one heading to another, or at a point all the time."""
+"""Heading of the nose over time: turns from one heading to another, or a point that it faces all the time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Heading(ABC):
     """The heading at each time of a motion."""
 
     end_s: float
-    """When it has come to rest."""
+    """Time at which the heading has come to rest."""
 
     @abstractmethod
     def at(self, time_s: float, position: Vector3, velocity: Vector3, acceleration: Vector3) -> tuple[float, ...]:

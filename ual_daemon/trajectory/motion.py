@@ -33,7 +33,7 @@ class Trajectory(ABC):
     stops_s: Sequence[float] = ()
     """The times at which it is at rest at a waypoint before the end."""
     holds_s: Mapping[float, float] = MappingProxyType({})
-    """How long it holds at a stop, by the time of that stop; stops without a hold are left out."""
+    """Duration in s of the hold at each stop, by the time of that stop; stops without a hold are left out."""
 
     @abstractmethod
     def at(self, time_s: float) -> Motion:

@@ -26,7 +26,7 @@ CLOSE_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class _Corner:
-    """Where two legs meet: the change of direction (a difference of unit vectors), and the largest acceleration."""
+    """Corner between two legs: the change of direction (a difference of unit vectors), and the largest acceleration."""
 
     change: float
     acceleration_m_s2: float
