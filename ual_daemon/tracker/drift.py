@@ -48,9 +48,9 @@ class DriftCorrection:
 
     def __init__(self) -> None:
         self.velocity = Vector3()
-        """What is to be added to the velocity now, along the local axes."""
+        """Velocity to add now, along the local axes."""
         self.yaw_rate_rad_s = 0.0
-        """What is to be added to the yaw rate now."""
+        """Yaw rate to add now."""
         self._places: tuple[Place, Place] | None = None
         self._yaw_rad: float | None = None
         self._before: Before | None = None

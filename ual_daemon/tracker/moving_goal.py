@@ -169,7 +169,7 @@ class MovingGoal(Reference):
 
 
 def _lags(reference: Motion, snapshot: Snapshot) -> bool:
-    """Whether the UAV is too far behind the reference."""
+    """Returns whether the UAV is too far behind the reference."""
     lag_m = (measured_motion(snapshot).position - reference.position).norm()
     return lag_m > _FREE_LAG_M + _FREE_LAG_S * reference.velocity.norm()
 

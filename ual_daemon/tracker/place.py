@@ -13,7 +13,7 @@ MOST_LAG_M = 1.0
 MOST_CORRECTION_M_S = 1.2
 """The most that is added: twice what the estimate was seen to be wrong by."""
 MOST_CHANGE_M_S2 = 2.0
-"""What is added never changes faster, so that it does not jump."""
+"""Fastest change of the correction, in m/s², so that it does not jump."""
 _POSITION_GAIN = 0.9
 """From a distance to a velocity, 1/s; PX4's own is 0.95 (MPC_XY_P), ArduPilot's 1 (PSC_POSXY_P)."""
 _MOST_VELOCITY_ERROR_M_S = 0.7
@@ -29,7 +29,7 @@ _TINY = 1e-9
 
 
 class ExpectedMotion:
-    """How the vehicle is expected to move: it answers to the commanded velocity as `VelocityResponse` says."""
+    """Expected motion of the vehicle: it answers to the commanded velocity according to `VelocityResponse`."""
 
     def __init__(self, position: Vector3, velocity: Vector3, acceleration: Vector3, response: VelocityResponse) -> None:
         self.position, self.velocity = position, velocity
@@ -70,7 +70,7 @@ class ExpectedMotion:
 
 
 class Seen(NamedTuple):
-    """What is estimated of the UAV now: its position, its velocity, and the error of that."""
+    """Estimate of the UAV now: its position, its velocity, and the error of that velocity."""
 
     position: Vector3
     velocity: Vector3
@@ -82,7 +82,7 @@ class Place:
 
     def __init__(self, expected: ExpectedMotion) -> None:
         self.correction: Vector3 | None = None
-        """What is to be added to the commanded velocity; None before the first update."""
+        """Correction to add to the commanded velocity; None before the first update."""
         self._expected = expected
         self._free: tuple[Vector3, ...] = ()
         """The directions in which the place goes with the UAV; of length 1, at right angles to each other."""
@@ -115,7 +115,7 @@ class Place:
             self._expected.follow(flown, direction)
 
     def _is_stopped(self, commanded: Vector3, here: Vector3, flown: Vector3) -> bool:
-        """Whether something stops it: it is behind, and makes less than half of the commanded speed."""
+        """Returns whether something stops it: it is behind, and makes less than half of the commanded speed."""
         wanted_m_s = commanded.norm()
         if wanted_m_s <= _FLOWN_M_S:
             return False

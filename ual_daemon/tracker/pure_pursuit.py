@@ -25,8 +25,9 @@ LOOK_AHEAD_S = 1.0
 LEAST_LOOK_AHEAD_M = 0.5
 """... but at least this far."""
 LEAST_AT_FENCE_M = 0.3
-"""Where the straight way ahead is not inside, the point ahead is this far at least once the UAV is nearly there. It
-must not stall at a corner of the fence because its estimate wanders."""
+"""Least metres to the point ahead once the UAV is nearly there, where the straight line ahead is not inside. It must
+not stall at a corner of the fence because its estimate wanders.
+"""
 _NEAR_M = 0.15
 _SEARCH_STEP_S = 0.05
 _LONGEST_SEARCH_S = 3.0
@@ -111,7 +112,9 @@ class Pursuit(Reference):
             self._held_s, self._at_stop_since_s = 0.0, None
 
     def _has_stopped(self, measured: Motion, now_s: float) -> bool:
-        """Whether the UAV stands at the next stop, or has been there for `LONGEST_STOP_S` (a wandering estimate)."""
+        """Returns whether the UAV stands at the next stop, or has been there for `LONGEST_STOP_S` (a wandering
+        estimate).
+        """
         stop = self.trajectory.at(self._stops_s[0])
         if (measured.position - stop.position).norm() > self._tolerance.position_m:
             return False

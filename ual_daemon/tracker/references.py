@@ -25,7 +25,7 @@ _FREE_LAG_S = 0.4
 _LONGEST_LAG_M = 1.5
 _LONGEST_STEP_S = 0.2
 LONGEST_STOP_S = 3.0
-"""How long a reference waits at a stop for a UAV that does not come to rest there (a wandering estimate)."""
+"""Seconds for which a reference waits at a stop for a UAV that does not come to rest there (a wandering estimate)."""
 
 
 class Reference:

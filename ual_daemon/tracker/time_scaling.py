@@ -1,4 +1,4 @@
-"""How fast the time of a trajectory passes: slower while the UAV lags behind, and without a step in what is sent.
+"""Passage of a trajectory's time: slower while the UAV lags behind, and without a step in what is sent.
 
 The time scale s is the derivative of the trajectory's time by real time: 1 in real time, 0 at a standstill. The
 reference that is sent has the velocity s v and the acceleration s^2 a + s' v (v and a are the trajectory's). The scale
@@ -67,7 +67,7 @@ class _Stop:
         self._trajectory = trajectory
         self.duration_s = self._brake.duration_s
         self._known = [self._found(0.0, begin_s)]
-        """What `at` returns, `CHECK_PERIOD_S` apart, as far as it was asked for."""
+        """Values of `at`, `CHECK_PERIOD_S` apart, as far as they were needed."""
 
     def at(self, t: float) -> tuple[float, float, float]:
         """As `_Change.at`."""
@@ -196,7 +196,9 @@ class TimeScaling:
         return True
 
     def _is_within(self, sent: Motion, own: Motion) -> bool:
-        """Whether a motion keeps the limits of speed and acceleration, or exceeds them no more than the trajectory."""
+        """Returns whether a motion keeps the limits of speed and acceleration, or exceeds them no more than the
+        trajectory.
+        """
         limits = self._trajectory.limits
         return (
             speed_share(sent.velocity, limits) <= max(1.0, speed_share(own.velocity, limits)) + _MARGIN
@@ -207,7 +209,7 @@ class TimeScaling:
         )
 
     def _is_smooth(self, last: Motion, sent: Motion, step_s: float) -> bool:
-        """Whether the step from one motion to the next keeps the limits of jerk."""
+        """Returns whether the step from one motion to the next keeps the limits of jerk."""
         limits = self._trajectory.limits
         jerk = (sent.acceleration - last.acceleration) / step_s
         yaw_jerk = (sent.yaw_acceleration_rad_s2 - last.yaw_acceleration_rad_s2) / step_s

@@ -22,7 +22,7 @@ class VelocityError:
         self.value = Vector3()
         """The error, m/s."""
         self._last: tuple[float, Vector3, Vector3] | None = None
-        """When the last estimates came, and these: position and velocity."""
+        """Time of the last estimates, and these: position and velocity."""
 
     def step(self, time_s: float, position: Vector3, velocity: Vector3) -> Vector3:
         """Makes one update. Returns the error, m/s. In plain numbers, as each update passes here."""
