@@ -1,4 +1,4 @@
-"""What is played at one update: the autopilot's data, and what the daemon reported then."""
+"""Data of one update of the replay: the autopilot's data, and what the daemon reported then."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class PlayedFrames:
         self._tree = tree
         self._clock = clock
         self._played: dict[str, Transform] = {}
-        """What was added, parents first."""
+        """Frames that were added, parents first."""
         self._why_not = ""
 
     def take(self, frames: Sequence[Frame]) -> None:

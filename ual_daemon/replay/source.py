@@ -19,7 +19,7 @@ _PACKETS = "raw/received"
 _SAMPLES = "telemetry"
 _SETPOINTS = "setpoints"
 _LOOK_NS = 10_000_000_000
-"""What a recording has shows in its first 10 s."""
+"""Nanoseconds at a recording's begin that show which data it has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +52,13 @@ Event = Packet | SentSetpoint | RecordedSample | RecordedFrames
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What a recording has of a UAV."""
+    """Data that a recording has of a UAV."""
 
     uav: str
     begin_ns: int
     has_samples: bool
     encoding: str
-    """That of its raw packets; empty: it has none."""
+    """Encoding of its raw packets; empty: it has none."""
 
 
 def look(path: Path, ns: str, uav: str | None) -> Contents:

@@ -50,7 +50,7 @@ class _Unwatched:
 
 
 class _NothingFlown:
-    """What UAL does with a recording; see `ual_daemon.vehicle.telemetry.Doing`."""
+    """Activity of UAL during a replay, which is none; see `ual_daemon.vehicle.telemetry.Doing`."""
 
     def __init__(self, limitation: str) -> None:
         self.limitation = limitation
