@@ -1,4 +1,5 @@
-"""Duties of a daemon's process to the program that started it: reports of readiness and life, and the end on request.
+"""Duties of a daemon's process to the program that started it: reports of readiness and life, and the end on
+request.
 """
 
 from __future__ import annotations

@@ -344,7 +344,8 @@ class Commands:
         return task if state in _NOT_FLOWN_YET and state not in self._abortable() else None
 
     def _is_mission_stopped(self) -> bool:
-        """Returns whether a mission is being stopped already that has not taken off yet: another abort changes nothing.
+        """Returns whether a mission is being stopped already that has not taken off yet: another abort changes
+        nothing.
         """
         state = self._flight.estimate(self._backend.snapshot()).state
         return self._flight.is_stopping_mission and state in _ON_WAY_UP and state not in self._abortable()

@@ -61,7 +61,8 @@ class _Order:
 
 
 class Aim(NamedTuple):
-    """Turn that points a gimbal at a target: angles within its limits, and the vector to the target in the local frame.
+    """Turn that points a gimbal at a target: angles within its limits, and the vector to the target in the local
+    frame.
     """
 
     angles: GimbalAngles
