@@ -204,7 +204,7 @@ class AirsimBackend(Backend):
 
     @property
     def _controlling(self) -> Action:
-        """What comes before all that needs API control. It is taken only where the caller saw that it was off.
+        """Step before everything that needs API control. It is taken only where the caller saw that it was off.
 
         Where it was on, the safety pilot may switch it off before the command is executed, and then keeps it off.
         """

@@ -17,11 +17,11 @@ _log = logging.getLogger(__name__)
 TYPES = {ImageKind.COLOUR: 0, ImageKind.DEPTH: 1, ImageKind.RANGE: 2, ImageKind.SEGMENTATION: 5}
 """`ImageCaptureBase::ImageType`: Scene, DepthPlanar, DepthPerspective, Segmentation."""
 OF_EACH_MULTIROTOR = ("front_center", "front_right", "front_left", "bottom_center", "back_center")
-"""Those that it has without any settings. They have numbers and other names, too, which are not listed."""
+"""Cameras of a multirotor without any settings. They have numbers and other names, too, which are not listed."""
 
 
 class Capture(msgspec.Struct, frozen=True):
-    """How a camera makes pictures of one type. Without an entry, the simulator's own defaults."""
+    """Picture settings of a camera for one image type. Without an entry, the simulator's own defaults."""
 
     image_type: int = msgspec.field(name="ImageType", default=0)
     width_px: Annotated[int, Meta(ge=1)] = msgspec.field(name="Width", default=256)

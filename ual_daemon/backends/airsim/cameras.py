@@ -40,7 +40,7 @@ _log = logging.getLogger(__name__)
 
 
 class Place(NamedTuple):
-    """How the vehicle's local frame lies, and in which boot of the simulator."""
+    """Position of the vehicle's local frame on Earth, and the boot of the simulator."""
 
     boots_count: int
     projection: Projection | None

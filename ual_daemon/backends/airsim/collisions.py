@@ -5,7 +5,9 @@ from __future__ import annotations
 from ual_daemon.backends.airsim.state import Report
 
 _GROUND = -0.7
-"""What it touches is below it where the normal (north, east, down) points up: it stands there, or lands."""
+"""Downward component of a collision's normal (north, east, down) below which the UAV touches the ground: it stands
+there, or lands.
+"""
 _APART_S = 1.0
 """A contact is reported at each frame of the simulator; after so long without one, the next is another collision."""
 

@@ -27,7 +27,7 @@ T = TypeVar("T")
 _log = logging.getLogger(__name__)
 
 PATIENCE_S = 10.0
-"""How long the simulator may take for a picture, ..."""
+"""Seconds that the simulator may take for a picture, ..."""
 LATEST_S = 15.0
 """... and when one that has waited for others is given up."""
 _CAMERA_S = 2.0
@@ -60,7 +60,7 @@ class PictureFetcher:
         self._overdue_since_s = math.nan
         self._is_closed = False
         self._more: tuple[object, ...] = ()
-        """What Microsoft's simulator takes beside: whether the camera is an external one."""
+        """Further argument of Microsoft's simulator: whether the camera is an external one."""
         self.patience_s = PATIENCE_S
 
     def fetch(self, camera: str, kind: ImageKind) -> Future[Fetched]:

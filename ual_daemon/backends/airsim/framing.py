@@ -1,4 +1,4 @@
-"""Where a MessagePack message ends: TCP has no messages, and `msgspec` decodes only whole ones."""
+"""Ends of MessagePack messages: TCP has no messages, and `msgspec` decodes only whole ones."""
 
 from __future__ import annotations
 

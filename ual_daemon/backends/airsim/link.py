@@ -29,14 +29,16 @@ _QUESTIONS: tuple[tuple[type, str], ...] = (
     (Rotors, "getRotorStates"),
     (bool, "isApiControlEnabled"),
 )
-"""What a poll asks, one after another: the simulator delays answers that follow each other."""
+"""Questions of a poll, one after another: the simulator delays answers that follow each other."""
 _COLLISION = (Collision, "simGetCollisionInfo")
 _COLLISION_S = 0.2
-"""How often it is asked. Each answer resets `has_collided`, by which the vehicle bounces at the next frame."""
+"""Seconds between two questions for collisions. Each answer resets `has_collided`, by which the vehicle bounces at the
+next frame.
+"""
 
 
 class Simulator(msgspec.Struct, frozen=True):
-    """What a connection has found: all vehicles, the one to fly, its home, how fast time runs, the version, cameras."""
+    """Findings of a connection: all vehicles, the one to fly, its home, the speed of time, the version, cameras."""
 
     vehicles: tuple[str, ...]
     vehicle: str
@@ -72,11 +74,11 @@ class SimulatorLink:
         self._is_closing = False
         self._connection: Connection | None = None
         self._due_s = -math.inf
-        """When to poll next, or to connect."""
+        """Time of the next poll or connection attempt."""
         self._number: int | None = None
         """The question that is unanswered."""
         self._questions = _QUESTIONS
-        """What the poll under way asks."""
+        """Questions of the poll under way."""
         self._answers: list[Any] = []
         self._polls_count = 0
         self._polls_per_collision = max(1, round(_COLLISION_S * rate_hz))

@@ -33,7 +33,7 @@ _YAW_PER_RAD_S = 1.0 / math.pi
 
 
 class Sticks(NamedTuple):
-    """Where the sticks are, each from -1 to 1. `turn` is counter-clockwise seen from above."""
+    """Positions of the sticks, each from -1 to 1. `turn` is counter-clockwise seen from above."""
 
     forward: float = 0.0
     left: float = 0.0

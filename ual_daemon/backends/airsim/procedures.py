@@ -74,7 +74,7 @@ class Procedures:
         connection.call(object, _ANSWER_S, "simPause", stands_still)
 
     def is_paused(self, connection: Caller) -> bool:
-        """Whether the simulator is paused."""
+        """Returns whether the simulator is paused."""
         return connection.call(bool, _ANSWER_S, "simIsPaused")
 
     def step(self, connection: Caller, duration_s: float) -> None:

@@ -40,7 +40,7 @@ def _decoder(kind: Hashable) -> msgspec.msgpack.Decoder[Any]:
 
 
 class Caller(Protocol):
-    """What calls methods of the simulator; see `Connection`."""
+    """Caller of the simulator's methods; see `Connection`."""
 
     def call(self, kind: type[T], timeout_s: float, method: str, *arguments: object) -> T:
         """Calls a method, and returns its result."""
@@ -68,7 +68,7 @@ class Connection:
         self._longest_bytes = longest_bytes
         self._received = bytearray()
         self._least_count = 0
-        """So much must have been received before there can be another message."""
+        """Bytes that must have been received before there can be another message."""
         self._answers: dict[int, _Answer] = {}
         self._unwanted: set[int] = set()
         self._socket = socket.create_connection(address, timeout=_CONNECT_S)
@@ -76,7 +76,7 @@ class Connection:
 
     @property
     def unwanted_count(self) -> int:
-        """How many requests of `post` have no answer yet."""
+        """Requests of `post` that have no answer yet."""
         return len(self._unwanted)
 
     def call(self, kind: type[T], timeout_s: float, method: str, *arguments: object) -> T:

@@ -101,12 +101,12 @@ class Session:
 
     @property
     def report(self) -> Report | None:
-        """What the simulator reported last; None while the link is down."""
+        """Last report of the simulator; None while the link is down."""
         return self._report if self._link.is_up else None
 
     @property
     def boots_count(self) -> int:
-        """How often the simulator was started, as far as it was seen."""
+        """Starts of the simulator that were noticed."""
         return self._boots_count
 
     @property
@@ -128,7 +128,7 @@ class Session:
 
     @property
     def own_speed(self) -> float:
-        """How fast time runs by the simulator's settings."""
+        """Speed of simulated time by the simulator's settings."""
         return 1.0 if self._link.simulator is None else self._link.simulator.clock_speed
 
     def reach(self, what: str) -> CommandRunner[Request] | LinkLostError:

@@ -14,7 +14,7 @@ from ual_daemon.backends.airsim.state import Report
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpoint
 
 DURATION_S = 0.5
-"""How long a velocity is flown, in simulated time, unless a newer one comes."""
+"""Simulated seconds for which a velocity is flown, unless a newer one comes."""
 _MOST_UNANSWERED = 1
 """A call lasts until the next one replaces it, which waits for that. Of two that wait, the simulator forgets to end the
 first one at once; and each call holds one of its few threads: it has four more than vehicles. While its time stands
@@ -26,8 +26,9 @@ _ANY_HEADING = 0
 
 
 _LEAD, _MOST_LEAD_M_S = 1.0, 3.0
-"""What is sent leads horizontally by so much of what is missing: `simple_flight` follows a velocity in 1.0 s by itself,
-and so in 0.5 s."""
+"""Lead of the sent horizontal velocity: a factor of the velocity error, and its limit in m/s. `simple_flight` follows a
+velocity in 1.0 s by itself, and so in 0.5 s.
+"""
 _CLIMB_LEAD, _MOST_CLIMB_LEAD_M_S = 1.2, 2.0
 """Vertically it follows in 0.3 s by itself, but rises by 0.6 m when it levels out after it has accelerated."""
 

@@ -29,7 +29,7 @@ class AirsimSettings(Settings, frozen=True, kw_only=True):
 
 
 class Address(NamedTuple):
-    """Where the simulator's RPC server listens."""
+    """Address of the simulator's RPC server."""
 
     host: str
     port: int

@@ -1,4 +1,4 @@
-"""What the simulator reports, in its own terms: north, east, down, as it names them on the wire."""
+"""Reports of the simulator in its own terms: north, east, down, and its names on the wire."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Rotation(msgspec.Struct, frozen=True):
 
 
 class Kinematics(msgspec.Struct, frozen=True):
-    """How the vehicle moves: along its local axes, the rotation about its body's."""
+    """Motion of the vehicle: linear along its local axes, the rotation about its body's."""
 
     position: Vector
     orientation: Rotation
@@ -79,7 +79,7 @@ class Location(msgspec.Struct, frozen=True):
 
 
 class RemoteControl(msgspec.Struct, frozen=True):
-    """What is known of the remote control."""
+    """State of the remote control."""
 
     is_valid: bool
 
@@ -107,7 +107,7 @@ class Rotors(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """What one poll has read. `collision` may be of a poll before."""
+    """Values of one poll. `collision` may be of an earlier poll."""
 
     state: State
     rotors: Rotors
@@ -126,7 +126,7 @@ class Report(msgspec.Struct, frozen=True):
 
     @property
     def is_flying(self) -> bool:
-        """What ``landed_state`` says: see `is_on_ground`."""
+        """Whether ``landed_state`` reports flight: see `is_on_ground`."""
         return self.state.landed_state != _LANDED
 
     @property
@@ -142,7 +142,7 @@ class Report(msgspec.Struct, frozen=True):
         return Twist(motion.linear_velocity.to_enu(), motion.angular_velocity.to_flu())
 
     def is_on_ground(self, mass_kg: float) -> bool:
-        """Whether it stands on something.
+        """Returns whether it stands on something.
 
         ``landed_state`` says "flying" from the first lift-off until the vehicle is disarmed, and "landed" at once where
         it is disarmed in the air. So the forces tell: what stands still with less thrust than its weight is carried.

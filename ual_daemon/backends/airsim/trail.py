@@ -1,4 +1,4 @@
-"""Where the vehicle was a moment ago: a picture comes later than it was rendered."""
+"""Recent poses of the vehicle: a picture arrives later than it was rendered."""
 
 from __future__ import annotations
 
