@@ -1,4 +1,4 @@
-"""Who controls the aircraft, for dji_osdk_ros: that wrapper does not publish it."""
+"""Control authority over the aircraft, for dji_osdk_ros: that wrapper does not publish it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _FOLLOWS_S = 0.4
 
 
 class Authority:
-    """What the aircraft's display mode says, and whether authority was granted to us.
+    """Control authority by the aircraft's display mode and the grants to UAL.
 
     SDK_CONTROL shows while it follows an SDK. After a take-off it shows P_GPS until the first setpoint comes, also with
     authority. So authority that was granted counts then, until a setpoint shows no effect or another mode shows. A
@@ -22,10 +22,12 @@ class Authority:
         self._is_in_air = self._idles = False
         self._lifted_s: float | None = None
         self._idle_followed_s: float | None = None
-        """When it showed last that it follows an SDK on the ground, with its motors running."""
+        """Time at which it last showed that it follows an SDK on the ground, with its motors running."""
         self._is_taking_off = False
         self.why_lost = ""
-        """What showed that another one flies it since authority was granted, human-readable; empty: nothing did."""
+        """Human-readable sign that another program flies the aircraft since authority was granted; empty: there was
+        none.
+        """
         self._is_doubted = False
         """Whether that is only so because the first setpoints showed no effect yet."""
 

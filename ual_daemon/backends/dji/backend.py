@@ -50,7 +50,7 @@ T = TypeVar("T")
 _log = logging.getLogger(__name__)
 
 _RELEASE_S = 1.0
-"""How long the end of the backend waits for the release of the control authority."""
+"""Seconds for which the end of the backend waits for the release of the control authority."""
 _LIMITS = Limits(
     horizontal_speed_m_s=10.0,
     climb_speed_m_s=3.0,

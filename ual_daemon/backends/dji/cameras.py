@@ -40,10 +40,10 @@ _log = logging.getLogger(__name__)
 POSITIONS = (1, 2, 3)
 """`E_DjiMountPosition`: the ports of payloads."""
 LOOK_S, LOOK_AGAIN_S = 1.0, 30.0
-"""How often an empty port is looked at: at first, and once there is a camera, or none was found for a while."""
+"""Seconds between two looks at an empty port: at first, and once there is a camera, or none was found for a while."""
 LOOKS_COUNT = 20
 SEEN_S = 5.0
-"""How often it is looked whether a camera is still there."""
+"""Seconds between two checks that a camera is still there."""
 CALL_S = 5.0
 INTERVAL_S = 8.0
 """The wrapper sleeps for 2 s while it begins pictures by time."""
@@ -59,7 +59,7 @@ _MAYBE_DONE = "it is not known whether it did so"
 
 
 class Surroundings(NamedTuple):
-    """What a camera needs of the backend.
+    """Services of the backend that a camera needs.
 
     Attributes:
         call: Calls a service of the wrapper by its name, with a time limit in seconds.
@@ -68,7 +68,6 @@ class Surroundings(NamedTuple):
         utc_s: The time, as UTC.
         trouble: Returns why the wrapper is not reached; empty while it is.
         silence: Returns why nothing may be called now; empty if it may.
-
     """
 
     call: Callable[[str, Message, float], Future[Message]]
@@ -104,7 +103,7 @@ class DjiCamera(OfferedCamera):
 
     @property
     def position(self) -> int:
-        """Where it is mounted."""
+        """Mounting position."""
         return self._position
 
     def observe(self, *, is_there: bool) -> None:
@@ -282,7 +281,7 @@ class DjiCameras(OfferedCameras):
         self._asked: Future[Message] | None = None
         self._next_s = dict.fromkeys(POSITIONS, -math.inf)
         self._due_s = -math.inf
-        """When the next port is due."""
+        """Time at which the next port is due."""
         self._looks_count = 0
 
     @override

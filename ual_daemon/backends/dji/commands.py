@@ -15,12 +15,12 @@ from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutErro
 from ual_daemon.backends.values import Control, Mode
 
 TEXT_S = 0.3
-"""How long after a refusal the wrapper's words about it may come."""
+"""Seconds after a refusal within which the wrapper's texts about it may come."""
 
 
 @dataclass(slots=True)
 class Grant:
-    """What one command has obtained of the control authority, and whether what follows was called."""
+    """Control authority that one command has obtained, and whether the following service was called."""
 
     is_obtained: bool = False
     is_used: bool = False
@@ -44,12 +44,12 @@ def landing(call: Call, on_done: Callable[[], None]) -> Command[Request]:
 
 
 def _follows_us(mode: Mode) -> bool:
-    """Whether the aircraft follows us in a mode: the names of its modes change by our own commands."""
+    """Returns whether the aircraft follows us in a mode: the names of its modes change by our own commands."""
     return mode.control in (Control.REFERENCES, Control.TAKE_OFF)
 
 
 def _lands(mode: Mode) -> bool:
-    """Whether a landing of ours may show a mode: until it begins, the aircraft follows us."""
+    """Returns whether a landing of ours may show a mode: until it begins, the aircraft follows us."""
     return mode.control is Control.LAND or _follows_us(mode)
 
 
@@ -64,7 +64,7 @@ def obtaining(wrapper: Wrapper, on_done: Callable[[Call], None], then: Command[R
 
 
 class Reply(NamedTuple):
-    """What an answer says; see `CommandRunner.on_answer`."""
+    """Verdict and text of an answer; see `CommandRunner.on_answer`."""
 
     verdict: Verdict
     text: str = ""

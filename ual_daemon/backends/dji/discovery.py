@@ -1,4 +1,4 @@
-"""Which wrapper runs behind a bridge."""
+"""Detection of the wrapper that runs behind a bridge."""
 
 from __future__ import annotations
 

@@ -32,16 +32,18 @@ POSITION = 1
 ABSOLUTE, PITCH_AND_YAW = 1, 1
 """`E_DjiGimbalRotationMode` and `E_DjiGimbalResetMode`."""
 TURN_S, AIM_S = 0.5, 0.1
-"""How long a turn may take: of an order, and of angles that are sent often."""
+"""Seconds that a turn may take: of an order, and of angles that are sent often."""
 HEARD_S = 3.0
 """It is not connected where it has not told its angles for so long. The wrapper tells them once a second at least."""
 TURNED_RAD = 0.01
-"""So far the nose turns before angles that count from it are sent again."""
+"""Turn of the nose in rad after which angles that count from it are sent again."""
 REACHED_RAD, ASIDE_RAD, SETTLED_S = 0.05, 0.1, 1.0
 """It was where it was ordered to be within the first. Beyond the second one, so long after the last order, somebody
 else has turned it: the pilot, by the dial of the remote controller. It is left to him."""
 THEIRS_S = 2.0
-"""So long they have the control of it then. DJI knows none, which could be taken back: a later order is taken again."""
+"""Seconds for which another program then has the control of the gimbal. DJI has no control that could be taken back: a
+later order is taken again.
+"""
 CALL_S = 5.0
 _NAME = "payload 1"
 _ABILITIES = frozenset(
@@ -55,7 +57,7 @@ _PROBLEMS = {
     "gyro_falut": "its gyroscope has failed",
     "fw_updating": "its firmware is updated",
 }
-"""What a flag of its status means; the wrapper spells them so."""
+"""Meaning of each flag of its status; the wrapper spells them so."""
 
 
 class _Told(NamedTuple):
@@ -73,7 +75,7 @@ class _FromNose(NamedTuple):
 
 
 class _Target:
-    """What was sent last: whether it was reached since the order, and when it was sent."""
+    """Target that was sent last: whether it was reached since the order, and when it was sent."""
 
     def __init__(self, pitch_rad: float, yaw_rad: float, time_s: float, *, is_reached: bool) -> None:
         self._pitch_rad = pitch_rad

@@ -19,7 +19,7 @@ class LandingRequest:
         self.has_ended = False
 
     def needs_confirmation(self, telemetry: Telemetry, below_m: float, now_s: float) -> bool:
-        """Whether it is to be confirmed now. Notes its end; to be called often."""
+        """Returns whether it is to be confirmed now. Notes its end; to be called often."""
         if self.has_ended or now_s - telemetry.mode_s > _MODE_S:
             return False
         is_ours = telemetry.has_authority or not telemetry.wrapper.says_authority

@@ -38,7 +38,7 @@ from ual_daemon.backends.values import (
 _log = logging.getLogger(__name__)
 
 _REMOTE, _APP, _OURS = 0, 1, 4
-"""Who controls the aircraft (`device_mode`)."""
+"""Controllers of the aircraft in `device_mode`."""
 _RTK_FIXED = 50
 _PLACE = ("latitude", "longitude", "altitude")
 _WARNING_ROS1, _WARNING_ROS2 = 4, 30
@@ -80,7 +80,7 @@ class Telemetry:
         """Since when another mode than landing shows."""
         self._device: Reading[int] = readings.add(Lasts.SEEN)
         self._granted_s = self._ours_s = -math.inf
-        """When the authority was given to us, while that does not show, and when it showed last."""
+        """Time of the grant of authority, while it does not show yet, and the time at which it showed last."""
         self._level: Reading[int] = readings.add(Lasts.SEEN)
         self._is_rtk_fixed = False
         self._has_rc = True
@@ -232,7 +232,9 @@ class Telemetry:
             self._device.set(_OURS if follows else _REMOTE, now_s)
 
     def _is_still_landing(self, mode: int, now_s: float) -> bool:
-        """Whether another mode than landing may be an old one, or that of the ground, which another topic tells."""
+        """Returns whether another mode than landing may be an old one, or that of the ground, which another topic
+        tells.
+        """
         if mode in modes.LANDING or self._shown not in modes.LANDING or self.is_on_ground:
             self._left_landing.discard()
             return False
@@ -279,7 +281,7 @@ class Telemetry:
         self._is_home_set = bool(message["data"])
 
     def _is_near(self, home: GeoPoint) -> bool:
-        """Whether it may have come from there."""
+        """Returns whether it may have come from there."""
         here, projection = self._geo, self.frame.projection
         if here is None or projection is None:
             return False
@@ -330,15 +332,13 @@ class Telemetry:
 
     @property
     def mode_s(self) -> float:
-        """When the older one of display mode and authority was said."""
+        """Time of the older one of display mode and authority."""
         mode = _mode(self._display.sample, self._device.sample)
         return -math.inf if mode is None else mode.time_s
 
     @property
     def why_authority_lost(self) -> str:
-        """What shows that another one has the control authority, human-readable; empty: nothing does, as far as the
-        wrapper shows it.
-        """
+        """Human-readable sign that another program has the control authority; empty: the wrapper shows none."""
         if self.wrapper.says_authority:
             return "" if self.has_authority else "it follows another device"
         return self.authority.why_lost
@@ -494,7 +494,7 @@ _LEVEL_S = 3.0
 _MISSING_S = 3.0
 """A topic on which nothing came for so long is named."""
 _BRAKED_S, _SAID_S = 1.0, 10.0
-"""How long it is told what brakes the aircraft, and what the wrapper has logged or was noticed."""
+"""Seconds for which the cause of a braking is reported, and the wrapper's log lines and findings."""
 _VELOCITY_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 _HEIGHT_S = 1.5
@@ -502,7 +502,7 @@ _HEIGHT_S = 1.5
 _FARTHEST_HOME_M = 30_000.0
 """Farther than its batteries reach."""
 _GRANT_SHOWS_S = 0.3
-"""What is published of the authority within this time may be from before we were given it, until it shows as ours."""
+"""Seconds within which the published authority may be older than its grant, until it shows as ours."""
 _SKEW_S = 0.1
 """Messages of one moment come within this time."""
 _OF_STATE = frozenset(("on_flight_status", "on_display_mode", "on_control_mode"))

@@ -43,7 +43,7 @@ class Wrapper:
     """Whether altitudes above mean sea level have a topic of their own; else those of positions are such."""
     topics: tuple[Topic, ...]
     setpoint_topic: str = ""
-    """Where it takes velocities; empty: by a service."""
+    """Topic for velocities; empty: they go to a service."""
     obtain: tuple[Call, ...]
     release: Call
     motors_on: Call
@@ -58,9 +58,9 @@ class Wrapper:
     has_cameras: bool = False
     """Whether UAL uses its modules for cameras and the gimbal."""
     payload_topics: tuple[Topic, ...] = ()
-    """What it tells of the gimbal; each `handler` is one of `gimbals.DjiGimbal`."""
+    """Topics of the gimbal; each `handler` is one of `gimbals.DjiGimbal`."""
     reasons: str = ""
-    """Where DJI's reasons are, human-readable, where the wrapper does not pass them on."""
+    """Human-readable source of DJI's reasons, where the wrapper does not pass them on."""
     battery_scale: float = 1.0
     """Turns its percentage into 0 to 1, its voltage into volts by `volt_scale`."""
     volt_scale: float = 1.0
