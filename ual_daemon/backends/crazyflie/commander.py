@@ -1,4 +1,4 @@
-"""Which of the firmware's two commanders flies, and the setpoints of the low-level one.
+"""Choice between the firmware's two commanders, and the setpoints of the low-level one.
 
 Setpoints go to the low-level commander, whose silence stops the motors after 2 s. The high-level commander flies by
 itself, to a place or to the ground, and needs nobody. It takes over in two steps: first it gets its goal, and only when
@@ -50,7 +50,7 @@ _ALREADY_LANDING = 1
 
 
 class Phase(Enum):
-    """Who flies; the value is the mode's name."""
+    """Commander that flies; the value is the mode's name."""
 
     SETPOINTS = "setpoints"
     HOVERING = "hover (high-level commander)"
@@ -87,7 +87,7 @@ class _Handover:
     asked_s: float | None = None
     asked_count: int = 0
     keep_s: float | None = None
-    """When the next setpoint that keeps it in the air is due; None while an answer may come."""
+    """Time at which the next setpoint that keeps it in the air is due; None while an answer may come."""
 
 
 class Commander:
@@ -111,14 +111,14 @@ class Commander:
         self._last: Setpoint | None = None
         self._still_since_s = math.inf
         self._sent_s: float | None = None
-        """When a setpoint was sent last in this flight."""
+        """Time of the last setpoint of this flight."""
         self._notify_s: list[float] = []
         self._untold_count = 0
-        """How many of the first notifications are still to be sent."""
+        """First notifications that are still to be sent."""
         self._again: Packet | None = None
         """A goal that is sent once more before each of the first notifications."""
         self._sending_count = 0
-        """How many setpoints are being sent: a radio may block meanwhile."""
+        """Setpoints that are being sent: a radio may block meanwhile."""
         self._landings_count = 0
         self._answered: tuple[_Handover, int] | None = None
 
@@ -316,7 +316,7 @@ class Commander:
             self._forget()  # the firmware may do it already: any setpoint ends that, also one to where it hovered
 
     def _is_silent(self, now_s: float) -> bool:
-        """Whether setpoints that flew it have stopped, and nothing else flies it."""
+        """Returns whether setpoints that flew it have stopped, and nothing else flies it."""
         flies = self._phase is Phase.SETPOINTS and self._handover is None
         return flies and self._sent_s is not None and now_s - self._sent_s > SILENCE_S
 
@@ -380,7 +380,7 @@ def _is_still(setpoint: Setpoint) -> bool:
 
 
 def _is_same(one: Setpoint, other: Setpoint) -> bool:
-    """Whether both are the same place, at rest."""
+    """Returns whether both are the same place, at rest."""
     if one is other:
         return _is_still(one)
     if not (isinstance(one, PositionSetpoint) and isinstance(other, PositionSetpoint)):

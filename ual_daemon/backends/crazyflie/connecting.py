@@ -1,4 +1,4 @@
-"""What is asked of a Crazyflie before it can be flown, step by step."""
+"""Questions to a Crazyflie before it can be flown, step by step."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class UnfitError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """What was learned of one Crazyflie."""
+    """Firmware of one Crazyflie: protocol, log blocks and parameters."""
 
     protocol: int = 0
     blocks: tuple[Block, ...] = ()

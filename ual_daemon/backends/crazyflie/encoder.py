@@ -16,8 +16,8 @@ _PID = (0, 1)
 RESPONSE_S, CLIMB_RESPONSE_S = 0.3, 0.1
 """The times in which the PID controller follows a step of the velocity, horizontally and vertically."""
 CORRECTION, CLIMB_CORRECTION = 0.5, 1.0
-"""What is missing to where it is to be is corrected by so much more than the PID controller does it, horizontally and
-vertically. The controller's gain of 2 leaves it 0.12 m beside a line that climbs at 0.4 m/s, this 0.08 m.
+"""Gains in 1/s, beyond the PID controller's own, for errors of the position, horizontally and vertically. The
+controller's gain of 2 leaves it 0.12 m beside a line that climbs at 0.4 m/s, this 0.08 m.
 """
 MOST_CORRECTED_M = 0.5
 STAY_S = 1.0

@@ -13,12 +13,12 @@ DEEPER_M = 1.5
 
 
 class Ground(NamedTuple):
-    """What is known of the ground, in the local frame. Any thread may read it."""
+    """Known ground, in the local frame. Any thread may read it."""
 
     place: Vector3 | None = None
-    """Where it last stood, in this boot; None: not known."""
+    """Position at which it last stood, in this boot; None: not known."""
     z_m: float = 0.0
-    """How low the ground is where it stood; 0 if that was not seen: it was switched on there."""
+    """Height of the ground where it stood; 0 if that was not measured: it was switched on there."""
 
     @classmethod
     def seen(cls, place: Vector3) -> Ground:

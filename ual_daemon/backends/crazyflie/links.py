@@ -24,12 +24,12 @@ from ual_daemon.settings import ConfigError
 
 LARGEST_PACKET = 64
 _UNREACHABLE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
-"""What routers and firewalls answer for a while: it may come back, as a port where nobody listens."""
+"""Temporary errors of routers and firewalls; the link may come back, like a port where nobody listens."""
 _RATES = ("250K", "1M", "2M")
 _DEFAULT_CHANNEL, _DEFAULT_RATE, _DEFAULT_ADDRESS = "2", "2M", "E7E7E7E7E7"
 _LOOPBACK = "127.0.0.1"
 _FLUSH_S = 0.5
-"""How long a radio may take to send what still waits when it is closed."""
+"""Seconds that a radio may take to send waiting packets when it is closed."""
 _EXTRA = "install the extra: pip install 'ual-daemon[crazyflie]'"
 
 
@@ -45,7 +45,7 @@ class Link(ABC):
 
     is_slow = False
     url = ""
-    """Where it leads to; empty while that is not known."""
+    """Address of the other end; empty while that is not known."""
 
     @abstractmethod
     def open(self) -> None:
@@ -130,7 +130,7 @@ def _receive_all(opened: socket.socket, found: list[Packet]) -> None:
 
 
 class Driver(Protocol):
-    """What is used of a link driver of cflib."""
+    """Used part of cflib's link drivers."""
 
     def receive_packet(self, wait: float) -> Any:  # noqa: ANN401  a CRTPPacket; cflib has no types
         """Waits for a packet; None if none came."""

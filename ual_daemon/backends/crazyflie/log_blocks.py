@@ -1,4 +1,4 @@
-"""Which variables are logged, in blocks of one packet each, and how a packet becomes values."""
+"""Logged variables, in blocks of one packet each, and the conversion of a packet into values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What waits to be sent through a driver that blocks."""
+"""Queue of packets to send through a driver that blocks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ual_daemon.backends.clock import steady_s
 from ual_daemon.backends.crazyflie.packets import Packet
 
 LARGEST = 64
-"""So many packets wait at most; more are lost."""
+"""Most packets that wait; more are lost."""
 OLDEST_POSE_S = 0.2
 """A pose from outside that had to wait for longer is not sent: the estimator takes it for where it is now."""
 

@@ -70,7 +70,7 @@ def full_state(
 
 
 def fits_full_state(position: Vector3) -> bool:
-    """Whether a position can be sent with the whole motion, as millimetres in 16 bits."""
+    """Returns whether a position can be sent with the whole motion, as millimetres in 16 bits."""
     return all(abs(each) * _MILLI <= _LARGEST_INT16 for each in position)
 
 
@@ -124,7 +124,7 @@ def arm(protocol: int, *, is_armed: bool) -> Packet:
 
 
 def refuses_arming(packet: Packet) -> bool:
-    """Whether a packet is the firmware's answer that it does not arm or disarm."""
+    """Returns whether a packet is the firmware's answer that it does not arm or disarm."""
     is_answer = packet.port == SUPERVISOR or (packet.port == PLATFORM and packet.channel == 0)
     data = packet.data
     return is_answer and len(data) > 1 and data[0] & ~RESPONSE == SET_ARMED and not data[1]

@@ -27,9 +27,11 @@ from ual_daemon.backends.offers.parameters import Refusal
 T = TypeVar("T")
 
 AT_ONCE = 4
-"""So many requests wait for answers at a time: fewer than may be on their way, so that commands never wait behind."""
+"""Most requests that wait for answers at a time: fewer than may be on their way, so that commands never wait for
+them.
+"""
 LIMIT_S, EACH_S = 5.0, 0.2
-"""How long an exchange may take, and each of its parameters beside that."""
+"""Seconds that an exchange may take, and additional seconds for each of its parameters."""
 MOST_WAITING = 100
 TYPES = {
     "B": ParameterType.UINT8,

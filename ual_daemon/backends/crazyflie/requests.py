@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ual_daemon.backends.crazyflie.packets import Packet
 
 WINDOW = 8
-"""So many requests are on their way at once; the firmware has a short queue for each port."""
+"""Most requests on their way at once; the firmware has a short queue for each port."""
 FIRST_REPEAT_S, LONGEST_REPEAT_S = 0.1, 0.4
 
 

@@ -17,7 +17,7 @@ from ual_daemon.backends.crazyflie.requests import Request, Requests
 _log = logging.getLogger(__name__)
 
 FIRST_VALUES_S = 1.0
-"""So long the first values may take once they were asked for."""
+"""Seconds that the first values may take once they were requested."""
 RETRY_S = 1.0
 """A link that cannot be opened, and a firmware that cannot be flown, are tried again after this time."""
 
@@ -47,7 +47,7 @@ class Supervision:
     ) -> None:
         self.state = LinkState.OPENING
         self.text = LinkState.OPENING.value
-        """What it is doing, human-readable."""
+        """Human-readable activity of the supervision."""
         self._link = link
         self._requests = requests
         self._make_steps = make_steps

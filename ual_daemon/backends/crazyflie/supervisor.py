@@ -1,4 +1,4 @@
-"""What the firmware's supervisor says, in plain words."""
+"""States of the firmware's supervisor in plain words."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CRASHED = "it has crashed: look at it, set it level, and switch it off and on a
 _TUMBLED = "it is tumbled: set it level"
 
 SEVERE_TROUBLES = frozenset((_LOCKED, _CRASHED, _TUMBLED))
-"""Those that befall it, and are no state of its battery."""
+"""Troubles of the aircraft itself, and not of its battery."""
 
 
 def troubles(info: Supervisor, power_state: int | None) -> tuple[str, ...]:

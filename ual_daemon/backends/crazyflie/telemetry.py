@@ -37,7 +37,7 @@ _LATE_MS = 5000
 """A packet of values that is older than the last one by less than this came late."""
 _MILLI = 1e-3
 _ASSERTION = "assert failed"
-"""What a line of its console holds, lower case, after which it does not fly on."""
+"""Part of a line of its console, in lower case, after which it does not fly on."""
 _FLOW = "flow deck"
 _DECKS = {
     "deck.bcFlow2": _FLOW,
@@ -74,7 +74,7 @@ class BoardTime:
         return (self._turns_ms + stamp_ms) * _MILLI
 
     def fits(self, stamp_ms: int, now_s: float, tolerance_s: float) -> bool:
-        """Whether a stamp is what the firmware's clock must show now, if it has run on since the last one."""
+        """Returns whether a stamp is what the firmware's clock must show now, if it has run on since the last one."""
         if self._last_ms is None:
             return True
         expected_ms = self._last_ms + (now_s - self._last_heard_s) / _MILLI
@@ -91,7 +91,7 @@ class Telemetry:
         self.heard_s: float | None = None
         self.power_state: int | None = None
         self.parameters: Mapping[str, float] = {}
-        """Those that were read when it was connected."""
+        """Parameters that were read when it was connected."""
         self._plausibility = Plausibility()
         self._console = _Console()
         self._severe_texts = SevereTexts()
@@ -217,7 +217,7 @@ class Telemetry:
 
     @property
     def text(self) -> str:
-        """What it says of itself: what keeps it from flying, or else the last line of its console."""
+        """Report of its state: causes that keep it from flying, or else the last line of its console."""
         return "; ".join(troubles(self.supervisor, self.power_state)) or self._console.line
 
     def snapshot(self, now_s: float, mode: Mode, connecting: str) -> Snapshot:

@@ -40,7 +40,7 @@ Toc = Mapping[str, Variable]
 
 
 class TocInfo(NamedTuple):
-    """How many entries a table has, and its checksum."""
+    """Number of entries of a table, and its checksum."""
 
     size: int
     checksum: int

@@ -1,4 +1,4 @@
-"""What is known of a Crazyflie once its parameters are."""
+"""Description of a Crazyflie, from its parameters."""
 
 from __future__ import annotations
 
