@@ -33,7 +33,7 @@ MODE_S = 0.3
 heartbeat each 0.2 s, and an ArduPilot streams ten a second. Where they come once a second, a mode leaves with one.
 """
 TEXT_S = 0.3
-"""How long after a refusal the autopilot's texts about it may come."""
+"""Seconds after a refusal within which the autopilot's texts about it may come."""
 _AGAIN = Repeat(every_s=1.0, most=5, after_answer_s=0.3)
 """A mode that was sent may show 0.3 s late. Another one that is shown sooner does not say that it was not entered."""
 _ACCEPTED, _FAILED, _IN_PROGRESS = 0, 4, 5
@@ -137,7 +137,7 @@ def fly_mission(autopilot: Autopilot) -> Command[Call]:
 
 
 class Reply(NamedTuple):
-    """What an answer says; see `CommandRunner.on_answer`."""
+    """Verdict, text and author of an answer; see `CommandRunner.on_answer`."""
 
     verdict: Verdict
     text: str = ""

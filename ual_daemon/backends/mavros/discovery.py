@@ -26,7 +26,9 @@ from ual_daemon.backends.values import Snapshot, VehicleInfo
 _log = logging.getLogger(__name__)
 
 ASK_S, ASK_AGAIN_S = 1.0, 10.0
-"""How often MAVROS is asked for its autopilot while it is not fully known; and later, as it may be another one."""
+"""Seconds between two questions to MAVROS for its autopilot: while it is not fully known, and later, since it may
+change.
+"""
 _CALL_S = 3.0
 _SILENCE_S = 5.0
 """A topic that is silent for so long is subscribed to anew."""
@@ -51,7 +53,7 @@ class Discovery:
         self.session: Session | None = None
         self.watch = LinkWatch(str(link.url), FRESHNESS.link_s)
         self.info = VehicleInfo()
-        """What is known while there is no session."""
+        """Vehicle info while there is no session."""
         self._link = link
         self._settings = settings
         self._sent = sent
@@ -59,7 +61,7 @@ class Discovery:
         self._utc_s = utc_s
         self._trouble = "MAVROS was not asked yet"
         self._said: set[str] = set()
-        """What was logged since all was well."""
+        """Lines that were logged since the last fault-free moment."""
         self._kind: Agreement[tuple[int, ...]] | None = None
         """Its system, its firmware and its type. MAVROS tells those of the newest heartbeat."""
         self._question: Future[Message] | None = None
@@ -164,7 +166,9 @@ class Discovery:
             self._meet(found)
 
     def _is_sure(self, found: VehicleDescription, now_s: float) -> bool:
-        """Whether what MAVROS says counts: another kind than before does once answers agree, and on the ground."""
+        """Returns whether what MAVROS says counts: another kind than before does once answers agree, and on the
+        ground.
+        """
         session, kind = self.session, found[:3]
         if self._kind is None:
             self._kind = Agreement(kind)

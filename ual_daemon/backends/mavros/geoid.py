@@ -1,4 +1,4 @@
-"""How far mean sea level is from the ellipsoid, as MAVROS has added it to each altitude."""
+"""Distance of mean sea level from the ellipsoid, as MAVROS has added it to each altitude."""
 
 from __future__ import annotations
 

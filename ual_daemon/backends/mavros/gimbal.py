@@ -1,4 +1,4 @@
-"""What MAVROS publishes of the autopilot's gimbal. Belongs to the link's thread, but for what says otherwise.
+"""Gimbal of the autopilot, as MAVROS publishes it. Belongs to the link's thread, but for what says otherwise.
 
 ``mount_control/orientation`` has no time, and ``gimbal_control/device/attitude_status`` that of the autopilot. So what
 came is as old as its arrival.
@@ -17,12 +17,12 @@ from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number
 
 OLD_S = 1.0
-"""Where it looks is not known any more so long after it was said."""
+"""Seconds after which a gimbal's attitude counts as unknown."""
 _AXES = "wxyz"
 
 
 class GimbalTopics:
-    """What was said last, and what its parameters say. Values are for any thread."""
+    """Last messages of a gimbal, and its parameters. Values are for any thread."""
 
     def __init__(self, autopilot: Autopilot, parameters: Mapping[str, float]) -> None:
         self._codec = autopilot.gimbal
@@ -33,7 +33,7 @@ class GimbalTopics:
 
     @property
     def handlers(self) -> dict[str, Callable[[Message, float], None]]:
-        """What takes the messages of each topic."""
+        """Handler of each topic's messages."""
         return {topics.MOUNT: self._on_mount, topics.GIMBAL: self._on_device}
 
     def discard(self) -> None:
@@ -42,7 +42,7 @@ class GimbalTopics:
 
     @property
     def identity(self) -> Identity | None:
-        """What it is; None where there is none."""
+        """Identity of the gimbal; None where there is none."""
         return None if self._codec is None else self._codec.identity(self._parameters)
 
     @property

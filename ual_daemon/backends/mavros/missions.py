@@ -1,4 +1,4 @@
-"""What MAVROS publishes of the lists that the autopilot keeps, and of its mission. Belongs to the link's thread.
+"""Lists and mission of the autopilot, as MAVROS publishes them. Belongs to the link's thread.
 
 ``mission/waypoints`` and its kin come when a list was transferred, and when the autopilot has another current item.
 They have no time, and are sent again to each new subscriber.
@@ -41,7 +41,7 @@ class MissionTopics:
 
     @property
     def handlers(self) -> dict[str, Callable[[Message, float], None]]:
-        """What takes the messages of each topic."""
+        """Handler of each topic's messages."""
         return {
             topics.MISSION: self._on_mission,
             topics.FENCE: lambda message, _: self._keep(MissionType.FENCE, message),
@@ -75,7 +75,9 @@ class MissionTopics:
         return zlib.crc32(repr(items).encode())
 
     def _is_last(self, reached: int) -> bool:
-        """Whether the mission is over with an item. ArduPilot stays in its mode then, and MAVROS passes no end on."""
+        """Returns whether the mission is over with an item. ArduPilot stays in its mode then, and MAVROS passes no end
+        on.
+        """
         items = self.lists[MissionType.MISSION].items
         last = max((seq for seq, each in enumerate(items) if each.command <= LAST_NAVIGATION), default=math.inf)
         goes_back = any(each.command == JUMP for each in items[reached:])

@@ -53,7 +53,7 @@ class ParameterReader:
         self._optional_asked = False
         self._beside = beside
         self._beside_asked_s: dict[str, float] = {}
-        """When each of these was asked for; infinite once it was answered."""
+        """Time of the request for each of these; infinite once it was answered."""
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -47,10 +47,11 @@ _log = logging.getLogger(__name__)
 FRESHNESS = Freshness(link_s=1.0, pose_s=1.2, mode_s=2.5, landed_s=1.5, estimator_s=3.0)
 """A lost autopilot shows by the age of its topics: MAVROS itself says so only after 10 s (``conn/timeout``)."""
 FAST_HEARTBEAT_S, HEARTBEAT_S, SLOW_HEARTBEAT_S = 0.1, 0.2, 1.0
-"""How often PX4 is asked for a heartbeat, which it sends once a second otherwise: while a command is under way; while
-it is armed; else."""
+"""Seconds between two requests to PX4 for a heartbeat, which it sends once a second otherwise: while a command is under
+way; while it is armed; else.
+"""
 HOME_S, ORIGIN_S = 0.5, 2.0
-"""How often home and the origin are asked for while they are not known."""
+"""Seconds between two requests for home and for the origin while they are not known."""
 _DISGUISED = "it calls itself a multirotor, but is a VTOL"
 _REQUEST_MESSAGE = 512
 _HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID = 0, 49, 148, 242
@@ -107,7 +108,7 @@ class Session:
         self._is_vtol = Agreement(assumed=False)
         """Whether its VTOL state shows that it is none of the multirotors that it calls itself."""
         self.doubt = ""
-        """What is told in flight, and does not count before the landing. Set by the discovery."""
+        """Doubt that is reported in flight, and does not count before the landing. Set by the discovery."""
         self._parameters = ParameterReader(
             autopilot,
             telemetry.parameters,
@@ -127,13 +128,13 @@ class Session:
         self._reported_missing: tuple[str, ...] = ()
         self._began_s = math.inf
         self.gripper_state = GripperState.UNKNOWN
-        """What texts have said. For any thread."""
+        """State of the gripper by the autopilot's texts. For any thread."""
         self._now_s = -math.inf
         """The time of the newest message or tick."""
 
     @property
     def label(self) -> str:
-        """What it is, human-readable."""
+        """Human-readable name of the autopilot."""
         return f"{self.autopilot.name} (system {self.description.system_id})"
 
     @property

@@ -1,4 +1,4 @@
-"""Which messages the autopilot is asked to stream: MAVROS asks for none by itself, and ArduPilot sends none unasked."""
+"""Messages that the autopilot is asked to stream: MAVROS asks for none by itself, and ArduPilot sends none unasked."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ual_daemon.backends.mavros.parameters import Call
 from ual_daemon.backends.rosbridge import Message
 
 ROUND_S = 2.0
-"""How often it is looked which topics come, and one call is made for each that does not."""
+"""Seconds between two looks at the topics that come; one call is made for each missing topic."""
 ASKS_COUNT = 3
-"""So often one is asked for that its topic does not show: the autopilot may not know it."""
+"""Requests for a stream before it is given up, since its topic does not show: the autopilot may not know it."""
 FLOWS_SHARE = 0.25
 """A topic flows if at least this part of the requested rate comes."""
 NEEDED = frozenset(
@@ -71,11 +71,11 @@ _UNCOUNTED = (
     Stream(topics.GPS_RTK, _GPS_RTK, 1.0, is_counted=False),
     Stream(topics.GPS2_RTK, _GPS2_RTK, 1.0, is_counted=False),
 )
-"""What ArduPilot is asked for, which comes now and then, or of some receivers only."""
+"""Streams of ArduPilot that come now and then, or from some receivers only."""
 
 
 GIMBAL = Stream(topics.GIMBAL, _GIMBAL_DEVICE_ATTITUDE_STATUS, 10.0, is_counted=False)
-"""Where an autopilot has a gimbal. Only MAVROS of ROS 2 publishes it."""
+"""Stream of an autopilot that has a gimbal. Only MAVROS of ROS 2 publishes it."""
 
 
 class StreamRequests:
@@ -140,7 +140,7 @@ class StreamRequests:
         return self._counts[stream.topic] - self._before.get(stream.topic, 0)
 
     def _flows(self, stream: Stream, passed_s: float) -> bool:
-        """Whether enough came; topics are throttled, so no more than 5 a second are expected of the others."""
+        """Returns whether enough came; topics are throttled, so no more than 5 a second are expected of the others."""
         if not stream.is_counted:
             return stream.topic in self._granted or self._asks[stream.topic] >= ASKS_COUNT
         rate_hz = stream.rate_hz if stream.topic == topics.POSE else min(stream.rate_hz, 2.0)

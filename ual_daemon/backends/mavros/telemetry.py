@@ -1,4 +1,4 @@
-"""What MAVROS has published last, as a snapshot. Belongs to the link's thread."""
+"""Snapshot of the messages that MAVROS has published last. Belongs to the link's thread."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Telemetry:
         self.parameters: dict[str, float] = {}
         self.fence = FenceReader(autopilot, self.parameters)
         self.counts: Counter[str] = Counter()
-        """How many messages came on each topic."""
+        """Messages that came on each topic."""
         self.origin = LocalOrigin()
         self.home_s = math.inf
         """Since when the home of the present arming is missing; infinite while it is not."""
@@ -113,7 +113,7 @@ class Telemetry:
         self._fix: Message | None = None
         self._gps: GpsInfo | None = None
         self.corrections_age_s: float | None = None
-        """How long ago the last corrections left for its receiver; None before the first."""
+        """Seconds since the last corrections left for its receiver; None before the first."""
         self._baseline = Baseline()
         self._satellites_count = 0
         self._battery: Battery | None = None
@@ -172,7 +172,7 @@ class Telemetry:
 
     @property
     def measured_s(self) -> float:
-        """When the pose was measured, on the clock of the ROS computer."""
+        """Time of the pose's measurement, on the clock of the ROS computer."""
         return self._measured_s
 
     @property
@@ -461,7 +461,7 @@ def _milliseconds(message: Message) -> int:
 
 
 def _is_same_fix(raw: Message, fix: Message) -> bool:
-    """Whether a GPSRAW and a NavSatFix are of one message of the autopilot."""
+    """Returns whether a GPSRAW and a NavSatFix are of one message of the autopilot."""
     names: tuple[tuple[str, str], ...] = (("lat", "latitude"), ("lon", "longitude"))
     return all(abs(_degrees(raw[ours]) - number(fix[theirs])) < 1e-9 for ours, theirs in names)
 

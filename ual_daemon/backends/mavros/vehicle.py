@@ -1,4 +1,4 @@
-"""What MAVROS is connected to."""
+"""Vehicle that MAVROS is connected to."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _HAS_HEARTBEAT, _HAS_VERSION = 1, 2
 
 
 class VehicleDescription(NamedTuple):
-    """What MAVROS says of its autopilot (VehicleInfo). `has_version`: the versions of software and board came."""
+    """Description of the autopilot by MAVROS (VehicleInfo)."""
 
     system_id: int
     firmware: int
@@ -28,14 +28,14 @@ class VehicleDescription(NamedTuple):
 
     @property
     def autopilot(self) -> Autopilot | None:
-        """What UAL knows of it; None where UAL does not fly it."""
+        """Autopilot class in UAL; None where UAL does not fly it."""
         if self.kind not in MULTIROTORS:
             return None
         return {Firmware.PX4: Px4(), Firmware.ARDUPILOT: ArduCopter()}.get(self.firmware)  # type: ignore[call-overload,no-any-return]
 
     @property
     def text(self) -> str:
-        """What it is, human-readable."""
+        """Human-readable type of the vehicle."""
         return f"autopilot {self.firmware} on a vehicle of type {self.kind} (MAV_AUTOPILOT, MAV_TYPE)"
 
 

@@ -1,4 +1,4 @@
-"""What is offered beside flying, through MAVROS' plugins. See ``docs/evidence/decisions/0047``.
+"""Services other than flying, through MAVROS' plugins. See ``docs/evidence/decisions/0047``.
 
 - ``lists``: the mission, the fence and the rally points, of the plugins waypoint, geofence and rallypoint
 - ``parameters``: the autopilot's parameters, of the plugin param

@@ -36,7 +36,7 @@ _NUMBER = 0
 
 
 class Means(NamedTuple):
-    """What cameras need of the backend.
+    """Services of the backend that cameras need.
 
     Attributes:
         order: Passes an order to the autopilot.
@@ -48,7 +48,6 @@ class Means(NamedTuple):
         utc_s: The time, as UTC.
         tells_photos: Returns whether MAVROS passes on what the autopilot says of its pictures.
         boots_count: Returns how often the autopilot has booted, as far as it is known.
-
     """
 
     order: Callable[[PayloadOrder], Future[None]]

@@ -32,7 +32,7 @@ from ual_daemon.backends.rosbridge import Message
 AIM_S = 0.1
 """A gimbal that follows something is aimed so often."""
 AIM_LIMIT_S = 2.0
-"""So long MAVROS may take to pass that on."""
+"""Seconds that MAVROS may take to pass an aim on."""
 QUIET_S = 0.3
 """An order waits so long after that: the acknowledgement of the one would be taken for that of the other."""
 _UNTOLD = "MAVROS does not tell where it looks"

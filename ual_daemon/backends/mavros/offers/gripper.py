@@ -1,4 +1,4 @@
-"""What the autopilot carries, through MAVROS' service cmd/command: orders, and what texts say of the gripper."""
+"""Payload of the autopilot, through MAVROS' service cmd/command: orders, and texts about the gripper."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SAYS_NOTHING = "MAVROS does not pass on what the autopilot says of its {}"
 
 
 class MavrosGripper(OrderedGripper):
-    """What the autopilot of one backend moves.
+    """Payload devices of one backend's autopilot.
 
     MAVROS waits for an acknowledgement for 5 s, and takes no second order of the same kind meanwhile. So each order is
     sent once, also one that holds.
@@ -30,7 +30,6 @@ class MavrosGripper(OrderedGripper):
         session: Returns the session, in reach or not; None before there was one.
         command: Passes a command to the autopilot, with a human-readable name.
         post: Has something done on the link's thread.
-
     """
 
     def __init__(

@@ -35,11 +35,11 @@ READS_COUNT = 3
 SETTLE_S = 0.5
 """For so long after the answer what was published has to stand."""
 LOOKS_COUNT = 10
-"""So often it is looked whether it has come."""
+"""Looks at the topic before a list counts as missing."""
 CHOOSE_S = 6.0
 """MAVROS asks four times, a second apart."""
 SHOWN_S, SHOWN_COUNT = 0.3, 8
-"""How often, and how many times, it is looked which item is the current one. PX4 tells it once a second at least."""
+"""Seconds between two looks at the current item, and their count. PX4 tells it once a second at least."""
 CHOICES_COUNT = 3
 _PLUGINS = {MissionType.MISSION: "mission", MissionType.FENCE: "geofence", MissionType.RALLY: "rallypoint"}
 _CHOOSE = "choose an item of its mission"

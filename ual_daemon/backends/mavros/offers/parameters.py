@@ -30,14 +30,14 @@ SET_S = 7.0
 """MAVROS waits for the autopilot for 5 s."""
 TRIES_COUNT = 3
 FETCH_S = 9.0
-"""So long one that is not in the copy may wait for MAVROS to fetch it."""
+"""Seconds for which a parameter that is not in the copy may wait for MAVROS to fetch it."""
 PULL_S = 60.0
 """MAVROS waits for the list for 30 s. With ROS 1 it then gives each value to the master before it answers."""
 PULLS_COUNT = 10
 CHUNK = 200
-"""So many values are asked for at once."""
+"""Most values of one request."""
 AT_ONCE = 20
-"""So many calls may be under way where ROS 1 is asked for each value."""
+"""Most calls under way where ROS 1 is asked for each value."""
 _READ, _WRITE = "read its parameters", "write a parameter"
 _TYPES = {BOOL: ParameterType.UINT8, INTEGER: ParameterType.INT32, DOUBLE: ParameterType.REAL32}
 
@@ -48,7 +48,7 @@ class MavrosParameters(AutopilotParameters):
     def __init__(self, services: Services) -> None:
         self._services = services
         self._names: frozenset[str] = frozenset()
-        """Those of the last list; empty while there was none."""
+        """Names of the last list; empty while there was none."""
         self._pulls_count = 0
 
     @property
@@ -177,7 +177,7 @@ class MavrosParameters(AutopilotParameters):
         return then_wait(checksum, lambda answer: self._list_from_server(count - bool(answer["success"])))
 
     def _list_from_server(self, count: int) -> Future[list[Parameter]]:
-        """Where the server has more than so many, of another autopilot or time, each is asked for."""
+        """Returns the values from the parameter server; where their count differs, each is asked for by name."""
 
         def listed(on_server: object) -> Future[list[Parameter]]:
             known = on_server if isinstance(on_server, dict) else {}
