@@ -18,7 +18,7 @@ _LEFT = (
     "Timeout exceeded while waiting for service response",
     "Service call exception",
 )
-"""What is in the words of rosbridge where a call has left, and its answer was lost: the first three with ROS 1."""
+"""Parts of rosbridge's texts about a call that has left while its answer was lost: the first three with ROS 1."""
 
 
 class ServiceError(Exception):
@@ -72,7 +72,7 @@ class Calls:
             return not self._is_concurrent and (bool(self._open) or self._unanswered_since_s < math.inf)
 
     def is_open(self, ident: str) -> bool:
-        """Whether the answer of a call is still wanted."""
+        """Returns whether the answer of a call is still wanted."""
         with self._lock:
             call = self._open.get(ident)
         return call is not None and not call.answer.cancelled()

@@ -56,7 +56,9 @@ class Connections:
         return now_s - min(pulse.heard_s for pulse in self._pulses)
 
     def answers(self, now_s: float) -> bool:
-        """Whether no ping waits for long for its answer, so that what is sent is read at once. From any thread."""
+        """Returns whether no ping waits for long for its answer, so that what is sent is read at once. From any
+        thread.
+        """
         return all(now_s - pulse.asked_s <= DOUBTFUL_S for pulse in self._pulses)
 
     def flush(self) -> None:
@@ -87,7 +89,7 @@ class _Pulse:
     def __init__(self, transport: Transport, now_s: float) -> None:
         self.heard_s = now_s
         self.asked_s = math.inf
-        """When the oldest ping was sent that is not answered; infinite if all are."""
+        """Time of the oldest ping without an answer; infinite if all are answered."""
         self._transport = transport
         self._heard = transport.heard
         self._pinged_s = -math.inf

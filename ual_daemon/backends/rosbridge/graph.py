@@ -1,4 +1,4 @@
-"""Which ROS is on the other side, and which topics of which types: asked of rosapi, which runs beside rosbridge."""
+"""ROS version and topics of the other side, with their types, from rosapi, which runs beside rosbridge."""
 
 from __future__ import annotations
 

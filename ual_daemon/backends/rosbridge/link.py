@@ -35,12 +35,12 @@ _BLOCKED_S, _DOUBT_S = 6.0, 2.0
 """A connection on which no service has answered for so long is made anew: with ROS 2 a call that is never answered
 holds up all that come after it. MAVROS answers after 5 s. Before, rosapi is asked, which always answers else."""
 _ASK_S, _ASK_AGAIN_S = 3.0, 1.0
-"""How long the question for the topics may take, and how often it is repeated while something is missing."""
+"""Seconds that the question for the topics may take, and after which it is repeated while something is missing."""
 _CBOR_S = 1.5
 """A topic on which nothing has come in CBOR for so long is subscribed to in JSON: rosbridge cannot send every type."""
 _REFRESH_S = 0.5
 _LOOK_S = 10.0
-"""How often it is repeated while nothing is."""
+"""Seconds after which the question is repeated while nothing is missing."""
 
 OnMessage = Callable[[Message, float], None]
 """Gets a message and the time (the backend's clock) at which it came, on the link's thread."""
@@ -57,7 +57,7 @@ class LinkState(Enum):
 
 @dataclass(slots=True)
 class _Subscription:
-    """What is wanted of a topic, and what came. `silence_s`: after so long without a message, it is subscribed anew."""
+    """Subscription of a topic, and its last message."""
 
     topic: str
     kind: str
@@ -75,7 +75,7 @@ class _Subscription:
 
 
 _UNREADABLE = (OperationError, LookupError, AttributeError, TypeError, ValueError, ArithmeticError)
-"""What it raises to take a message that is other than its type says. It must not cost the link, or each would."""
+"""Errors that a message raises whose content is other than its type says. It must not cost the link, or each would."""
 
 
 class _ClosedError(Exception):
@@ -117,7 +117,7 @@ class RosbridgeLink:
         self._unsubscribed: list[str] = []
         self._advertised: dict[str, str] = {}
         self._announced: set[str] = set()
-        """What was advertised on this connection."""
+        """Topics that were advertised on this connection."""
         self._calls = Calls()
         self._slow_calls = SlowCalls(lambda: self._dial(self.url, self._wait_serving), clock.now_s)
         self._fragments = Fragments()
@@ -129,7 +129,7 @@ class RosbridgeLink:
         self._said: set[str] = set()
         self.state = LinkState.CONNECTING
         self.graph: Graph | None = None
-        """What rosapi says; None before the first answer of a connection."""
+        """Graph by rosapi; None before the first answer of a connection."""
         self.why_not = ""
         """Why the link is not up, human-readable; empty if it is."""
         self.connections_count = 0
@@ -174,7 +174,7 @@ class RosbridgeLink:
             connections.published.put(topic, data, may_leave=connections.answers(self._clock.now_s()))
 
     def waits(self, topic: str) -> bool:
-        """Whether the message of a topic has not left yet."""
+        """Returns whether the message of a topic has not left yet."""
         connections = self._connections
         return connections is not None and connections.published.waits(self.url.resolve(topic))
 

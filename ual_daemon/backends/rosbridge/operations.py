@@ -20,7 +20,7 @@ _decode = msgspec.json.Decoder().decode
 
 
 class OperationError(ValueError):
-    """What came is no operation of rosbridge."""
+    """Message that is no operation of rosbridge."""
 
 
 _JSON_ONLY = frozenset(
@@ -30,7 +30,7 @@ _JSON_ONLY = frozenset(
 
 
 def fits_cbor(kind: str) -> bool:
-    """Whether rosbridge can send a type in CBOR, as far as it is known."""
+    """Returns whether rosbridge can send a type in CBOR, as far as it is known."""
     return kind.rsplit("/", 1)[-1] not in _JSON_ONLY
 
 

@@ -7,7 +7,7 @@ from ual_daemon.backends.engine.clock_offset import ClockOffset
 CLOCK_STEP_S = 10.0
 """A stamp that is older by more than this is of a clock that was set, and not of a late message."""
 NEW_CLOCK_COUNT = 4
-"""So many messages of a topic in a row that are too old, with stamps that rise, are of a clock that was set, too."""
+"""Consecutive messages of a topic that are too old, with stamps that rise, after which the clock counts as set."""
 _LATENESS_WINDOW_S = 5.0
 
 

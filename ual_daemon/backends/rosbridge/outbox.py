@@ -1,4 +1,4 @@
-"""What waits to be sent on one connection."""
+"""Queue of messages to send on one connection."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Outbox:
             self._send()
 
     def waits(self, key: str) -> bool:
-        """Whether the message of a key has not left yet."""
+        """Returns whether the message of a key has not left yet."""
         with self._lock:
             return key in self._waiting
 

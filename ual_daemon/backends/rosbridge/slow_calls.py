@@ -38,7 +38,7 @@ class SlowCalls:
         self._now_s = now_s
         self._calls = Calls()
         self._newest: _Connection | None = None
-        """What calls leave on."""
+        """Connection on which calls leave."""
         self._connections: list[_Connection] = []
         """It, and those that have calls under way."""
         self._unsent: deque[tuple[str, bytes]] = deque()

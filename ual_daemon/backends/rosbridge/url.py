@@ -16,7 +16,7 @@ _URL = re.compile(
 
 
 class BridgeUrl(NamedTuple):
-    """Where rosbridge listens, and the ROS namespace of the UAV ("/uav_1"; empty: none)."""
+    """Address of rosbridge, and the ROS namespace of the UAV ("/uav_1"; empty: none)."""
 
     host: str
     port: int
