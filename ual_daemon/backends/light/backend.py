@@ -71,7 +71,9 @@ _MODES = [
 
 
 class _Stepped:
-    """What the engine's loop asks for. The world has the thread: while it does not run, simulated time stands still."""
+    """Vehicle as the engine's loop sees it. The world has the thread: while it does not run, simulated time stands
+    still.
+    """
 
     is_urgent = False
 
@@ -362,7 +364,7 @@ class LightBackend(Backend):
     # --- Data ---------------------------------------------------------------------------------------------------------
 
     def _is_step_needed(self) -> bool:
-        """Whether the next step needs an update although the conditions have not changed."""
+        """Returns whether the next step needs an update although the conditions have not changed."""
         return self.is_update_needed() or self._is_faulty or self._has_work
 
     @property

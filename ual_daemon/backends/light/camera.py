@@ -48,7 +48,7 @@ T = TypeVar("T")
 MOST_WAITING = 8
 """Pictures that may wait to be painted, of all cameras of a UAV."""
 PHOTO_MIB = 1.0
-"""How much of the storage a picture takes, ..."""
+"""Storage in MiB that a picture takes, ..."""
 VIDEO_MIB_S = 2.0
 """... and a second of video."""
 LARGEST_ZOOM = 4.0
@@ -60,7 +60,7 @@ _log = logging.getLogger(__name__)
 
 
 class Seen(NamedTuple):
-    """What is so at a moment: the pose of the body as it is, the height of the ground, and what the autopilot says."""
+    """State at a moment: the real pose of the body, the height of the ground, and the autopilot's snapshot."""
 
     body: Pose
     ground_z_m: float
@@ -70,7 +70,7 @@ class Seen(NamedTuple):
 
     @property
     def moment(self) -> GimbalMoment:
-        """What its gimbals need to know of it."""
+        """Input of its gimbals at that moment."""
         return GimbalMoment(self.snapshot.time_s, self.body.yaw_rad, self.is_link_lost)
 
 

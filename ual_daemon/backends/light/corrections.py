@@ -36,6 +36,6 @@ class LightCorrections(AutopilotCorrections):
 
     @property
     def age_s(self) -> float | None:
-        """How long ago the last message came, to 0.1 s; None before the first."""
+        """Seconds since the last message, to 0.1 s; None before the first."""
         left_s = self._counts.left_s
         return None if left_s is None else round(max(0.0, self._clock() - left_s), 1)

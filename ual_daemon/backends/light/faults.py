@@ -122,7 +122,7 @@ class Faults:
         return None
 
     def is_ack_lost(self, command: Command) -> bool:
-        """Whether the acknowledgement of a command is lost."""
+        """Returns whether the acknowledgement of a command is lost."""
         return any(
             isinstance(fault, AckLost) and fault.command in (command, Command.ANY)
             for fault, _, _ in self._active.values()

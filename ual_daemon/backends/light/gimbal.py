@@ -29,7 +29,7 @@ _WHOLE_TURN_RAD = 2.0 * math.pi - 1e-6
 
 
 class GimbalMoment(NamedTuple):
-    """What a gimbal needs to know of a moment: the UAV's heading as it is, and whether its link is lost."""
+    """Input of a gimbal at a moment: the UAV's real heading, and whether its link is lost."""
 
     time_s: float
     heading_rad: float
@@ -37,7 +37,7 @@ class GimbalMoment(NamedTuple):
 
 
 class _Goal(NamedTuple):
-    """What it turns to: angles, or rates (roll, pitch, yaw) where they are not None."""
+    """Target of a gimbal: angles, or rates (roll, pitch, yaw) where they are not None."""
 
     angles: GimbalAngles = _NEUTRAL
     reference: GimbalReference = GimbalReference.HORIZON

@@ -18,15 +18,15 @@ from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, Winch
 T = TypeVar("T")
 
 GRIPPER_S = 0.5
-"""How long a gripper takes to open or close."""
+"""Seconds that a gripper takes to open or close."""
 SERVO_US_S = 2000.0
-"""How fast a servo turns, in microseconds of its pulse a second."""
+"""Speed of a servo, in microseconds of its pulse a second."""
 LINE_M = 30.0
-"""How much line is on a winch."""
+"""Length of a winch's line in metres."""
 WINCH_M_S = 1.0
-"""How fast a winch moves where it is not told."""
+"""Speed of a winch in m/s, where the order has none."""
 FALL_M_S = 5.0
-"""How fast line runs off a drum that turns freely."""
+"""Speed in m/s of a line that runs off a drum that turns freely."""
 NEUTRAL_US = 1500
 
 

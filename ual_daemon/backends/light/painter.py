@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 _MODULE = "ual_daemon.backends.light.painting_process"
 _PACKAGES = Path(__file__).parents[3]
-"""Where `ual_daemon` is. The process starts there, so that no file of the user's directory is taken for a module."""
+"""Folder that contains `ual_daemon`. The process starts there, so that no file of the user's directory is taken for a
+module.
+"""
 _END_S = 5.0
 PATIENCE_S = 15.0
 """A process that has not painted a picture by then is killed."""

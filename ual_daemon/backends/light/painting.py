@@ -33,7 +33,7 @@ GROUND, LINE, RED, GREEN = (108.0, 122.0, 92.0), (214.0, 214.0, 206.0), (208.0, 
 HORIZON, ZENITH = (214.0, 222.0, 230.0), (84.0, 138.0, 214.0)
 BLACK, WHITE = (16.0, 16.0, 16.0), (244.0, 244.0, 244.0)
 SKY_LABEL, GROUND_LABEL, FIRST_MARKER_LABEL = 0, 1, 2
-"""What a pixel shows, in `segments`: the markers count on. A line belongs to the ground."""
+"""Values of a pixel in `segments`: the markers count on. A line belongs to the ground."""
 MOST_LABEL = 255
 """All markers from this number on have it."""
 _BLOCK_PX = 32768
@@ -191,7 +191,7 @@ def _share(distance: Array, width_m: float, footprint: Array) -> Array:
 
 
 class _Within(NamedTuple):
-    """Which pixels of a block are on a marker, and how far right and up from its centre, m."""
+    """Pixels of a block that are on a marker, and their distances to the right and up from its centre, m."""
 
     rows: NDArray[np.intp]
     columns: NDArray[np.intp]

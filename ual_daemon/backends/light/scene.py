@@ -1,4 +1,4 @@
-"""What a simulated camera is to see. Without numpy: the daemon has no need for it."""
+"""Scene for a simulated camera. Without numpy: the daemon has no need for it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Marker(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What is to be seen. Places are in the local frame, in metres."""
+    """Visible objects. Places are in the local frame, in metres."""
 
     ground_z_m: float
     markers: Sequence[Marker] = ()

@@ -21,7 +21,7 @@ _MAX_SIGMA = 1000.0
 
 
 class Simulated(Protocol):
-    """What is asked of the vehicle."""
+    """Commands and reports of a simulated vehicle."""
 
     def snapshot(self) -> object:
         """Takes its newest data."""

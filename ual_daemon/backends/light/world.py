@@ -103,14 +103,14 @@ class World:
         self.epoch_s = time.time()
         """The stamp of the first step; later where a lag was skipped."""
         self.lag_s = 0.0
-        """How far simulated time is behind what the speed factor asks for."""
+        """Seconds by which simulated time lags behind the speed factor."""
         self._skips_lag = skips_lag
         self._told_lag_s = LAG_S / 2.0
         self._steps = 0
         self._stepping = threading.RLock()
         self._listeners: dict[int, _Listener] = {}
         self._called: int | None = None
-        """Whose callback may be running now."""
+        """Number of the caller whose callback may be running now."""
         self._speed_factor = speed_factor
         self._thinning = Thinning()
         self._contained = Contained("an update of a light UAV")
@@ -177,7 +177,7 @@ class World:
 
     @property
     def speed_factor(self) -> float:
-        """How fast simulated time runs, relative to real time; 0: it stands still."""
+        """Speed of simulated time, relative to real time; 0: it stands still."""
         return self._speed_factor
 
     def set_speed_factor(self, speed_factor: float) -> None:
