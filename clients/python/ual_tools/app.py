@@ -18,7 +18,7 @@ from ual_tools.streams import OutputLostError, end_without_output
 
 
 class Multi(Enum):
-    """What a command does where several UAVs are chosen."""
+    """Behaviour of a command where several UAVs are chosen."""
 
     REFUSED = "it is for one UAV"
     EACH = "each of them gets it, and none where one cannot be reached"
@@ -118,7 +118,7 @@ class UalCommand(_SharedOptions):
 
 
 def _has_json(words: Sequence[str]) -> bool:
-    """Whether what was typed has ``--json``: where it is wrong usage, click may not have come to it."""
+    """Returns whether what was typed has ``--json``: where it is wrong usage, click may not have come to it."""
     return "--json" in words[: words.index("--")] if "--" in words else "--json" in words
 
 

@@ -1,4 +1,4 @@
-"""What is wrong with a UAV: how urgent it is, and in words. By it all tables are sorted. Pure."""
+"""Condition of a UAV: how urgent its problems are, and their text. By it all tables are sorted. Pure."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ LOW_PERCENT, CRITICAL_PERCENT = 30.0, 15.0
 """At and below these a battery is called low (QGroundControl announces it from there on), and critical (PX4 warns
 from there on, when not configured)."""
 _ALWAYS_TOLD = ("daemon: ", "autopilot: ", "position: ")
-"""How checks begin that are told in each state; see `ual.types.Health`."""
+"""Prefixes of checks that are reported in each state; see `ual.types.Health`."""
 _WEAK_LINK = 0.8
-"""Where less of the autopilot's messages arrive."""
+"""Share of the autopilot's messages below which the link counts as weak."""
 
 T = TypeVar("T")
 
 
 class Level(IntEnum):
-    """How urgent it is."""
+    """Urgency of a condition."""
 
     FINE = 0
     WARNING = 1
@@ -38,7 +38,7 @@ STYLES: Mapping[Level, str] = {Level.FINE: "", Level.WARNING: "bold yellow", Lev
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """How a UAV is.
+    """Condition of a UAV.
 
     `state` is its state in one word, ``LOST`` where nothing true is known of it. `text` says all that is wrong, and
     `note` the same without the battery, where that is shown beside it.

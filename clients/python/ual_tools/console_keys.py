@@ -13,7 +13,7 @@ from ual_tools.keys import Keyboard
 _POLL_S = 0.005
 """A console cannot be waited for: it has to be asked again and again."""
 _SPECIAL = ("\x00", "\xe0")
-"""What comes before the code of a key that is no character."""
+"""Characters that precede the code of a key that is no character."""
 _SEQUENCES = {
     "H": b"\x1b[A",
     "P": b"\x1b[B",

@@ -20,7 +20,7 @@ from ual.shared import extras, whole_file
 
 _EXTRA = "ual-tools[geotag]"
 _ENDS = (DaemonUnreachableError, UnauthenticatedError, PermissionDeniedError)
-"""What the next picture would meet, too."""
+"""Errors that the next picture would meet, too."""
 
 
 class Fetching:

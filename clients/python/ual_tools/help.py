@@ -1,4 +1,4 @@
-"""How `ual` explains itself: sections of commands, examples, and what a mistyped word may have meant."""
+"""Help of `ual`: sections of commands, examples, and suggestions for a mistyped word."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from enum import Enum, auto
 
 
 class Key(Enum):
-    """What a key asks for."""
+    """Meaning of a key."""
 
     UP = auto()
     DOWN = auto()

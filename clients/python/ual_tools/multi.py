@@ -136,12 +136,12 @@ class _Run:
 
     @property
     def name(self) -> str:
-        """Which UAV it is for."""
+        """Name of the UAV of this run."""
         return self._member.name
 
     @property
     def condition(self) -> Condition:
-        """How the UAV is, by what its command found out."""
+        """Condition of the UAV, as its command found it."""
         from ual_tools.condition import Condition, Level
 
         return self._member.condition or Condition(Level.ALARM, "not known")

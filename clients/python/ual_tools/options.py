@@ -37,7 +37,7 @@ class Option:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """What click makes it of."""
+        """Keyword arguments for click."""
         given = {
             "help": self.help,
             "type": self.type,

@@ -175,7 +175,8 @@ def _those_of(session: Session, parameters: Parameters, in_file: Mapping[str, fl
 
 
 def _turn(difference: Difference) -> tuple[bool, bool, bool, str]:
-    """When a parameter is written: what takes effect at the next boot last, and before it what flights rely on.
+    """Returns the order in which parameters are written: later ones are those that take effect at the next boot, and
+    before them those that flights rely on.
 
     The system id comes at the very end: some programs lose an autopilot that becomes another system.
     """

@@ -30,7 +30,7 @@ class PathArguments(TypedDict):
 
 @dataclass(frozen=True)
 class PathOptions:
-    """How a path is flown; see `ual.interface.Uav.follow_path`."""
+    """Options of a path; see `ual.interface.Uav.follow_path`."""
 
     corner_radius_m: float = 0.0
     max_speed_m_s: float | None = None

@@ -1,4 +1,6 @@
-"""Where a UAV is in `map`, the frame that all UAVs share, by one sample of its telemetry. What is not known is None."""
+"""Positions of UAVs in `map`, the frame that all UAVs share, from one sample of telemetry. What is not known is
+None.
+"""
 
 from __future__ import annotations
 

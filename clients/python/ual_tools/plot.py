@@ -28,7 +28,7 @@ _WINDOW = 100
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the UAV was and where its reference was, at one time; metres, in the frame of the telemetry."""
+    """Position of the UAV and of its reference at one time; metres, in the frame of the telemetry."""
 
     time_s: float
     flown: Vector3

@@ -1,4 +1,4 @@
-"""What a command is given: the choice of the UAV and the other shared options; and how it prints results and errors."""
+"""Context of a command: the choice of the UAV and the other shared options, and the output of results and errors."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ INTERRUPTED = 130
 
 @dataclass
 class _Shared:
-    """What all UAVs of one command share."""
+    """State that all UAVs of one command share."""
 
     joined: Joined | None = None
 
@@ -59,7 +59,7 @@ class Session:
     uses_network: bool = False
     is_all: bool = False
     begin_utc_s: float | None = None
-    """When its command is to begin, in seconds since the epoch; None: now."""
+    """Time at which the command is to begin, in seconds since the epoch; None: now."""
     typed: set[str] = field(default_factory=set)
     """The names of the fields above that come from the command line, and not from the environment."""
     member: Member | None = None
@@ -115,7 +115,7 @@ class Session:
 
     @property
     def where(self) -> str:
-        """Where UAVs are looked for, as the end of a sentence."""
+        """Place in which UAVs are searched, as the end of a sentence."""
         return "runs on this computer" if self.joined is None else "is on the network"
 
     def connect_to(self, daemon: Registration) -> Uav:
@@ -126,7 +126,7 @@ class Session:
 
     @property
     def credentials(self) -> Credentials:
-        """What shows a daemon who calls: the options, and the environment where there are none."""
+        """Credentials for the daemon: from the options, and from the environment where there are none."""
         from ual.credentials import Credentials
 
         return Credentials.from_environment(
@@ -192,7 +192,7 @@ def fail_usage(error: click.UsageError) -> None:
 
 
 def _is_done(value: object) -> bool:
-    """Whether a result tells of what the command has done, not of what it was asked to find out."""
+    """Returns whether a result tells of what the command has done, not of what it was asked to find out."""
     return isinstance(value, TaskInfo) or (isinstance(value, Mapping) and "done" in value)
 
 

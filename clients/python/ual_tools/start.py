@@ -1,4 +1,4 @@
-"""When a command begins: at a time, and at the same moment for several UAVs."""
+"""Begin of a command: at a time, and at the same moment for several UAVs."""
 
 from __future__ import annotations
 
@@ -166,9 +166,9 @@ class Member:
         """Whether Ctrl-C has to stop what the command has begun."""
         self.interrupted = threading.Event()
         self.lines: SimpleQueue[tuple[str, Line]] = SimpleQueue()
-        """What its command has printed: lines, each with what it tells."""
+        """Printed lines of its command, each with its kind."""
         self.condition: Condition | None = None
-        """How the UAV is, where its command asked that."""
+        """Condition of the UAV, where its command asked for it."""
         self._gate = gate
         self._uav: Uav | None = None
 

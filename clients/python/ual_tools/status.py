@@ -34,7 +34,7 @@ _COLOURS: dict[Level, dict[str, Any]] = {
 """Of click."""
 _HEADER = ("uav", "state", "backend", "address", "pid", "battery")
 _LOOK_S = 0.2
-"""How often `ual wait` looks for a daemon that is not there."""
+"""Seconds between two looks of `ual wait` for a daemon that is not there."""
 _STATES = [state.name for state in State]
 
 

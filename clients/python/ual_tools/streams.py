@@ -16,7 +16,7 @@ _STDERR = 2
 
 
 class OutputLostError(OSError):
-    """What was printed did not arrive; `has_reader_left` where the other end of a pipe was closed."""
+    """Output that did not arrive; `has_reader_left` where the other end of a pipe was closed."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(error.errno, error.strerror)
@@ -28,7 +28,7 @@ class OutputLostError(OSError):
 
 
 class Line(Enum):
-    """What a line tells, and so what it means where it gets lost."""
+    """Kind of a line, and so the meaning of its loss."""
 
     MESSAGE = "for people, on standard error"
     DONE = "what was done, which no lost line makes undone"

@@ -1,4 +1,4 @@
-"""What `ual watch` knows of each UAV: its newest sample, when it came, and why no newer one comes."""
+"""State of each UAV in `ual watch`: its newest sample, when it came, and why no newer one comes."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ GONE_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What is known of one UAV: its newest sample, when it came, and why no newer one comes, if that is known."""
+    """Last observation of one UAV: its newest sample, when it came, and why no newer one comes, if that is known."""
 
     since_s: float
     telemetry: Telemetry | None = None
     why: str = ""
     gone_s: float | None = None
-    """When its daemon ended."""
+    """Time at which its daemon ended."""
 
 
 class Board:

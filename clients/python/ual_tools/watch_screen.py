@@ -24,7 +24,7 @@ _POLL_S = 0.1
 
 
 class Picture(Protocol):
-    """What the screen shows."""
+    """Content of the screen."""
 
     def press(self, keys: Sequence[Key], count: int, height: int) -> None:
         """Takes the keys that were pressed."""

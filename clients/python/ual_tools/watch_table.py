@@ -63,7 +63,7 @@ _MORE_COLUMNS = (
 """Shown besides where the note has ample room, too."""
 _NOTE_TITLES = ("what is wrong, task", "wrong, task")
 _OF_TROUBLE = _COLUMNS[:2]
-"""What stays where the words about a UAV need the room of the others."""
+"""Columns that stay where the note about a UAV needs the room of the others."""
 
 
 def scrolled(top: int, keys: Sequence[Key], count: int, height: int) -> int:

@@ -1,1 +1,1 @@
-"""What `ual token` and `ual certificates` make: private files, and the certificates of a team."""
+"""Output of `ual token` and `ual certificates`: private files, and the certificates of a team."""

@@ -30,7 +30,7 @@ class Router:
 
     @property
     def endpoint(self) -> str:
-        """Where others connect to."""
+        """Endpoint to which others connect."""
         return f"tls/{self.host}:{self.port}"
 
 

@@ -1,4 +1,4 @@
-"""What units of systemd and a compose file have alike: readiness and landing as commands of a shell."""
+"""Common part of systemd's units and a compose file: readiness and landing as commands of a shell."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from ual_tools.launch.flying import SENDS_NOTHING
 from ual_tools.launch.team import AtEnd, Condition, Program, Team
 
 RUNTIME_DIR = "/run/ual"
-"""Where daemons of services register: the same for all users."""
+"""Folder in which daemons of services register: the same for all users."""
 
 
 class CannotExpressError(Exception):
-    """What the file says has no counterpart there."""
+    """Content of the file that has no counterpart there."""
 
 
 def test_of(program: Program, ual: str) -> str | None:

@@ -11,9 +11,9 @@ from ual_tools.launch.boot import RUNTIME_DIR, CannotExpressError, landing_of, t
 from ual_tools.launch.team import Condition, Program, Team
 
 IMAGE = f"ual:{__version__}"
-"""What deploy/container/build makes."""
+"""Image that deploy/container/build makes."""
 _CONFINED = {"read_only": True, "tmpfs": ["/tmp"], "cap_drop": ["ALL"], "security_opt": ["no-new-privileges:true"]}  # noqa: S108
-"""That image needs no more."""
+"""Confinement of the image, which needs no more."""
 
 
 def text(team: Team) -> str:

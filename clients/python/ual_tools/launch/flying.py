@@ -1,4 +1,4 @@
-"""What the UAVs of a team do: seen in their telemetry, and landed by one call each."""
+"""Flights of a team's UAVs: observed in their telemetry, and landed by one call each."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ON_GROUND = (State.LANDED_DISARMED, State.LANDED_ARMED)
 _DECIDED = (*_ON_GROUND, State.FLYING_AUTO, State.FLYING_MANUAL)
 """A take-off or landing that runs comes to its end first."""
 SENDS_NOTHING = "sends nothing"
-"""What the daemon's reason says of a flight that is not UAL's any more (docs/reference/daemon.md, who flies)."""
+"""Part of the daemon's reason for a flight that is not UAL's any more (docs/reference/daemon.md, who flies)."""
 
 
 class Watched:

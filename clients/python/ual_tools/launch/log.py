@@ -1,4 +1,4 @@
-"""The one log of a team: each line with the name of its program in a colour of its own, and on a terminal a line of
+"""Common log of a team: each line with the name of its program in a colour of its own, and on a terminal a line of
 states below it.
 """
 

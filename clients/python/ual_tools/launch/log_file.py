@@ -13,7 +13,7 @@ from ual.shared.pauses import GrowingPauses
 _APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 _MODE = 0o666
 _LOOK_S = 0.5
-"""How often it is looked whether the file is where it was: it may be moved away each night."""
+"""Seconds between two checks that the file is still at its path: it may be moved away each night."""
 
 
 class LogFile:

@@ -17,7 +17,7 @@ from ual_tools.launch.team import Program
 _CHUNK = 1 << 16
 _LONGEST_LINE = 8192
 _REST_S = 1.0
-"""How long the last lines of a program that has ended are waited for."""
+"""Seconds for which the last lines of a program that has ended are awaited."""
 
 
 class Process:

@@ -13,7 +13,7 @@ from ual import discovery
 from ual_tools.launch.team import Condition, Program
 
 _LOOK_S = 0.05
-"""How often a port, a file and a registration are looked at: the system does not tell when they appear."""
+"""Seconds between two looks at a port, a file and a registration: the system does not announce them."""
 _HEALTH_WATCH = "/grpc.health.v1.Health/Watch"
 _SERVING = b"\x08\x01"
 """`HealthCheckResponse` with the status SERVING. The package of the health service is not needed for that."""

@@ -96,7 +96,7 @@ ExecStart={_word(_found("systemctl"))} --no-block stop {_target_name(team)}
 
 
 def _may_end(program: Program) -> bool:
-    """Whether its end ends the team. A daemon is always started again here: nobody may be there to do it."""
+    """Returns whether its end ends the team. A daemon is always started again here: nobody may be there to do it."""
     return program.is_ending_team and not program.is_daemon
 
 

@@ -1,4 +1,4 @@
-"""What a team is: its programs, what each of them waits for, and what happens when one of them ends."""
+"""Description of a team: its programs, the conditions that each of them waits for, and the consequences of an end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 class Restart(Enum):
-    """When a program that has ended is started again."""
+    """Conditions for a new start of a program that has ended."""
 
     ALWAYS = "always"
     ON_FAILURE = "on-failure"
@@ -18,7 +18,7 @@ class Restart(Enum):
 
 
 class AtEnd(Enum):
-    """What the UAVs that this team flies do when the team ends."""
+    """Behaviour of the team's UAVs when the team ends."""
 
     LAND = "land"
     HOLD = "hold"
@@ -37,7 +37,7 @@ class Condition(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """When a program is ready: `value` is the port, the file or the pattern of the line."""
+    """Condition of a program's readiness: `value` is the port, the file or the pattern of the line."""
 
     condition: Condition = Condition.STARTED
     value: str = ""

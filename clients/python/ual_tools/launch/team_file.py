@@ -53,7 +53,7 @@ _DAEMON_STOP_LIMIT_S = 75.0
 
 
 class _Ending(TypedDict):
-    """What a daemon and any other program have alike: the fields of `Program` that it has."""
+    """Fields of `Program` that daemons and other programs share."""
 
     env: Mapping[str, str]
     restart: Restart

@@ -79,11 +79,10 @@ def _write(file: Path, text: str) -> str:
 
 
 class Upstreams:
-    """Where the daemon of each UAV is.
+    """Address of each UAV's daemon.
 
     Args:
         say: Takes why a UAV is left out, human-readable; each reason once.
-
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:

@@ -1,1 +1,1 @@
-"""What `ual record` and `ual plot` do with recordings: write what a client sees, and read, draw and export it."""
+"""Recordings of `ual record` and `ual plot`: written from a client's data; read, drawn and exported."""

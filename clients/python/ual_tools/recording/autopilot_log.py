@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 ENDINGS = (".ulg", ".bin")
 _STEP_S = 0.1
 _LEAST_LIKENESS = 0.6
-"""How much alike the speeds have to be, from 0 to 1, where the log does not know the time of day."""
+"""Least likeness of the speeds, from 0 to 1, where the log does not know the time of day."""
 _CLOCKS_DIFFER_S = 10.0
 """By so much the clock of a computer may differ from that of the satellites."""
 _LEAST_OVERLAP_S, _LEAST_COMPARED_S = 0.2, 5.0
@@ -30,7 +30,7 @@ _USEC_OF_UTC = 1_500_000_000_000_000
 
 @dataclass(slots=True)
 class Track:
-    """Where the autopilot says that it was: metres east, north and up of its own origin, m/s.
+    """Positions by the autopilot's log: metres east, north and up of its own origin, m/s.
 
     `times_s` are since an epoch of its own, or in UTC since 1970 with `is_utc`.
     """

@@ -39,9 +39,9 @@ class ClientRecording:
         self._pictures: list[Pictures] = []
         self._recorder.at_each_file(self._repeat)
         self.samples_count = 0
-        """How many samples came."""
+        """Samples that arrived."""
         self.missed_count = 0
-        """How many samples the daemons had to leave out, because this computer was too slow."""
+        """Samples that the daemons had to leave out, because this computer was too slow."""
         self._recorder.start()
 
     @property
@@ -56,7 +56,7 @@ class ClientRecording:
 
     @property
     def lost_count(self) -> int:
-        """How many records were dropped, because the disk was too slow."""
+        """Records that were dropped, because the disk was too slow."""
         return self._recorder.lost_count
 
     @property
@@ -125,7 +125,9 @@ class ClientRecording:
 
     @property
     def pictures(self) -> tuple[int, int, str]:
-        """How many pictures are recorded, how many of them without their bytes, and why the last one of these is."""
+        """Recorded pictures: their number, the number of those without their bytes, and why the last one of these
+        is.
+        """
         figures = [each.figures for each in self._pictures]
         reason = next((each.reason for each in reversed(figures) if each.without_bytes_count), "")
         return sum(each.photos_count for each in figures), sum(each.without_bytes_count for each in figures), reason

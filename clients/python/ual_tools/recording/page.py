@@ -15,7 +15,7 @@ from ual_tools import places
 from ual_tools.recording.autopilot_log import Track
 
 _LEAST_NS = 40_000_000
-"""So many points a second are drawn at most: 25."""
+"""Least time between two drawn points in ns: 25 points a second."""
 _SIZE_IN = (11.7, 8.3)
 """A4, landscape."""
 _COLOURS = {
@@ -41,7 +41,7 @@ class Band:
 
 @dataclass(slots=True)
 class Flight:
-    """What is drawn of one UAV; times in s since the beginning of the recording, metres, m/s.
+    """Drawn data of one UAV; times in s since the beginning of the recording, metres, m/s.
 
     Its places are in the frame of its telemetry, or in `map` if it is one of several: their own frames differ.
     """

@@ -1,4 +1,4 @@
-"""What is in a recording (``ual record info``)."""
+"""Content of a recording (``ual record info``)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class TopicSummary:
 
     @property
     def rate_hz(self) -> float | None:
-        """How many came in a second; None for one alone."""
+        """Messages per second; None for a single one."""
         duration_ns = self.last_ns - self.first_ns
         return (self.count - 1) * 1e9 / duration_ns if duration_ns > 0 else None
 
@@ -35,12 +35,12 @@ class TopicSummary:
 
 @dataclass(slots=True)
 class UavSummary:
-    """What happened to one UAV."""
+    """Events of one UAV."""
 
     states: list[str] = field(default_factory=list)
     """Its states, in their order."""
     calls: Counter[str] = field(default_factory=Counter)
-    """How many calls ended, by method and outcome: ``TakeOff OK``, ``Land WRONG_STATE``."""
+    """Ended calls, by method and outcome: ``TakeOff OK``, ``Land WRONG_STATE``."""
 
     def add(self, message: Message) -> None:
         """Takes note of a message about it."""
@@ -55,7 +55,7 @@ class UavSummary:
 
 @dataclass(slots=True)
 class Summary:
-    """What is in a recording; times are UTC since 1970, in seconds, and None where it has no message."""
+    """Content of a recording; times are UTC since 1970, in seconds, and None where it has no message."""
 
     file: str
     is_whole: bool = False

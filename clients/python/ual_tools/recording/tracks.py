@@ -16,7 +16,7 @@ _LEAST_NS = 100_000_000
 
 
 class Point(NamedTuple):
-    """Where a UAV was: degrees, metres above mean sea level (None: not known), and UTC since 1970."""
+    """Position of a UAV: degrees, metres above mean sea level (None: not known), and UTC since 1970."""
 
     latitude_deg: float
     longitude_deg: float

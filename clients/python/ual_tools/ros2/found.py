@@ -21,7 +21,7 @@ _INDEX = "share/ament_index"
 
 @dataclass(frozen=True)
 class Ros:
-    """Where a ROS 2 is installed."""
+    """Installation of ROS 2."""
 
     prefixes: tuple[Path, ...]
     """The directories that ament searches, the nearest first."""

@@ -22,7 +22,7 @@ from ual_tools.ros2.found import Ros
 _HERE = Path(__file__).parent
 _PACKAGED = _HERE / "packages"
 SOURCES = _PACKAGED if _PACKAGED.is_dir() else _HERE.parents[2] / "ros2"
-"""Where the packages of ROS lie: within a wheel, or in the repository."""
+"""Folder of the ROS packages: within a wheel, or in the repository."""
 _PACKAGES = {"tf2_msgs": _HERE / "tf2_msgs", "ual_msgs": SOURCES / "ual_msgs"}
 _BUILT = (".action", ".msg", ".srv", ".txt", ".xml")
 _TOOLS = ("cmake", "c++")

@@ -17,7 +17,7 @@ from ual_tools.rtcm.source import Source, SourceError
 
 USER_VARIABLE, PASSWORD_VARIABLE = "UAL_NTRIP_USER", "UAL_NTRIP_PASSWORD"
 GGA_S = 10
-"""How often a caster that wants to know where the UAV is, is told."""
+"""Seconds between two reports of the UAV's position to a caster that wants it."""
 _PORTS = {"ntrip": 2101, "ntrips": 443}
 _WANTS_POSITION = 10
 """The field of a line of the caster's table that is 1 where the caster wants to be told the position."""

@@ -1,4 +1,4 @@
-"""What crosses a connection to an NTRIP caster, of version 1 and 2: a request, an answer and its body, positions."""
+"""Protocol of NTRIP casters, version 1 and 2: a request, an answer and its body, positions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FIXED, _SATELLITES = 1, 12
 
 
 class Caster(NamedTuple):
-    """What an address of a caster says."""
+    """Address of a caster."""
 
     host: str
     port: int

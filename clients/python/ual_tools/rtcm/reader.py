@@ -17,7 +17,7 @@ from ual_tools.rtcm.source import SILENCE_S, WAIT_S, Source, SourceError
 FIRST_PAUSE_S = 1.0
 LONGEST_PAUSE_S = 30.0
 MOST_CHUNKS = 64
-"""What waits beyond that while the daemon is away is dropped, the oldest first."""
+"""Most chunks that wait while the daemon is away; beyond them the oldest is dropped."""
 
 
 class Reader:

@@ -1,4 +1,4 @@
-"""Where corrections come from: a serial port or a TCP port. An NTRIP caster is in `ntrip`."""
+"""Sources of corrections: a serial port or a TCP port. An NTRIP caster is in `ntrip`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SourceError(Exception):
 
 
 class Source(ABC):
-    """Where bytes come from. `name` is human-readable."""
+    """Source of bytes. `name` is human-readable."""
 
     name: str
 

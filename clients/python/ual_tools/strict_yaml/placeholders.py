@@ -29,7 +29,7 @@ def fill(text: str, values: Mapping[str, str]) -> str:
 
 
 def is_one(text: str) -> bool:
-    """Whether the text is nothing but one number made of `index`: what it gives is a number, too."""
+    """Returns whether the text is nothing but one number made of `index`: what it gives is a number, too."""
     match = _BRACES.fullmatch(text)
     return match is not None and match[1] is not None and _OF_INDEX.fullmatch(_bare(match[1])) is not None
 

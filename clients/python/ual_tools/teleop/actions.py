@@ -1,4 +1,4 @@
-"""What a key or button asks for, beside the sticks."""
+"""Actions of keys and buttons, apart from the sticks."""
 
 from __future__ import annotations
 
@@ -25,6 +25,6 @@ class Action(Enum):
 
 
 CONFIRMED = frozenset({Action.TAKE_OFF, Action.RECOVER, Action.ARM})
-"""What makes a UAV move that stood, or takes it from its safety pilot: one press must not be enough."""
+"""Actions that move a UAV that stood, or take it from its safety pilot: one press must not be enough."""
 ENDING = frozenset({Action.STOP, Action.ABORT, Action.LAND, Action.QUIT})
-"""What only ends a motion: it counts also when it was pressed a while ago."""
+"""Actions that only end a motion: they also count when they were pressed a while ago."""

@@ -43,7 +43,7 @@ def lines(
 _Row = tuple[str, str, str]
 _ALL: Container[str] | None = None
 _FEW = ("state", "position", "battery", "telemetry", "flies", "done", "refused")
-"""What a small screen shows, so that there is room for the keys."""
+"""Rows on a small screen, so that there is room for the keys."""
 _FEWEST = ("state", "done", "refused")
 
 

@@ -15,7 +15,7 @@ from ual_tools.teleop.sticks import CENTRED
 
 _RETRY_S = 1.0
 _KEYS = {b" ": Action.STOP, b"q": Action.QUIT, b"\t": Action.NEXT_UAV, b"\x1b[Z": Action.PREVIOUS_UAV}
-"""What the terminal's keys do beside it."""
+"""Actions of the terminal's keys beside a joystick."""
 
 
 class JoystickControls:
@@ -47,7 +47,7 @@ class JoystickControls:
 
     @property
     def title(self) -> str:
-        """What the screen names it."""
+        """Name on the screen."""
         return f"joystick ({self._device.name})"
 
     @property

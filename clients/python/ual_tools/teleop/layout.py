@@ -1,4 +1,4 @@
-"""What the axes and buttons of a gamepad mean: from the standard layout to sticks and actions."""
+"""Meaning of a gamepad's axes and buttons: from the standard layout to sticks and actions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ual_tools.teleop.sticks import CENTRED, Sticks
 DEAD_ZONE = 0.1
 EXPO = 0.3
 TWO_BUTTONS = CONFIRMED | {Action.LAND}
-"""What needs two buttons together: one that is touched by accident must not do it."""
+"""Actions that need two buttons together: one that is touched by accident must not trigger them."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ def _default_actions() -> dict[Action, frozenset[Button]]:
 
 @dataclass(frozen=True)
 class Layout:
-    """Which axis is which stick, which buttons are which action, and the dead-man's button: only while it is held, the
-    sticks fly. Without one (None) they always do.
+    """Layout of a gamepad: the axis of each stick, the buttons of each action, and the dead-man's button: only while it
+    is held, the sticks fly. Without one (None) they always do.
     """
 
     hold: Button | None = Button.LEFT_SHOULDER
@@ -70,11 +70,11 @@ class Layout:
     actions: Mapping[Action, frozenset[Button]] = field(default_factory=_default_actions)
 
     def is_held(self, state: GamepadState) -> bool:
-        """Whether the dead-man's button is held."""
+        """Returns whether the dead-man's button is held."""
         return self.hold is None or self.hold in state.pressed
 
     def is_at_rest(self, state: GamepadState) -> bool:
-        """Whether no stick is deflected, and the dead-man's button is not held."""
+        """Returns whether no stick is deflected, and the dead-man's button is not held."""
         return self._deflections(state) == CENTRED and (self.hold is None or self.hold not in state.pressed)
 
     def steered(self, state: GamepadState) -> Sticks:

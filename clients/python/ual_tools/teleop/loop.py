@@ -27,8 +27,9 @@ LATE_S = 0.5
 """After such a pause (a process that was suspended) the daemon has stopped the UAV. What was pressed meanwhile must not
 start it again."""
 SLOW_S = 1.0
-"""Where the terminal answers or takes a picture so late (a slow link), nobody sees what the UAV does, and a key that is
-released still flies."""
+"""Delay in s of a terminal's answer or picture (a slow link) at which the operator no longer sees the UAV, and a
+released key still flies.
+"""
 _LATE = "sticks: released, because the terminal is slow, or the process was suspended"
 _ANSWER_S = 0.5
 _DRAW_S = 0.2
@@ -42,7 +43,7 @@ class Controls(Protocol):
 
     @property
     def title(self) -> str:
-        """What the screen names it."""
+        """Name on the screen."""
         ...
 
     @property

@@ -32,7 +32,7 @@ _TASKS = ("take-off", "land")
 
 
 class Mode(Enum):
-    """What the sticks move."""
+    """Motion that the sticks command."""
 
     VELOCITY = "velocity"
     POSE = "pose"
@@ -40,7 +40,7 @@ class Mode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What there is to see, at one moment."""
+    """Content of the screen at one moment."""
 
     name: str
     telemetry: Telemetry | None

@@ -28,7 +28,7 @@ class Axis:
         self._value = 0.0
         self._target = 0.0
         self._until_s = -math.inf
-        """When the key counts as released."""
+        """Time at which the key counts as released."""
         self._now_s = -math.inf
 
     def press(self, direction: float, now_s: float) -> None:

@@ -12,7 +12,7 @@ from ual_tools.teleop.sticks import Sticks
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """What a full deflection flies, and how far one step of the pose mode leads."""
+    """Speeds at full deflection, and lengths of one step of the pose mode."""
 
     horizontal_m_s: float
     vertical_m_s: float

@@ -19,7 +19,7 @@ STALE_S = 0.2
 DROPPED = "sticks: a step was dropped, as the daemon was too slow for it"
 _RETRY_S = 1.0
 _IN_FLIGHT_S = 0.3
-"""How long a command waits for the setpoint before it, which is on its way."""
+"""Seconds for which a command waits for the setpoint before it, which is on its way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Vehicle:
         self.refusal = Said()
         """The last refusal or failure."""
         self.done = Said()
-        """What was done last, or is being done."""
+        """Last action, or the present one."""
         self._name = name
         self._uav = uav
         self._takes_lease = takes_lease

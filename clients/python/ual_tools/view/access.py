@@ -1,4 +1,6 @@
-"""Where the page is served and who may open it, from the options of the command. Refuses what would be open to all."""
+"""Address of the page and its access rule, from the options of the command. Refuses settings that would open the page
+to everybody. Refuses what would be open to all.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ _TOKEN_BYTES = 32
 
 @dataclass(frozen=True)
 class Access:
-    """Where the page is served, and to whom."""
+    """Address of the page, and access to it."""
 
     host: str
     port: int

@@ -43,7 +43,7 @@ class Camera:
 
     @property
     def up(self) -> Vector3:
-        """Which way is up in the picture."""
+        """Upward direction in the picture."""
         return self.rotation.rotate(Vector3(0.0, -1.0, 0.0))
 
 

@@ -1,4 +1,4 @@
-"""What a UAV carries to hold, drop and switch, as lines of the panel."""
+"""Lines of the panel about grippers, winches, servos and relays of a UAV."""
 
 from __future__ import annotations
 

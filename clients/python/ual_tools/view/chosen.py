@@ -1,4 +1,4 @@
-"""Which UAVs of a page are chosen: all, one, or several. Pure."""
+"""Choice of UAVs on a page: all, one, or several. Pure."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from ual_tools.view.journal import Journal
 from ual_tools.view.orders import Order
 
 _MOST_ASKED, _MOST_RUN = 4, 32
-"""How many orders of a page may wait for their answers: questions, and what acts."""
+"""Most orders of a page that may wait for their answers: questions, and commands."""
 _VALID_S = 30.0
 """A proposal that is older is asked anew: the UAV may have moved."""
 
@@ -35,12 +35,12 @@ class Proposal:
 
     @property
     def text(self) -> str:
-        """What would happen, human-readable."""
+        """Human-readable effect of the order."""
         return f"{self.ns}: {self.order.what}: {self.answer}"
 
 
 class CommandQueue:
-    """What the operator of one page orders.
+    """Orders of one page's operator.
 
     `proposal` is what waits to be confirmed. `said` is how the last order went; `count` changes with both.
     """
@@ -164,7 +164,7 @@ class CommandQueue:
 
 
 class _TeamReport:
-    """How an order to several UAVs goes."""
+    """Report of an order to several UAVs."""
 
     def __init__(self, what: str, count: int) -> None:
         self._what = what

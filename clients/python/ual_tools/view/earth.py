@@ -11,7 +11,7 @@ from ual.geometry import Vector3
 _EQUATOR_M = 6_378_137.0
 _E2 = 6.694379990141e-3
 _MOST_LATITUDE_DEG = 85.0511287798
-"""Where the maps of the web end."""
+"""Latitude in degrees at which the maps of the web end."""
 
 
 class Place(NamedTuple):
@@ -43,7 +43,7 @@ class Tile(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where the origin of `map` is on Earth. East is x and north is y, as near to it as a UAV flies."""
+    """Position of `map`'s origin on Earth. East is x and north is y, as near to it as a UAV flies."""
 
     place: Place
 

@@ -43,7 +43,7 @@ _LOST_AFTER_S = 1.5
 
 @dataclass
 class Member:
-    """What is known of one UAV beside its telemetry.
+    """Knowledge about one UAV apart from its telemetry.
 
     `frames`, `fence` and `route` are None where they are not known now, `route` also where no way is flown.
     """
@@ -58,11 +58,11 @@ class Member:
     route: Route | None = None
     route_due_s: float = 0.0
     taken: Taken = field(default_factory=Taken)
-    """What its cameras have taken."""
+    """Pictures that its cameras have taken."""
     carried: Carried = field(default_factory=Carried)
-    """What it holds, drops and switches with, while a page shows it."""
+    """Grippers, winches, servos and relays, while a page shows them."""
     lease: Lease | None = None
-    """What the pages hold."""
+    """Lease that the pages hold."""
 
 
 class Fleet:

@@ -1,4 +1,4 @@
-"""Who may open the page: this computer's own browsers, those with the token where there is one. No viser.
+"""Guard of the page: it lets in this computer's own browsers, and only with the token where there is one. No viser.
 
 A page of another site must neither read this one nor click on it. A browser names the site in `Origin`, and would show
 this page within the other one if it were allowed to.
@@ -62,7 +62,7 @@ class Guard:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this computer's loopback."""
+    """Returns whether a host is this computer's loopback."""
     if host == "localhost":
         return True
     try:

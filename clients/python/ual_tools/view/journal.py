@@ -18,7 +18,7 @@ _LONGEST = 300
 
 
 class Journal:
-    """What happened, the newest last. Any thread may write."""
+    """Journal of events, the newest last. Any thread may write."""
 
     def __init__(self) -> None:
         self.count = 0

@@ -1,4 +1,4 @@
-"""Where labels stand so that none covers another one. Pure."""
+"""Layout of labels, so that none covers another one. Pure."""
 
 from __future__ import annotations
 

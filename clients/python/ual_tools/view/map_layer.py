@@ -25,7 +25,7 @@ from ual_tools.watch_board import Board, Seen
 _LOOK_S = 1.0
 _RETRY_S = 30.0
 _AROUND = 2
-"""So many tiles to each side of the one in which the UAVs are."""
+"""Tiles to each side of the one in which the UAVs are."""
 _MOST_TILES = 100
 _BELOW_M = -0.05
 """So that the grid and what stands on the ground are above it."""

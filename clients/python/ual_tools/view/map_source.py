@@ -1,4 +1,4 @@
-"""Where the pictures of a map come from: the user's own server, a directory of tiles, or one picture. Draws nothing.
+"""Source of a map's pictures: the user's own server, a directory of tiles, or one picture. Draws nothing.
 
 `ual view` asks for them, not the browser: the page loads nothing from elsewhere.
 """

@@ -1,4 +1,4 @@
-"""Which model a UAV has on the page, and its light meshes, made here: no file is loaded. Needs numpy (of the extra)."""
+"""Models of UAVs on the page, with light meshes that are made here: no file is loaded. Needs numpy (of the extra)."""
 
 from __future__ import annotations
 

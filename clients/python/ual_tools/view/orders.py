@@ -1,4 +1,4 @@
-"""What an operator may order from the page, each with its question whether it would be accepted (a dry run)."""
+"""Orders that an operator may give from the page, each with its question whether it would be accepted (a dry run)."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ _HOLDER = "ual view"
 
 @dataclass(frozen=True)
 class Order:
-    """What is asked about first: its name; the question, which returns what would happen; and what begins
-    it.
+    """Order of the page: its name; the question, which returns the effect; and the function that begins it.
 
     `way` is where a straight flight ends, in `map`.
     """

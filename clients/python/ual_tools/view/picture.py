@@ -15,7 +15,7 @@ from ual_tools.watch_board import Board, Seen
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What is known at one moment. `now_s` is the monotonic time, `utc_s` the same moment since 1970."""
+    """Known data of one moment. `now_s` is the monotonic time, `utc_s` the same moment since 1970."""
 
     now_s: float
     utc_s: float

@@ -23,7 +23,7 @@ _log = logging.getLogger(__name__)
 
 _ARM_M = 0.15
 _FRUSTUM_M = 1.0
-"""How far the drawn picture is from its camera."""
+"""Distance in metres of the drawn picture from its camera."""
 _VIEW_RAD, _ASPECT = 1.0, 4.0 / 3.0
 """Of a camera that does not say how it sees."""
 _WIDEST_PX = 320

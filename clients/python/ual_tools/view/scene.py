@@ -187,7 +187,7 @@ class Batch:
 
 
 class Marks:
-    """What one UAV has of its own: its trail, and the way that it flies."""
+    """Marks of one UAV: its trail, and the route that it flies."""
 
     def __init__(self, scene: viser.SceneApi, path: str, colour: Colour) -> None:
         self._root = scene.add_frame(path, show_axes=False)

@@ -75,7 +75,7 @@ def _listener(host: str, port: int, say: Callable[[str], None]) -> Listener:
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Whether an error of `websockets` is one of ours, and not of a browser that left before its request."""
+    """Returns whether an error of `websockets` is one of ours, and not of a browser that left before its request."""
     error = record.exc_info[1] if record.exc_info else None
     return not isinstance(error, (InvalidHandshake, OSError, EOFError))
 

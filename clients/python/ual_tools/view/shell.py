@@ -1,5 +1,5 @@
-"""What the page has beyond viser's: a title of its own, lines of the table that can be clicked on, and a panel that is
-folded on a phone. Pure.
+"""Additions to viser's page: a title of its own, lines of the table that can be clicked on, and a panel that is folded
+on a phone. Pure.
 
 viser's page is one file of HTML, in which this puts a script. Each part looks for what it needs and does nothing where
 that is not there: a page of another version of viser is plain, not broken.

@@ -40,7 +40,7 @@ _PANEL_EVERY = 3
 
 @dataclass(frozen=True)
 class Choice:
-    """Which UAVs are shown besides those of this computer, what is known of them, and the map below, if there is one.
+    """Content of the page: UAVs besides those of this computer, their models, and the map below, if there is one.
 
     `models` has the model of each UAV that has one of its own, and under the empty name that of all others.
     """

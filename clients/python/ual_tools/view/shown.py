@@ -1,4 +1,4 @@
-"""What the page shows of one UAV at one moment: where, in which colour, under which words. Pure; draws nothing.
+"""Display of one UAV at one moment: its position, its colour and its words. Pure; draws nothing.
 
 Everything is in `map`. A value that is not known, or that is too old to be the present, is None or grey.
 """

@@ -1,4 +1,4 @@
-"""What the cameras of a UAV have taken, as far as its daemon has told the page."""
+"""Pictures of a UAV's cameras, as far as its daemon has announced them to the page."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Taken:
         self._asked_for: tuple[int, Photo] | None = None
         """The camera and the picture whose bytes were asked for last."""
         self._late_count = 0
-        """How often its bytes did not come in time."""
+        """Times that the bytes of the picture did not come in time."""
         self._due_s = 0.0
         self._has_cameras = True
 

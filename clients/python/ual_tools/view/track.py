@@ -1,4 +1,4 @@
-"""Where a UAV was: its trail, and the values of the chart over the last minute. Pure; draws nothing."""
+"""Track of a UAV: its trail, and the values of the chart over the last minute. Pure; draws nothing."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Track:
         self._pieces.append((start, here))
 
     def _goes_on(self, last: Vector3, here: Vector3) -> bool:
-        """Whether a step goes on straight from the last piece."""
+        """Returns whether a step goes on straight from the last piece."""
         if not self._pieces or self._pieces[-1][1] != last:
             return False
         piece, step = last - self._pieces[-1][0], here - last

@@ -1,4 +1,4 @@
-"""Where the frames of a UAV lie in `map`. Pure; draws nothing."""
+"""Poses of a UAV's frames in `map`. Pure; draws nothing."""
 
 from __future__ import annotations
 
