@@ -21,7 +21,7 @@ from typing_extensions import Self
 
 REPOSITORY = Path(__file__).parents[1]
 LIMIT_S = 60.0
-"""How long an answer may take, in addition to the task itself."""
+"""Seconds that an answer may take, in addition to the task itself."""
 UAL = str(Path(sys.executable).with_name("ual"))
 """The command `ual`."""
 _END_S = 10.0

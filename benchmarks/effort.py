@@ -1,4 +1,4 @@
-"""How much is measured."""
+"""Amount of measurement."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Effort:
-    """How often and for how long."""
+    """Repetitions and durations of the measurements."""
 
     rounds: int
     paced_count: int

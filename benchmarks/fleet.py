@@ -86,7 +86,7 @@ class Found:
     lag_s: float
     resident_mib: float
     updates_hz: float
-    """How often each UAV was updated at the slowest (`ual_daemon.backends.light.world.Thinning`)."""
+    """Updates of each UAV per second at the slowest (`ual_daemon.backends.light.world.Thinning`)."""
     load: float
     """Of the computer, at the end: how many processes wanted a processor."""
     rates_hz: Sequence[float] = ()

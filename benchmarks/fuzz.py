@@ -22,7 +22,7 @@ from tests.ual_daemon.backends.mavlink.fuzz import KINDS, Fuzz
 
 _LIMIT_MIB = 0.5
 _WARM_SHARE = 0.2
-"""So much of the bytes is fed before memory is measured for the first time."""
+"""Share of the bytes that is fed before memory is measured for the first time."""
 
 
 class _Errors(logging.Handler):

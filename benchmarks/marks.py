@@ -10,12 +10,12 @@ from __future__ import annotations
 _SPEED_STEP_M_S = 2.0**-22
 _SPEED_M_S = 1.0
 SETPOINTS = 1 << 22
-"""How many setpoints have different numbers."""
+"""Setpoints with different numbers."""
 _YAW_RATE_STEP_RAD_S = 2.0**-24
 _YAW_RATE_RAD_S = 0.25
 _DISTANCE_STEP_M = 2.0**-12
 POSITIONS = 1 << 18
-"""How many positions have different numbers."""
+"""Positions with different numbers."""
 
 
 def speed_m_s(number: int) -> float:

@@ -1,4 +1,4 @@
-"""What metrics cost a flight: ``python -m benchmarks.metrics``.
+"""Cost of metrics for a flight: ``python -m benchmarks.metrics``.
 
 A daemon flies the minimal vehicle with setpoints at 50 Hz, without metrics and with ``--metrics`` that are read once a
 second, in turns. What the daemon's processor does more, and how late setpoints come, is printed with PASS or FAIL (exit

@@ -1,4 +1,4 @@
-"""What a recording costs a flight: ``python -m benchmarks.recording``.
+"""Cost of a recording for a flight: ``python -m benchmarks.recording``.
 
 A daemon flies the minimal vehicle with setpoints at 50 Hz, without a recording and with ``--record --record-raw``, in
 turns. What the daemon's processor does more, and how late setpoints come, is printed with PASS or FAIL (exit status 1

@@ -40,7 +40,7 @@ class Results:
         self.round = 0
         self.values: dict[str, dict[str, dict[int, list[float]]]] = defaultdict(lambda: defaultdict(dict))
         self.failures: list[str] = []
-        """Which measurements failed, and why."""
+        """Failed measurements, and the reasons."""
 
     def add(self, measure: str, way: str, values: Sequence[float]) -> None:
         """Adds the values of this round."""
@@ -48,7 +48,7 @@ class Results:
             self.values[measure][way][self.round] = list(values)
 
     def has(self, measure: str, *ways: str) -> bool:
-        """Whether all these ways were measured in at least one round."""
+        """Returns whether all these ways were measured in at least one round."""
         return bool(self._common(measure, *ways))
 
     def all(self, measure: str, way: str) -> list[float]:

@@ -105,7 +105,7 @@ class Stream:
 
 
 class Streams:
-    """What the child answers: ``open`` streams, ``read`` them for a while and tell how many messages each had."""
+    """Answers of the child: ``open`` streams, ``read`` them for a while and tell how many messages each had."""
 
     def __init__(self, rate_hz: float) -> None:
         self._rate_hz = rate_hz

@@ -57,7 +57,7 @@ PARAMETERS = {
 }
 """PX4's defaults of what UAL reads: no fence. Others are not answered, as by PX4."""
 OWN_FENCE = {"GF_MAX_HOR_DIST": 100.0, "GF_MAX_VER_DIST": 50.0}
-"""What differs with a fence."""
+"""Parameters that differ with a fence."""
 
 
 class Vehicle:

@@ -1,4 +1,4 @@
-"""What ``ual view`` costs, and how many frames a second its page draws: ``python -m benchmarks.viewing``.
+"""Cost of ``ual view``, and the frames a second that its page draws: ``python -m benchmarks.viewing``.
 
 A fleet of light UAVs flies circles, ``ual view`` serves its page, and Chromium (headless, with software WebGL: the
 worst case) shows it. Needs Chromium.

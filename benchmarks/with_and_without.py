@@ -1,4 +1,4 @@
-"""What a flag of the daemon costs a flight: setpoints at 50 Hz with it and without it, in turns."""
+"""Cost of a daemon's flag for a flight: setpoints at 50 Hz with it and without it, in turns."""
 
 from __future__ import annotations
 

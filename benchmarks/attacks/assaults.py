@@ -25,7 +25,7 @@ class Assault(ABC):
     text = ""
 
     def suits(self, scene: type[Scene]) -> bool:
-        """Whether it can be made there."""
+        """Returns whether it can be made there."""
         return True
 
     @abstractmethod

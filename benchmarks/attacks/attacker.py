@@ -1,4 +1,4 @@
-"""What is the same for all programs that attack: they attack until their standard input ends, and print a number."""
+"""Common part of all attacking programs: they attack until their standard input ends, and print a number."""
 
 from __future__ import annotations
 

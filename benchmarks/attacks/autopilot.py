@@ -77,7 +77,7 @@ class NotingPort(Port):
 
     @property
     def address(self) -> Address:
-        """Where it sends from."""
+        """Address from which it sends."""
         address: Address = self.socket.getsockname()
         return address
 

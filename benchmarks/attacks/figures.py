@@ -1,4 +1,4 @@
-"""What is measured during an attack, as figures, and what is wanted of them."""
+"""Measurements during an attack, as figures, and their targets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST_END_S = 2.0
 
 @dataclass(frozen=True)
 class Lateness:
-    """How late they were, in ms."""
+    """Lateness in ms."""
 
     p50: float = math.nan
     p99: float = math.nan
@@ -40,7 +40,7 @@ class Figures:
     defects: tuple[str, ...] = ()
 
     def is_good(self, hold_s: float) -> bool:
-        """Whether this is what is wanted; `hold_s` is what the end takes without an attack."""
+        """Returns whether this is what is wanted; `hold_s` is what the end takes without an attack."""
         is_flown = self.setpoints.p99 < MOST_P99_MS and self.setpoints.most <= MOST_LATE_MS
         has_ended = self.end_s is None or self.end_s - hold_s <= MOST_END_S
         return is_flown and self.gap_ms < MOST_GAP_MS and has_ended and not self.defects

@@ -1,4 +1,6 @@
-"""When datagrams reached a socket, by the system's own clock: a process that reads late does not falsify the time."""
+"""Arrival times of datagrams at a socket, by the system's own clock: a process that reads late does not falsify
+them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is attacked: a server with a flying UAV, a program that flies it, and one that reads its telemetry."""
+"""Attacked scene: a server with a flying UAV, a program that flies it, and one that reads its telemetry."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Scene(ABC):
 
     @property
     def address(self) -> str:
-        """Where the server listens."""
+        """Address of the server."""
         return f"127.0.0.1:{self.port}"
 
     def __enter__(self) -> Self:

@@ -28,7 +28,7 @@ _TOTALS = re.compile(r"^totals: (\d+)", re.MULTILINE)
 _LIMIT_S = 600.0
 _UNREAD, _NOTHING = "-", "nothing"
 _NOTHING_COUNT = 5
-"""How often nothing is counted: a count executes some 9,000 instructions of its own, which belong to no figure."""
+"""Counts of an empty function: a count executes some 9,000 instructions of its own, which belong to no figure."""
 _KEPT = ("PATH", "OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE", "GUARD_DEFECT")
 """Variables of the environment that a counted program gets. Any other one would move its stack and its dictionaries."""
 

@@ -1,4 +1,4 @@
-"""What a flight by setpoints notices of the network: of telling, of a router that ends, and of nonsense."""
+"""Effect of the network on a flight by setpoints: of announcements, of a router that ends, and of nonsense."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found, and what is wanted of it."""
+"""Findings, and their targets."""
 
 from __future__ import annotations
 

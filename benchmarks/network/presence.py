@@ -1,4 +1,4 @@
-"""How soon a fleet in several daemons is listed, and how soon what ends is gone."""
+"""Delay until a fleet in several daemons is listed, and until ended UAVs are gone."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _wait_until_serving(daemon: Process, log: Path) -> None:
 
 
 def _cost(listener: Child, daemons: list[Process], routers: list[Process], seconds: float) -> list[Found]:
-    """What the dashboard costs: who listens to all at 1 Hz, the routers, and a daemon with its simulation."""
+    """Returns the costs of the dashboard: a listener to all at 1 Hz, the routers, and a daemon with its simulation."""
     before = [listener.ask("processor")["processor_s"], *(each.processor_s() for each in (*routers, *daemons))]
     time.sleep(seconds)
     after = [listener.ask("processor")["processor_s"], *(each.processor_s() for each in (*routers, *daemons))]

@@ -12,5 +12,5 @@ NEEDS = {"native": "mavsdk", "mavsdk_grpc": "mavsdk_grpc"}
 
 
 def is_missing(way: str) -> bool:
-    """Whether the package that a way needs is not installed."""
+    """Returns whether the package that a way needs is not installed."""
     return way in NEEDS and find_spec(NEEDS[way]) is None

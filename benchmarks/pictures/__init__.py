@@ -1,1 +1,1 @@
-"""What pictures cost a flight: ``python -m benchmarks.pictures``."""
+"""Cost of pictures for a flight: ``python -m benchmarks.pictures``."""

@@ -1,4 +1,4 @@
-"""What pictures cost a flight: ``python -m benchmarks.pictures``.
+"""Cost of pictures for a flight: ``python -m benchmarks.pictures``.
 
 A light UAV is flown by setpoints at 50 Hz, without pictures and with ten of 1 MB a second to each of two programs, in
 turns. How late setpoints come is printed with PASS or FAIL (exit status 1 where a target is missed).
@@ -32,7 +32,7 @@ _MEGA = 1e-6
 
 
 class Part(NamedTuple):
-    """What was measured of one part of a round."""
+    """Measurements of one part of a round."""
 
     late_ms: Sequence[float]
     lost: int
@@ -40,7 +40,7 @@ class Part(NamedTuple):
 
 
 class Pictures(NamedTuple):
-    """What the programs got."""
+    """Pictures that the programs received."""
 
     rate_hz: Sequence[float]
     took_ms: Sequence[float]

@@ -1,4 +1,4 @@
-"""How late a setpoint is, from just before the call in the program to the wire: by the node, `ual.Uav`, and MAVROS."""
+"""Lateness of a setpoint, from just before the call in the program to the wire: by the node, `ual.Uav`, and MAVROS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the node costs: its share of a core and its memory, for light UAVs that tell and are flown at 50 Hz."""
+"""Cost of the node: its share of a core and its memory, for light UAVs that publish and are flown at 50 Hz."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What callers do beside a flight: they come and go, are cut off, and ask for what cannot be."""
+"""Disturbances by other callers during a flight: they come and go, are cut off, and ask for the impossible."""
 
 from __future__ import annotations
 

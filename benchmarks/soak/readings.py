@@ -1,4 +1,4 @@
-"""What the system says of a process, and whether it stayed flat."""
+"""Readings of a process from the system, and whether they stayed flat."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LIMIT_MIB = 1.0
 _WINDOW_S = 60.0
 """Memory is judged by the medians of a minute: a call that is under way when it is read is no growth."""
 _SPREAD_COUNT = 12
-"""So many threads or descriptors may come and go with calls."""
+"""Threads or descriptors that may come and go with calls."""
 
 
 class Measured(Protocol):

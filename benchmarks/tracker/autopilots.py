@@ -35,7 +35,7 @@ TURN_RAD = math.pi / 2
 LOW_M = 3.0
 _PATIENCE_S = 90.0
 _AFTER_S = 5.0
-"""How long each flight is recorded after it came near its goal; then the next one begins."""
+"""Seconds for which each flight is recorded after it came near its goal; then the next one begins."""
 _LONGEST_S = 60.0
 
 

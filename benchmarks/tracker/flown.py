@@ -15,7 +15,7 @@ _SAME_M = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the UAV was, by the autopilot's estimate, and where its reference was (None: no reference); metres.
+    """Position of the UAV by the autopilot's estimate, and position of its reference (None: no reference); metres.
 
     `true_position` is where its simulator says that it was (None: it does not say so), in axes of its own.
     """

@@ -28,7 +28,7 @@ FIGURES: Mapping[str, Figure] = {
 TRUE_FIGURES: Mapping[str, Figure] = {
     name: FIGURES[name] for name in ("widest from the line, m", "rms, m", "overshoot, m")
 }
-"""Those that make sense by the simulator's truth."""
+"""Figures that make sense by the simulator's truth."""
 
 
 def of_light(

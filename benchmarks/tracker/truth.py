@@ -1,4 +1,4 @@
-"""Where a simulated UAV really is: the simulator says so over MAVLink, beside what the autopilot estimates."""
+"""True pose of a simulated UAV: the simulator reports it over MAVLink, beside the autopilot's estimate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How well a real autopilot, in its simulator that already runs, goes where commanded velocities lead.
+"""Accuracy with which a real autopilot, in its running simulator, follows commanded velocities.
 
 python -m benchmarks.tracker.velocities [--only px4|ardupilot] [--runs N] [--case NAME] [--raw FILE]
 
@@ -96,7 +96,7 @@ CASES: Mapping[str, Case] = {
 
 
 class Seen(NamedTuple):
-    """Where the UAV was `time_s` after the velocity began: estimated, truly, and where that velocity leads."""
+    """Positions `time_s` after the velocity began: estimated, true, and the one to which that velocity leads."""
 
     time_s: float
     commanded: Vector3
@@ -109,7 +109,7 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class Figures:
-    """How far off one run was, in metres; `made` is the way along the velocity as a part of the expected way."""
+    """Errors of one run, in metres; `made` is the distance along the velocity as a part of the expected distance."""
 
     beside_m: float
     height_m: float
@@ -144,7 +144,7 @@ class Recorder:
         self._expected: tuple[ExpectedMotion, ExpectedMotion] | None = None
         self._offset, self._begun_s, self._last_s = Vector3(), 0.0, 0.0
         self.commanded: Vector3 | None = None
-        """What is commanded now; None while something else is flown."""
+        """Commanded velocity now; None while something else is flown."""
         self.seen: list[Seen] = []
         uav.ual.vehicle.observe_setpoints(self._hear)
         uav.ual.subscribe(self._note)
