@@ -21,7 +21,7 @@ from examples.tracks import Tracks
 HEIGHT_M = 2.0
 SPEED_M_S = 0.8
 APART_M = 1.5
-"""What they try to keep. It has room for what a UAV flies on while it turns to a new velocity."""
+"""Distance that they try to keep, in metres. It has room for what a UAV flies on while it turns to a new velocity."""
 NEAR_M = 0.2
 OLD_S = 0.5
 """A UAV that has heard nothing of another one for so long stops."""

@@ -24,7 +24,7 @@ TIP_M = 0.4
 STANDOFF_M = 1.0
 APPROACH_M_S, RETREAT_M_S = 0.15, 0.4
 REACH_M = 0.15
-"""How far behind the face an approach gives up: the bridge is not where it was said to be."""
+"""Metres behind the face at which an approach gives up: the bridge is not at its known position."""
 HOLD_S = 2.0
 TRIES = 3
 POINTS = ((-1.0, 2.0), (0.0, 2.5), (1.0, 2.0))
@@ -32,10 +32,10 @@ POINTS = ((-1.0, 2.0), (0.0, 2.5), (1.0, 2.0))
 
 
 class Touch(Protocol):
-    """What feels contact."""
+    """Sensor of contact."""
 
     def is_touching(self, tip: ual.Vector3) -> bool:
-        """Whether the tip touches now. `tip` is where it is, in the face's frame; a sensor need not know it."""
+        """Returns whether the tip touches now. `tip` is where it is, in the face's frame; a sensor need not know it."""
 
 
 @dataclass

@@ -14,7 +14,7 @@ DURATION_S = 5.0
 
 
 def measure() -> ual.PoseStamped:
-    """Where the UAV is, in the frame of the measuring system: here always the same place, just now.
+    """Returns the UAV's pose in the frame of the measuring system: here always the same position, just now.
 
     Give `ual.PoseStamped` a `stamp_s` (UTC) where the system says when it measured, or takes long.
     """

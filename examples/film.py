@@ -28,7 +28,7 @@ START_M = (6.0, 0.0)
 HEIGHTS_M = (2.0, 3.0)
 
 Shot = Callable[[float], tuple[float, float]]
-"""Where a camera is at a share of the shot, along x (ahead of the car) and y (left of it)."""
+"""Position of a camera at a share of the shot, along x (ahead of the car) and y (left of it)."""
 
 
 def circle(begin_rad: float) -> Shot:

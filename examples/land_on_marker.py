@@ -28,7 +28,7 @@ detector: Any = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.ar
 
 
 def find(image: Image) -> ual.Vector3:
-    """Where the marker is on the ground, in odom: on the ray through its centre in the picture."""
+    """Returns the marker's position on the ground, in odom: on the ray through its centre in the picture."""
     picture: Any = cv2.imdecode(np.frombuffer(image.data, np.uint8), cv2.IMREAD_GRAYSCALE)
     corners, ids, _ = detector.detectMarkers(picture)
     if ids is None:

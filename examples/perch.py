@@ -17,7 +17,7 @@ from examples.together import land_if_flying, next_in_flight, parser
 from examples.tracks import Tracks
 
 ABOVE_M = 1.5
-"""Where an approach begins, above the pipe."""
+"""Metres above the pipe at which an approach begins."""
 FOOT_M = 0.2
 """From the pipe to the body that sits on it."""
 NEAR_M, ASIDE_M = 0.5, 0.25
@@ -37,7 +37,7 @@ def velocity(here: ual.Vector3) -> ual.Vector3:
 
 
 def is_to_break_off(here: ual.Vector3) -> bool:
-    """Whether it is beside the pipe, and so near that it could hit it."""
+    """Returns whether it is beside the pipe, and so near that it could hit it."""
     return here.z - FOOT_M < NEAR_M and here.horizontal_norm() > ASIDE_M
 
 

@@ -1,4 +1,4 @@
-"""What the use cases share: their options, a team that lands whatever fails, and telemetry while a UAV is flown."""
+"""Common part of the use cases: their options, a team that lands whatever fails, and telemetry while a UAV is flown."""
 
 from __future__ import annotations
 

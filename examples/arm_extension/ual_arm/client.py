@@ -13,7 +13,7 @@ from ual_arm.v1 import arm_pb2 as pb
 from ual_arm.v1.arm_pb2_grpc import ArmServiceStub
 
 _LONGEST_S = 60.0
-"""How long a movement may take."""
+"""Most seconds of a movement."""
 
 
 class ArmClient(Arm):

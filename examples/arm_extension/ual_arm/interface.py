@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Joints:
-    """Where the joints are, in radians, positive downwards; zero is straight ahead."""
+    """Angles of the joints, in radians, positive downwards; zero is straight ahead."""
 
     shoulder_rad: float
     elbow_rad: float

@@ -21,7 +21,7 @@ class Joint:
 
     @property
     def arrives_s(self) -> float:
-        """When it is there."""
+        """Time of its arrival."""
         return self.began_s + abs(self.goal_rad - self.start_rad) / self.speed_rad_s
 
     def at(self, time_s: float) -> float:
@@ -45,7 +45,7 @@ class Motion:
 
     @property
     def arrives_s(self) -> float:
-        """When both are there."""
+        """Time at which both have arrived."""
         return max(self.shoulder.arrives_s, self.elbow.arrives_s)
 
     def at(self, time_s: float) -> Joints:

@@ -20,7 +20,9 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Packet:
-    """What it sends 50 times a second. Positions are north, east, down (m); headings are clockwise from north."""
+    """Message that it sends 50 times a second. Positions are north, east, down (m); headings are clockwise from
+    north.
+    """
 
     time_s: float
     mode: str
@@ -34,7 +36,7 @@ class Packet:
 
 @dataclass(frozen=True)
 class Answer:
-    """What it sends after a command: the command, and ``ok``, or the reason of a refusal."""
+    """Answer after a command: the command, and ``ok``, or the reason of a refusal."""
 
     command: str
     text: str
@@ -42,7 +44,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Target:
-    """What it is to follow: a position (or none), and the motion there."""
+    """Target that it is to follow: a position (or none), and the motion there."""
 
     velocity: Triple
     yaw_rate_deg_s: float

@@ -1,4 +1,4 @@
-"""What the backend does on its thread: takes what the autopilot sends, and sends what is due."""
+"""Session of the backend on its thread: takes messages of the autopilot, and sends messages that are due."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from ual_daemon.backends.values import (
 from ual_hover.autopilot import Answer, Autopilot, Packet, Triple
 
 CONTROLS = {"follow": Control.REFERENCES, "land": Control.LAND}
-"""Whose references it follows in which mode. In the others: its own."""
+"""Controller of each mode. In the others: its own."""
 
 
 class Session:
