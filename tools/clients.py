@@ -25,7 +25,7 @@ INTERFACE = CLIENT / "interface.py"
 
 
 class _Way(NamedTuple):
-    """How a client sends a call of some kind, and how a team gives it to its UAVs."""
+    """Calls of one kind: how a client sends them, and how a team passes them to its UAVs."""
 
     send: str
     give: str = ""
@@ -119,7 +119,7 @@ def _is_view(member: _Member) -> bool:
 
 
 def _given_by(member: _Member) -> str:
-    """How a team gives a member to its UAVs; empty where a team has no such member."""
+    """Returns the method by which a team passes a member to its UAVs; empty where a team has no such member."""
     if member.name in MEMBERS:
         return _WAYS[MEMBERS[member.name]].give
     return "ask" if _is_view(member) else _OF_UAV_BY_HAND.get(member.name, "")
@@ -232,7 +232,7 @@ T = TypeVar("T")
 '''
 _SYNC_UAV = '''
 class UavMembers(interface.Uav):
-    """Those of `ual.Uav`."""
+    """Members of `ual.Uav`."""
 
     _connection: Connection
     _setpoints: Setpoints
@@ -244,7 +244,7 @@ class UavMembers(interface.Uav):
 '''
 _SYNC_SIMULATION = '''
 class SimulationMembers(interface.Simulation):
-    """Those of `ual.Uav.simulation`."""
+    """Members of `ual.Uav.simulation`."""
 
     _connection: Connection
 '''
@@ -263,7 +263,7 @@ T = TypeVar("T")
 '''
 _SYNC_TEAM = '''
 class TeamMembers(ABC):
-    """Those of `ual.Team`."""
+    """Members of `ual.Team`."""
 
     _team: aio.Team
 
@@ -289,7 +289,7 @@ T = TypeVar("T")
 '''
 _AIO_UAV = '''
 class UavMembers(ABC):
-    """Those of `ual.aio.Uav`."""
+    """Members of `ual.aio.Uav`."""
 
     _connection: Connection
     _setpoints: Setpoints
@@ -301,7 +301,7 @@ class UavMembers(ABC):
 '''
 _AIO_SIMULATION = '''
 class SimulationMembers:
-    """Those of `ual.aio.Uav.simulation`."""
+    """Members of `ual.aio.Uav.simulation`."""
 
     _connection: Connection
 '''
@@ -320,7 +320,7 @@ T = TypeVar("T")
 '''
 _AIO_TEAM = '''
 class TeamMembers(ABC):
-    """Those of `ual.aio.Team`."""
+    """Members of `ual.aio.Team`."""
 
     @abstractmethod
     async def ask(self, call: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:

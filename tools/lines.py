@@ -24,14 +24,14 @@ _HEAD_BYTES = 400
 
 
 def is_product(path: str) -> bool:
-    """Whether a path of the repository belongs to the product, by its name alone."""
+    """Returns whether a path of the repository belongs to the product, by its name alone."""
     parts = PurePosixPath(path).parts
     in_room = any(path.startswith(f"{room}/") for room in ROOMS)
     return in_room and path.endswith(SUFFIXES) and not _BESIDE.intersection(parts) and not _STUBS.search(path)
 
 
 def is_generated(content: bytes) -> bool:
-    """Whether a tool has written a file."""
+    """Returns whether a tool has written a file."""
     return _WRITTEN_BY_A_TOOL.search(content[:_HEAD_BYTES]) is not None
 
 

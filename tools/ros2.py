@@ -38,14 +38,14 @@ _BUILDING = (
     "rosidl-default-runtime",
     "rosidl-dynamic-typesupport-fastrtps",
 )
-"""What the wheels need to build interfaces, and do not name."""
+"""Packages that the wheels need to build interfaces, and do not name."""
 _BUILDING_ONLY = {
     "jazzy": ("domain-coordinator", "fastrtps-cmake-module", "python-cmake-module"),
     "kilted": ("ament-cmake-ros-core", "rmw-test-fixture-implementation"),
 }
 _OTHERS = ("empy==3.3.4", "catkin_pkg", "pytest", "pytest-timeout", "hypothesis")
 _BUILT_WITH = "/opt/python/cp{0}{1}-cp{0}{1}"
-"""Where the Python is with which the wheels were built: their files for CMake name it."""
+"""Path of the Python with which the wheels were built: their files for CMake name it."""
 _VARIABLES = """\
 import json, sys
 from ual_tools.ros2 import found, interfaces

@@ -134,7 +134,7 @@ def status(address: str) -> str:
 
 
 def is_running(ns: str, directory: str) -> bool:
-    """Whether a daemon holds the lock of a namespace, as in `ual.discovery`."""
+    """Returns whether a daemon holds the lock of a namespace, as in `ual.discovery`."""
     try:
         handle = os.open(f"{directory}/{ns}.lock", UNTRUSTED)
     except OSError:
@@ -173,7 +173,7 @@ def registered(file: str, user: str) -> tuple[str, int] | None:
 
 
 def has_process(pid: int) -> bool:
-    """Whether a process is there, whoever has it."""
+    """Returns whether a process is there, whoever has it."""
     try:
         os.kill(pid, 0)
     except PermissionError:
@@ -193,7 +193,7 @@ def address_of(ns: str, files: list[str], directory: str) -> str | None:
 
 
 def is_serving(address: str) -> bool:
-    """Whether the daemon at an address says that it serves."""
+    """Returns whether the daemon at an address says that it serves."""
     try:
         said = status(address)
     except (OSError, ValueError) as error:

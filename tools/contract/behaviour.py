@@ -1,4 +1,4 @@
-"""What a service does, as it is written by hand in the daemon: the class ``VehicleX`` of the part ``X``."""
+"""Handwritten behaviour of a service in the daemon: the class ``VehicleX`` of the part ``X``."""
 
 from __future__ import annotations
 
@@ -34,20 +34,19 @@ class Behaviour:
         return self.methods[member.name]
 
     def waits(self, member: Member) -> bool:
-        """Whether it returns a future."""
+        """Returns whether it returns a future."""
         returned = self.method(member).returns
         return returned is not None and ast.unparse(returned).startswith("Future[")
 
     def is_in_thread(self, member: Member) -> bool:
-        """Whether it is declared to take long before it returns, and so to be called beside the event loop."""
+        """Returns whether it is declared to take long before it returns, and so to be called beside the event loop."""
         return any(ast.unparse(each) == "in_thread" for each in self.method(member).decorator_list)
 
     def takes_lease(self, member: Member) -> bool:
-        """Whether it takes the lease of its caller, as the contract says of the method.
+        """Returns whether it takes the lease of its caller, as the contract says of the method.
 
         Raises:
             SystemExit: It does not agree with the contract.
-
         """
         arguments = self.method(member).args
         takes = "lease_id" in {each.arg for each in (*arguments.args, *arguments.kwonlyargs)}
@@ -71,7 +70,7 @@ class Behaviour:
 
     @property
     def path(self) -> Path:
-        """Where it is."""
+        """Path of the module."""
         return ROOT / f"{self.module.replace('.', '/')}.py"
 
 

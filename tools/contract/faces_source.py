@@ -43,7 +43,7 @@ def source(parts: Sequence[Part]) -> str:
 
 
 def _all(owners: Collection[Part], done: Mapping[str, Behaviour]) -> str:
-    """What all of them need of a vehicle, and the members of `ual_daemon.UAL` that return them."""
+    """Returns the class of all services' needs of a vehicle, and the members of `ual_daemon.UAL` that return them."""
     vehicles = ", ".join(sorted({each.vehicle for each in done.values()} - {"ServedVehicle"}))
     made = "".join(
         f"        self.{each.module} = {each.name}(vehicle{', lease_id' * done[each.service].is_leased})\n"
@@ -57,7 +57,7 @@ def _all(owners: Collection[Part], done: Mapping[str, Behaviour]) -> str:
     return f'''
 
 class ShippedVehicle({vehicles}, Protocol):
-    """What all services need of their UAV."""
+    """Needs of all services of their UAV."""
 
 
 class Parts:

@@ -78,7 +78,7 @@ class Part:
 
     @property
     def module(self) -> str:
-        """What its modules are called."""
+        """Name of its modules."""
         return snake(self.name)
 
 

@@ -1,4 +1,4 @@
-"""How the arguments of a member become the fields of a request, and back; and how a response becomes a result."""
+"""Conversion of a member's arguments into the fields of a request, and back; and of a response into a result."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ SPECIAL = ROOT / "clients" / "python" / "ual" / "wire" / "requests.py"
 
 
 def is_special(member: Member) -> bool:
-    """Whether the request of a member is made and read by hand."""
+    """Returns whether the request of a member is made and read by hand."""
     assert member.method is not None
     return f"{snake(member.method.name)}_arguments" in functions(parsed(SPECIAL))
 
 
 @dataclass(frozen=True)
 class Result:
-    """How a result is packed, as an expression of ``result``, and read, as a function of the response."""
+    """Code of a result: packing, as an expression of ``result``, and reading, as a function of the response."""
 
     pack: str
     read: str

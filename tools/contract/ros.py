@@ -1,4 +1,4 @@
-"""What follows from the contract for ROS 2: ``ual_msgs``, and the code of ``ual_ros2`` that fills and reads it."""
+"""Output from the contract for ROS 2: ``ual_msgs``, and the code of ``ual_ros2`` that fills and reads it."""
 
 from __future__ import annotations
 

@@ -24,13 +24,13 @@ _FIELDS = (
     "Fields", "angle_range", "geo_point_fields", "in_bytes", "key_values", "name_of", "named", "names_of", "none_of",
     "point_stamped", "quaternion", "ratio", "read_all", "read_geo_point", "stamp", "transform", "vector",
 )  # fmt: skip
-"""What ``ual_ros2.beside.fields`` has."""
+"""Names of ``ual_ros2.beside.fields``."""
 _READING = (
     "error_of", "finite", "fix", "in_mib", "intrinsics", "link_of", "number", "orientation", "parameter_value", "path",
     "percent", "point_of", "pose_stamped", "read_angle_range", "read_viewpoint", "transform_stamped",
     "twist_stamped",
 )  # fmt: skip
-"""What ``reading`` of the tests has."""
+"""Names of ``reading`` in the tests."""
 _BY_HAND = ("GeoPoint",)
 """Messages whose code is in ``ual_ros2.beside.fields``: a pair of numbers in Python."""
 
@@ -202,13 +202,13 @@ from ual_msgs import action, srv
 from ual_ros2.command import Service
 
 FLYING: Final = ({flying})
-"""Those that fly, and those that ask about a flight."""
+"""Services of flights, and questions about a flight."""
 TASKS: Final = ({tasks})
 """The actions that fly. Their names are those of services: ROS keeps the two apart."""
 SERVICES: Final = ({ours})
-"""Those beside flying."""
+"""Services other than flying."""
 SIMULATION: Final = ({world})
-"""Those that a simulated UAV has beside."""
+"""Additional services of a simulated UAV."""
 '''
     )
 
@@ -253,7 +253,7 @@ def _client_values(structs: Sequence[Struct], served: Sequence[Served]) -> str:
         *(_read(each) for each in structs if not each.is_asked),
         *(_asked(each) for each in served if each.member and each.is_whole and _is_asked(each)),
     ]
-    return _module("What the tests' program in ROS asks and reads.", "\n\n".join(body), structs)
+    return _module("Requests and answers of the tests' program in ROS.", "\n\n".join(body), structs)
 
 
 def _is_asked(served: Served) -> bool:

@@ -12,7 +12,7 @@ from tools.contract.comments import comments as comments_of
 
 WIDTH = 120
 COLUMN = 27
-"""Where a comment begins beside a field."""
+"""Column at which a comment beside a field begins."""
 BY_TOOL = "# `make proto` writes this file: do not edit."
 
 

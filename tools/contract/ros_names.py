@@ -1,4 +1,4 @@
-"""What ROS has otherwise than by the rules: names of UAL for ROS 1, messages of ROS' own, and names that are older.
+"""Exceptions of ROS from the rules: names of UAL for ROS 1, messages of ROS' own, and older names.
 
 A new message, field or method needs no line here.
 """
@@ -494,7 +494,7 @@ NO_TASKS = ("GetTask", "WatchTask")
 """Methods that tell of a task, and begin none."""
 ONLY_ACTIONS = ("FollowPath",)
 ONLY_ACTION = ("non_blocking", "dry_run", "force", "max_speed", "has_yaw", "yaw")
-"""What a task is given by its action only: the service has what that of UAL for ROS 1 has."""
+"""Fields of a task that only its action has: the service has those of UAL for ROS 1."""
 BLOCKING = Item("bool", "blocking", comment="answer when it has ended, instead of when it has begun")
 NOT_OF_ACTION = ("non_blocking",)
 FEEDBACK = (
@@ -504,7 +504,7 @@ FEEDBACK = (
     Item("float64", "progress", comment="0 to 1; NaN where it cannot be told"),
     Item("bool", "is_paused", comment="stopped on its way by `pause`"),
 )
-"""What an action tells while a task runs."""
+"""Feedback of an action while a task runs."""
 FEEDBACK_OF = {
     "FollowPath": (
         Item("int32", "waypoint_index", comment="of the pose that it flies to, from 0; -1 where it cannot be told"),

@@ -1,4 +1,4 @@
-"""By which rules a field of the contract becomes fields of ROS, and code that fills and reads them.
+"""Rules by which a field of the contract becomes fields of ROS, and code that fills and reads them.
 
 A part is what ROS has of one field of a message. Its expressions are templates: ``{name}`` is an attribute or an
 argument of Python, ``{self}`` the value that has them, and ``{m}`` the message of ROS.
@@ -49,7 +49,7 @@ _TYPES = {
     FieldDescriptor.TYPE_UINT64: "uint64",
 }
 _EMPTY = {"float64": "math.nan", "string": '""', "uint32": "0"}
-"""What is told of a message that is lacking, and stands flat in another one."""
+"""Values for a message that is lacking, and stands flat in another one."""
 NUMBERED = ("AltitudeReference", "PathHeading")
 """Enums that are constants in ROS, as in UAL for ROS 1. Of all others ROS has the names."""
 _GEOMETRY = {
@@ -65,11 +65,11 @@ _GEOMETRY = {
     ),
     "AngleRange": ("float64[2]", "angle_range({x})", "read_angle_range({f})"),
 }
-"""What ROS has of its own, and arrays."""
+"""Messages that ROS has of its own, and arrays."""
 _ALWAYS = {"Quaternion": "values.quaternion({f})", "PointStamped": "values.point_stamped({f})"}
-"""How one that is never lacking is read."""
+"""Reading of values that are never lacking."""
 _LACKING = {"Quaternion": "zeros", "AngleRange": "NaN", "PointStamped": "an empty frame_id"}
-"""What is told where one of these is lacking."""
+"""Sign that one of these is lacking."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,9 @@ class Item:
 
 @dataclass(frozen=True)
 class Part:
-    """What ROS has of a field: its fields, and what is read from them, as attributes and expressions."""
+    """Part of a ROS message that stands for one field: its fields, and the attributes and expressions that read
+    them.
+    """
 
     items: tuple[Item, ...] = ()
     reads: tuple[tuple[str, str], ...] = ()

@@ -59,7 +59,7 @@ class Served:
     response_items: tuple[Item, ...]
     service: str
     member: str
-    """What it calls, as ``uav.gripper.grip``; empty: by hand."""
+    """Member that it calls, as ``uav.gripper.grip``; empty: by hand."""
     arguments: tuple[tuple[str, str], ...]
     constants: tuple[str, ...]
     frames: tuple[str, ...]

@@ -24,7 +24,7 @@ MODULES = {
     "parameters": ("ual.parameters.values",),
     "ual": ("ual.types", "ual.geometry"),
 }
-"""Where the values of a file of the contract are, where that is not the module of its name."""
+"""Modules with the values of a file of the contract, where they are not the module of its name."""
 NOT_GIVEN = ("blocking", "timeout_s")
 """Arguments of `ual.Uav` that say how a call waits."""
 _OTHER_NAMES = {"GetInfoResponse": "Info", "HoldItem": "HoldTime", "MissionItem": "Item"}
@@ -32,7 +32,7 @@ _OTHER_NAMES = {"GetInfoResponse": "Info", "HoldItem": "HoldTime", "MissionItem"
 
 @dataclass(frozen=True)
 class Hint:
-    """What an attribute or an argument is: whether it may be None, whether there are several, and of which type."""
+    """Type of an attribute or an argument: whether it may be None, whether there are several, and of which type."""
 
     is_optional: bool
     container: type | None

@@ -74,18 +74,18 @@ class MessageValue:
 
     @property
     def annotation(self) -> str:
-        """What it is called in annotations."""
+        """Name in annotations."""
         return f"tuple[{', '.join(each.annotation for each in self.fields)}]" if self.is_tuple else self.name
 
     @property
     def codec(self) -> str:
-        """How the functions begin that write and read it."""
+        """Prefix of the functions that write and read it."""
         return f"{'_' * self.is_tuple}{snake(self.name)}"
 
 
 @dataclass(frozen=True)
 class Values:
-    """What follows from a file."""
+    """Values that follow from a file."""
 
     file: str
     text: str
@@ -189,7 +189,7 @@ class _Reader:
 
 
 class _Made:
-    """How one field is declared, written and read."""
+    """Code of one field: its declaration, writing and reading."""
 
     def __init__(self, reader: _Reader, part: FieldDescriptorProto, facts: Any) -> None:  # noqa: ANN401
         self._reader = reader

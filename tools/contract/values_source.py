@@ -10,7 +10,7 @@ from tools.contract.values import EnumValue, MessageValue, Values
 from tools.contract.words import docstring
 
 BASES = ROOT / "clients" / "python" / "ual" / "contract" / "_bases.py"
-"""What values do beside holding their fields, by hand: the class ``XBase`` is a base of the value ``X``."""
+"""Bases of values, written by hand: the class ``XBase`` is a base of the value ``X``."""
 
 
 def source(values: Values) -> str:

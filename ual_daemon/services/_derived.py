@@ -371,7 +371,7 @@ class Parameters(interface.Parameters):
 
 
 class ShippedVehicle(CommandedVehicle, EquippedVehicle, FencedVehicle, GimbalVehicle, LocatedVehicle, Protocol):
-    """What all services need of their UAV."""
+    """Needs of all services of their UAV."""
 
 
 class Parts:

@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class UavMembers(interface.Uav):
-    """Those of `ual.Uav`."""
+    """Members of `ual.Uav`."""
 
     _connection: Connection
     _setpoints: Setpoints
@@ -117,7 +117,7 @@ class UavMembers(interface.Uav):
 
 
 class SimulationMembers(interface.Simulation):
-    """Those of `ual.Uav.simulation`."""
+    """Members of `ual.Uav.simulation`."""
 
     _connection: Connection
 

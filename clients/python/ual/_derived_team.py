@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class TeamMembers(ABC):
-    """Those of `ual.Team`."""
+    """Members of `ual.Team`."""
 
     _team: aio.Team
 

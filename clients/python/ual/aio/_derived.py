@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class UavMembers(ABC):
-    """Those of `ual.aio.Uav`."""
+    """Members of `ual.aio.Uav`."""
 
     _connection: Connection
     _setpoints: Setpoints
@@ -321,7 +321,7 @@ class UavMembers(ABC):
 
 
 class SimulationMembers:
-    """Those of `ual.aio.Uav.simulation`."""
+    """Members of `ual.aio.Uav.simulation`."""
 
     _connection: Connection
 

@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class TeamMembers(ABC):
-    """Those of `ual.aio.Team`."""
+    """Members of `ual.aio.Team`."""
 
     @abstractmethod
     async def ask(self, call: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:

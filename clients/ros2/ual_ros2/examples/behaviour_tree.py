@@ -30,7 +30,7 @@ PERIOD_S = 0.1
 
 
 def heard(kind, topic, qos, field):
-    """What is told on a topic, as a variable of the blackboard."""
+    """Returns a behaviour that keeps a topic's last message as a variable of the blackboard."""
     return py_trees_ros.subscribers.ToBlackboard(
         name=topic, topic_name=f"{NS}/{topic}", topic_type=kind, qos_profile=qos, blackboard_variables={topic: field}
     )

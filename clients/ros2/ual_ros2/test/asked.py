@@ -1,4 +1,4 @@
-"""What a UAV tells on topics that keep their last message: who it is, where it may fly, and who flies it."""
+"""Data of a UAV on topics that keep their last message: its info, its fence, and its controller."""
 
 from __future__ import annotations
 

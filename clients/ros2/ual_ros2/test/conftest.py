@@ -51,7 +51,7 @@ ARMED_FAST = ("--auto-arm", "--set", "light.speed_factor=4")
 
 
 class Processes:
-    """What a test has started."""
+    """Processes that a test has started."""
 
     def __init__(self, stack: ExitStack, directory: Path) -> None:
         self._stack = stack
@@ -96,7 +96,7 @@ ROS_ONLY = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH")
 
 
 def is_registered(ns: str, process: subprocess.Popen[bytes]) -> bool:
-    """Whether the daemon of a name can be found."""
+    """Returns whether the daemon of a name can be found."""
     found = discovery.registered(ns)
     return found is not None and found.pid == process.pid
 

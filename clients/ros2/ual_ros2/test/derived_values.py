@@ -1,4 +1,4 @@
-"""What the tests' program in ROS asks and reads.
+"""Requests and answers of the tests' program in ROS.
 
 ``make proto`` writes this file: do not edit it.
 """

@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from tf2_msgs.msg import TFMessage
 
 LIMIT_S = 90.0
-"""How long is waited at most: a busy machine needs it."""
+"""Seconds of the longest wait: a busy machine needs it."""
 AGAIN_S = 5.0
 """After so long without an answer a request that may come twice is sent again."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

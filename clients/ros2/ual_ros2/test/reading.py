@@ -88,7 +88,7 @@ def transform_of(message: Any) -> ual.Transform:
 
 
 def link_of(frame: Any) -> ual.Transform | None:
-    """Where a Frame lies in its parent, where that is known."""
+    """Returns the pose of a Frame in its parent, where that is known."""
     there = frame.transform
     where, turn = values.vector(there.translation), values.quaternion(there.rotation)
     return ual.Transform(where, turn, frame.parent_frame_id, frame.frame_id) if frame.is_known else None

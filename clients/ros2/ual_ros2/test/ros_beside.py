@@ -1,4 +1,4 @@
-"""What a UAV has beside flying, by ROS only: the part of `ros_uav.RosUav` that follows from the contract.
+"""Services of a UAV other than flying, by ROS only: the part of `ros_uav.RosUav` that follows from the contract.
 
 By hand stands what ROS has in another form: topics, actions, files, and lists that come in parts.
 """
@@ -149,14 +149,14 @@ class RosGimbal(Part):
 
 
 class RosGripper(Part):
-    """What is carried."""
+    """Grippers, winches, servos and relays."""
 
     def get_all(self) -> Equipment:
         return equipment_of(self._asking.ask(srv.ListEquipment, "list_equipment").devices)
 
 
 def equipment_of(devices: Any) -> Equipment:
-    """What a list of devices tells."""
+    """Returns the equipment of a list of devices."""
 
     def made(kind: str, make: Callable[[Any], Any]) -> tuple[Any, ...]:
         return tuple(make(each) for each in devices if each.kind == kind)

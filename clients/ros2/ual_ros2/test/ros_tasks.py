@@ -20,11 +20,10 @@ AGAIN_S = 0.02
 
 
 def info_of(call: Call, task_id: str) -> ual.TaskInfo:
-    """What the node tells of a task.
+    """Returns the node's info about a task.
 
     Raises:
         InvalidArgumentError: There is no such task.
-
     """
     return read_task(call(srv.GetTask, "get_task", task_id=task_id).task)
 
@@ -93,7 +92,7 @@ class Manoeuvre(KnownTask):
 
     @property
     def result(self) -> Any:
-        """What it ended with."""
+        """Result of the manoeuvre."""
         return self._end.result().result
 
     def done(self) -> bool:
@@ -156,7 +155,7 @@ class Manoeuvre(KnownTask):
 
 
 def ends_within(done: Callable[[], bool], time_s: float) -> bool:
-    """Whether something has ended in time."""
+    """Returns whether something has ended in time."""
     deadline_s = time.monotonic() + time_s
     while not done() and time.monotonic() < deadline_s:
         time.sleep(0.005)

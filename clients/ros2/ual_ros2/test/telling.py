@@ -1,4 +1,4 @@
-"""What a UAV tells in ROS, put together: samples from the topics, and the frames of tf."""
+"""Telemetry of a UAV in ROS, put together: samples from the topics, and the frames of tf."""
 
 from __future__ import annotations
 

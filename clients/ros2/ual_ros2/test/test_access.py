@@ -24,7 +24,7 @@ UAL = "/uav_1/ual"
 
 
 class Team(NamedTuple):
-    """Where the UAV is, and the files of the program that flies it."""
+    """Address of the UAV, and the files of the program that flies it."""
 
     address: str
     directory: Path

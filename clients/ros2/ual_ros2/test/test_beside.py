@@ -1,4 +1,6 @@
-"""What a light UAV has beside flying: topics that tell while they are heard, and the services of its simulation."""
+"""Services of a light UAV other than flying: topics that publish while they have subscribers, and the services of its
+simulation.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an autopilot keeps, over ROS: missions, the fence, logs.
+"""Data kept by an autopilot, over ROS: missions, the fence, logs.
 
 The autopilot is one of UAL's own tests, so this needs a checkout.
 """

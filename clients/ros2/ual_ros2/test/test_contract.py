@@ -1,4 +1,6 @@
-"""What ROS has beside the paper's services: refusals told, dry runs, tasks, frames, routes, and what a UAV is."""
+"""Services of ROS in addition to the paper's: explained refusals, dry runs, tasks, frames, routes, and the UAV's
+info.
+"""
 
 from __future__ import annotations
 

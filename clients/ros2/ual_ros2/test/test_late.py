@@ -1,4 +1,4 @@
-"""What comes late: sent to a node that stood still, kept by its publisher, or stamped for another time.
+"""Late messages: sent to a node that stood still, kept by its publisher, or stamped for another time.
 
 The node's clocks are those of `late_node`: no test waits for time to pass.
 """
@@ -75,7 +75,7 @@ def node(processes: Processes, tmp_path: Path) -> Iterator[LateNode]:
 
 @pytest.fixture
 def told(client: Client) -> list[DiagnosticArray]:
-    """What the diagnostics have said."""
+    """Diagnostics so far."""
     return client.hear(DiagnosticArray, f"{UAL}/health", 10)
 
 

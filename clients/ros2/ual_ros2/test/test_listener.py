@@ -41,7 +41,7 @@ def node() -> Iterator[Any]:
 
 
 class Heard:
-    """What came, and on which thread."""
+    """Received messages, and the thread of each."""
 
     def __init__(self) -> None:
         self.numbers: list[float] = []

@@ -1,4 +1,4 @@
-"""What is lost, ends, or jumps: the node, a daemon, the lease, the lifecycle's states, ROS' clock."""
+"""Losses, ends and jumps: the node, a daemon, the lease, the lifecycle's states, ROS' clock."""
 
 from __future__ import annotations
 
@@ -216,7 +216,7 @@ class JumpingClock:
         return message
 
     def is_stamped(self, poses: list[PoseStamped]) -> bool:
-        """Whether the newest pose has this time."""
+        """Returns whether the newest pose has this time."""
         return bool(poses) and abs(poses[-1].header.stamp.sec - self.now_s) < 3
 
 

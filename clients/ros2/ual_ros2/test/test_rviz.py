@@ -1,4 +1,4 @@
-"""What rviz2 is told to show is what the node publishes: topics, types, quality of service and frames."""
+"""Displays of rviz2 show what the node publishes: topics, types, quality of service and frames."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SHOWN = {
     "rviz_default_plugins/Pose": "geometry_msgs/msg/PoseStamped",
     "rviz_default_plugins/Path": "nav_msgs/msg/Path",
 }
-"""What each display of rviz_default_plugins hears."""
+"""Message type of each display of rviz_default_plugins."""
 RELIABILITIES = {"Best Effort": ReliabilityPolicy.BEST_EFFORT, "Reliable": ReliabilityPolicy.RELIABLE}
 DURABILITIES = {"Transient Local": DurabilityPolicy.TRANSIENT_LOCAL, "Volatile": DurabilityPolicy.VOLATILE}
 

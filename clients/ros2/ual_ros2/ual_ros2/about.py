@@ -20,11 +20,11 @@ from ual_ros2.refusals import Refusals
 from ual_ros2.ros_time import RosTime
 
 LOOK_S = 1.0
-"""How often the daemon is asked for what is heard. The way is asked for at each new task, too."""
+"""Seconds between two questions to the daemon for subscribed data. The way is asked for at each new task, too."""
 
 
 class About:
-    """Who a UAV is, where it may fly, its lease, its way, its place on Earth, and its refused setpoints.
+    """Info of a UAV, its fence, its lease, its route, its position on Earth, and its refused setpoints.
 
     Only the event loop calls it.
     """
@@ -102,7 +102,7 @@ class About:
             self._route.publisher.publish(self._stamped(Path()))
 
     async def _ask_geofence(self) -> ual.types.Geofence | str:
-        """Where it may fly; or why that is not known."""
+        """Returns the geofence; or why it is not known."""
         try:
             return await self._uav.geofence()
         except ual.WrongStateError as error:  # FRAME_LOST, too

@@ -21,7 +21,7 @@ from ual_ros2.ros_time import RosTime
 _log = logging.getLogger(__name__)
 
 LOOK_S = 2.0
-"""How often the daemon is asked for its cameras."""
+"""Seconds between two questions to the daemon for its cameras."""
 _TOPICS = {
     ImageKind.COLOUR: ("image/compressed", CompressedImage, pictures.compressed),
     ImageKind.SEGMENTATION: ("segmentation/compressed", CompressedImage, pictures.compressed),

@@ -1,4 +1,4 @@
-"""What a command is: a service or an action, and the member of the client that it calls."""
+"""Command in ROS: a service or an action, and the member of the client that it calls."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Serves: TypeAlias = Callable[[ual.aio.Uav, Message], Awaitable[Mapping[str, Any]
 
 
 Flyer: TypeAlias = ual.aio.Uav | DryRun[Any]
-"""What flies, or only says what would happen: both have the same members."""
+"""Client that flies, or one that only returns the effect: both have the same members."""
 Flies: TypeAlias = Callable[[Flyer, Message], Awaitable[object]]
 
 

@@ -44,7 +44,7 @@ class Contact(Generic[T]):
 
     @property
     def silent_s(self) -> float:
-        """How long nothing was heard."""
+        """Seconds without a message."""
         return self._clock() - self._heard_s
 
     async def require(self, limit_s: float, quiet_s: float = QUIET_S) -> None:

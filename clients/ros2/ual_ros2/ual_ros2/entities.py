@@ -1,4 +1,4 @@
-"""What a node has below a name. It needs no ROS."""
+"""Entities of a node below a name. It needs no ROS."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ _MORE: Mapping[str, Mapping[str, Any]] = {
     "remove_frame": {"changes_frames": True},
     "set_external_pose": {"stamps": _of_pose},
 }
-"""What the node has to do beside the call."""
+"""Tasks of the node in addition to the call."""
 SERVICES = (
     *(_FILLING.command(each, _CALLS[each.name], **_MORE.get(each.name, {})) for each in FLYING),
     Command("recover_from_manual", Empty, lambda uav, _: uav.recover_from_manual()),

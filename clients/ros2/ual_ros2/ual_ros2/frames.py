@@ -20,11 +20,11 @@ from ual_ros2.tf_buffer import Found, TfBuffer
 _log = logging.getLogger(__name__)
 
 FEED_S = 0.05
-"""How often a daemon is told where a frame of tf is, while that moves."""
+"""Seconds between two updates of a frame of tf to a daemon, while the frame moves."""
 COMPLETE_S = 1.0
-"""How long after it is first listened to, tf may take to tell its frames: commands in them wait meanwhile."""
+"""Seconds from the begin of listening within which tf may send its frames: commands in them wait meanwhile."""
 APPEARS_S = 0.3
-"""How long a command waits in any case for a frame that is not known yet: its publisher may be new."""
+"""Seconds for which a command waits in any case for a frame that is not known yet: its publisher may be new."""
 
 
 class Tf:
@@ -118,7 +118,7 @@ class Frames:
         self._given: dict[str, Found] = {}
         """The frames that this daemon has from tf, as it was told last."""
         self._moving: set[str] = set()
-        """Those of them that have moved."""
+        """Frames among them that have moved."""
         self.has_moving = False
         """Whether the daemon has frames that move, beside the body, and tf is heard: then they are asked for fast."""
 

@@ -19,7 +19,7 @@ CANCELLED_BY = "the ROS client"
 
 
 class Pilot(Protocol):
-    """What flies the goals of one UAV."""
+    """Pilot of the goals of one UAV."""
 
     @property
     def newest(self) -> ual.Telemetry | None:
@@ -75,7 +75,7 @@ class Goals:
         return CancelResponse.ACCEPT
 
     def _goes_on_without_caller(self, goal_handle: Entity) -> bool:
-        """Whether it takes off or lands. A goal that only asks does not, whatever flies meanwhile."""
+        """Returns whether it takes off or lands. A goal that only asks does not, whatever flies meanwhile."""
         newest = self._pilot.newest
         if not self._action.flies(goal_handle.request):
             return False

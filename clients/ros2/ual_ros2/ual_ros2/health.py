@@ -1,4 +1,4 @@
-"""What the diagnostics say of a UAV. It needs no ROS."""
+"""Diagnostics of a UAV. It needs no ROS."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OK, WARN, ERROR = 0, 1, 2
 
 @dataclass
 class Said:
-    """What the node itself knows of one UAV's connection."""
+    """Connection to one UAV as the node itself knows it."""
 
     address: str = ""
     lease: str = "none"
@@ -24,9 +24,9 @@ class Said:
     failed: str = ""
     """Why a part of the node does not work any more: a mistake in this program."""
     clock: str = ""
-    """What is wrong with ROS' time."""
+    """Fault of ROS' time."""
     other_nodes: int = 0
-    """How many other nodes offer this UAV in ROS, too."""
+    """Other nodes that offer this UAV in ROS, too."""
     velocity_senders: tuple[str, ...] = ()
     """The nodes that publish velocities for it."""
 
@@ -37,7 +37,7 @@ class Said:
 
     @property
     def rivals(self) -> str:
-        """What other nodes of this UAV mean for its callers; empty where there is none."""
+        """Effect of other nodes of this UAV on its callers; empty where there is none."""
         if not self.other_nodes:
             return ""
         return (

@@ -44,12 +44,12 @@ STAMPED = ("set_pose", "set_velocity")
 """The setpoints that say in their header for when they are."""
 CLOCK_STANDS = "simulated time stands (use_sim_time): nothing new comes on /clock, and stamps are of then"
 REFUSED_S = 5.0
-"""How long a refused setpoint stands in the diagnostics."""
+"""Seconds for which a refused setpoint stands in the diagnostics."""
 
 
 @dataclass(frozen=True)
 class Shared:
-    """What all UAVs of a node share."""
+    """State that all UAVs of a node share."""
 
     node: Entity
     loop: asyncio.AbstractEventLoop

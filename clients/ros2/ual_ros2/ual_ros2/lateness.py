@@ -1,4 +1,4 @@
-"""What comes late is not flown. It needs no ROS.
+"""Limits of lateness: late messages are not flown. It needs no ROS.
 
 DDS keeps messages for a node that stands still (stopped, a computer that slept), and sends requests again after an
 outage of a network. So it may deliver what was sent for another moment, and whose sender has given up since.
@@ -13,11 +13,13 @@ import ual
 from ual.contract.methods import METHODS
 
 SETPOINT_S = METHODS["StreamSetpoints"].stale_after_s
-"""How old a setpoint may be: for so long the daemon flies one that is not followed by another."""
+"""Most age of a setpoint in s: for this time the daemon flies one that is not followed by another."""
 COMMAND_S = METHODS["GoToWaypoint"].stale_after_s
-"""How old the request of a command may be. A person that has heard nothing for so long begins to look why."""
+"""Most age of a command's request in s. A person without an answer for this time begins to look for the cause. A person
+that has heard nothing for so long begins to look why.
+"""
 BEAT_S = 0.25
-"""How often it is noted that the program runs."""
+"""Seconds between two notes that the program runs."""
 QUEUED_S = 5.0
 """For so long after it stood still, what comes may have been sent meanwhile: DDS asks for what is missing every 3 s."""
 

@@ -23,7 +23,7 @@ from ual_ros2.messages import Entity
 from ual_ros2.values import NANO
 
 EVENTS_S = 1.0
-"""How often subscriptions are asked for their events."""
+"""Seconds between two looks at the events of subscriptions."""
 
 
 class Listener:
@@ -141,7 +141,7 @@ class _Waiting:
                     each.callback(*taken[:arguments_count])
 
     def is_time_for_events(self) -> bool:
-        """Whether to ask for events again."""
+        """Returns whether to ask for events again."""
         return time.monotonic() >= self._next_s
 
     def tell_events(self) -> None:

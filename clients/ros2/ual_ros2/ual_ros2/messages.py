@@ -1,4 +1,4 @@
-"""What a type checker that has no ROS knows of its types: nothing. This is the one place that says so."""
+"""Types of ROS for a type checker without ROS: all of them are unknown. This is the one place that says so."""
 
 from __future__ import annotations
 

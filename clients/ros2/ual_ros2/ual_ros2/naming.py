@@ -32,7 +32,7 @@ def in_text(text: str, field: str, named: str) -> str:
 
 
 def _has(message: Message, field: str) -> bool:
-    """Whether a message has a field, or one in an array of messages, by its path."""
+    """Returns whether a message has a field, or one in an array of messages, by its path."""
     for part in field.split("."):
         name = _INDEX.sub("", part)
         if not hasattr(message, name):

@@ -33,10 +33,12 @@ from ual_ros2.ros_time import RosTime
 from ual_ros2.settings import Settings
 
 LOOK_S = 1.0
-"""How often the node looks for UAVs of this computer, and tries to start itself where that failed."""
+"""Seconds between two searches of the node for UAVs of this computer, and between its attempts to start where that
+failed.
+"""
 ENDING_S = 10.0
 ANSWERS_S = 0.2
-"""How long ROS' executor still runs in the end, so that the results of goals leave."""
+"""Seconds for which ROS' executor still runs in the end, so that the results of goals leave."""
 
 
 Transition = Callable[["UalNode", LifecycleState], TransitionCallbackReturn]

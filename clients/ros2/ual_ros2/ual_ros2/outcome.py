@@ -1,4 +1,4 @@
-"""How a command ended, as services and actions tell it."""
+"""Outcome of a command, as services and actions report it."""
 
 from __future__ import annotations
 
@@ -57,13 +57,12 @@ class Outcome:
 
 
 class Before(NamedTuple):
-    """What a daemon said just before a goal was sent: what it told earlier, and the task that ran then, are not the
+    """Messages of a daemon just before a goal was sent: earlier reports, and the task that ran then, are not the
     goal's.
 
     Attributes:
         stamp_s: When, in UTC.
         task_id: The task; empty where none ran.
-
     """
 
     stamp_s: float = -math.inf

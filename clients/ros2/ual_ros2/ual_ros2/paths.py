@@ -1,4 +1,4 @@
-"""What FollowPath flies. It needs no ROS: goals are known by their fields."""
+"""Path of FollowPath. It needs no ROS: goals are known by their fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How often a refused setpoint is told: the first at once, those that follow together. It needs no ROS."""
+"""Reports of refused setpoints: the first at once, those that follow together. It needs no ROS."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 import ual
 
 AGAIN_S = 0.5
-"""How long those that are refused for the same reason are counted, before they are told."""
+"""Seconds for which setpoints with the same reason of refusal are counted, before they are reported."""
 
 
 class Refusals:

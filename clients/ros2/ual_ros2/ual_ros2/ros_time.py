@@ -60,7 +60,7 @@ class RosTime:
             stamp.sec, stamp.nanosec = values.split(min(max(0.0, utc_s), LATEST_S))
 
     def _offset_s(self) -> float:
-        """How far ROS' clock is before UTC."""
+        """Returns the seconds by which ROS' clock is before UTC."""
         if not self.is_simulated:
             return 0.0
         return float(self._clock.now().nanoseconds / values.NANO - self._utc_s())

@@ -1,4 +1,4 @@
-"""Who publishes velocities for one UAV: two programs that do so at once fly it to and fro. It needs no ROS."""
+"""Publishers of velocities for one UAV: two programs that publish at once fly it to and fro. It needs no ROS."""
 
 from __future__ import annotations
 

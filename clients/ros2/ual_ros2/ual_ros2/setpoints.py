@@ -1,4 +1,4 @@
-"""What is streamed to a daemon: from ROS' thread to the event loop, the newest first. It needs no ROS."""
+"""Streams to a daemon: from ROS' thread to the event loop, the newest value first. It needs no ROS."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Newest(Generic[T]):
 
 
 class Given(NamedTuple):
-    """What came on a topic, and when (`steady_s`)."""
+    """Value from a topic, and its time of arrival (`steady_s`)."""
 
     topic: str
     value: Setpoint

@@ -174,7 +174,7 @@ def _pairs(names: list[str], addresses: list[str]) -> tuple[tuple[str, str], ...
 
 
 def _credentials(given: Mapping[str, Any]) -> ual.Credentials:
-    """Those of the parameters, and of the environment where one is not given, as for every client."""
+    """Returns the credentials of the parameters, and of the environment where one is not given, as for every client."""
     names = ("token_file", "tls_certificate", "tls_key")
     return ual.Credentials.from_environment(*(given[name] or None for name in names))
 

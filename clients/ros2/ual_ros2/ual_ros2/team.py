@@ -1,4 +1,4 @@
-"""What `team.launch.py` needs to know of a team. It needs no ROS."""
+"""Facts about a team for `team.launch.py`. It needs no ROS."""
 
 from __future__ import annotations
 

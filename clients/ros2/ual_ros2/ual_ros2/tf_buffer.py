@@ -18,11 +18,13 @@ from ual_ros2.lateness import steady_s
 MOST_LEVELS = 64
 """A chain that is longer is a loop: two programs publish a frame with different parents."""
 UNIT_TOLERANCE = 0.01
-"""How far the norm of a rotation may be from 1, as in tf2."""
+"""Tolerance of the norm of a rotation around 1, as in tf2."""
 
 
 class Heard(NamedTuple):
-    """When a frame was heard of last (the buffer's clock). Of static ones the time is infinite: they never age."""
+    """Last message about a frame, and its time (the buffer's clock). Of static ones the time is infinite: they never
+    age.
+    """
 
     at_s: float = math.inf
     frame_id: str = ""
@@ -115,7 +117,7 @@ def _joined(link: ual.Transform, above: Found, below: Found) -> Found:
 
 
 def _is_usable(link: ual.Transform) -> bool:
-    """Whether tf2 takes it, too."""
+    """Returns whether tf2 takes it, too."""
     there, turned = link.translation, link.rotation
     norm = math.hypot(turned.x, turned.y, turned.z, turned.w)
     return (

@@ -42,7 +42,7 @@ def overridable(qos: QoSProfile) -> dict[str, Entity]:
 
 
 class _Told(NamedTuple):
-    """What a State message says beside its stamp: it is published when this changes."""
+    """Content of a State message apart from its stamp: it is published when this changes."""
 
     state: ual.State
     reason: str

@@ -1,4 +1,4 @@
-"""What is not known of a measurement, as readers of ROS understand it. It needs no ROS.
+"""Unknown values of a measurement, in the form that readers of ROS expect. It needs no ROS.
 
 A covariance of zeros is certainty for those that read odometry (robot_localization counts it as 1e-9). -1 on the
 diagonal is "not known", as in ``sensor_msgs/Imu``; robot_localization takes it as a variance of 1.

@@ -10,7 +10,7 @@ from ual_ros2.derived.values import photo_fields
 from ual_ros2.messages import Message
 
 MOST_PHOTOS = 100
-"""So many are in one answer: to make messages of 10,000 takes a second, in which nothing else is served."""
+"""Most photos in one answer: to make messages of 10,000 takes a second, in which nothing else is served."""
 
 
 async def take_photo(uav: ual.aio.Uav, request: Message) -> Fields:

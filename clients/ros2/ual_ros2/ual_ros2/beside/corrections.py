@@ -20,7 +20,7 @@ MOST_WAITING = 100
 IDLE_S = 5.0
 """Without a message for so long, the stream ends, and another program may send."""
 AGAIN_S = 1.0
-"""So long after a refusal the daemon is not asked again; what comes meanwhile is counted as not taken."""
+"""Seconds after a refusal without a new attempt; corrections that come meanwhile count as not taken."""
 
 
 class Corrections:

@@ -1,4 +1,4 @@
-"""What a UAV carries in ROS, with its bounds and positions. It needs no ROS: requests are known by their fields."""
+"""Equipment of a UAV in ROS, with its bounds and positions. It needs no ROS: requests are known by their fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is uploaded as the fence of an autopilot, in ROS. It needs no ROS: requests are known by their fields."""
+"""Upload of an autopilot's fence, in ROS. It needs no ROS: requests are known by their fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is told, as fields of messages: mappings of their names, which may be nested. It needs no ROS."""
+"""Values as fields of messages: mappings of their names, which may be nested. It needs no ROS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the gimbals of a UAV look, in ROS. It needs no ROS: requests are known by their fields."""
+"""Attitudes of a UAV's gimbals, in ROS. It needs no ROS: requests are known by their fields."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class Downloads:
         self._directory = directory
         self._under_way: dict[int, PartialFile] = {}
         self._files: set[Path] = set()
-        """Those that are being written: each by one download."""
+        """Files that are being written: each by one download."""
 
     async def download(self, uav: ual.aio.Uav, goal: Message) -> Fields:
         """Serves DownloadLog. What was cut off goes on where it ended."""

@@ -29,7 +29,7 @@ async def _nothing(_: ual.aio.Uav) -> None:
 
 @dataclass(frozen=True)
 class Topic:
-    """What a topic tells, one message after the other."""
+    """Messages of a topic, one after the other."""
 
     name: str
     kind: Entity

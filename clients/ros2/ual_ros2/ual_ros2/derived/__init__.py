@@ -1,1 +1,1 @@
-"""What follows from the contract: ``make proto`` writes the modules of this package."""
+"""Code that follows from the contract: ``make proto`` writes the modules of this package."""

@@ -31,7 +31,7 @@ FLYING: Final = (
     Service("resume", Trigger, "Resume"),
     Service("get_task", srv.GetTask, "GetTask"),
 )
-"""Those that fly, and those that ask about a flight."""
+"""Services of flights, and questions about a flight."""
 TASKS: Final = (
     Service("take_off", action.TakeOff, "TakeOff"),
     Service("land", action.Land, "Land"),
@@ -89,7 +89,7 @@ SERVICES: Final = (
     Service("list_parameters", srv.ListParameters, "ListParameters"),
     Service("set_parameter", srv.SetParameter, "SetParameter"),
 )
-"""Those beside flying."""
+"""Services other than flying."""
 SIMULATION: Final = (
     Service("simulation/list_parts", srv.ListSimulationParts, "ListParts"),
     Service("simulation/pilot_arm", Trigger, "PilotArm"),
@@ -106,4 +106,4 @@ SIMULATION: Final = (
     Service("simulation/set_wind", srv.SetWind, "SetWind"),
     Service("simulation/place_on_ground", srv.PlaceOnGround, "PlaceOnGround"),
 )
-"""Those that a simulated UAV has beside."""
+"""Additional services of a simulated UAV."""
