@@ -157,7 +157,7 @@ _MODULES = (
     "routes",
     "simulation",
 )
-"""Those that work after ``import ual``, without an import of their own: `ual.routes.read`."""
+"""Modules that work after ``import ual``, without an import of their own: `ual.routes.read`."""
 
 
 if not TYPE_CHECKING:  # a type checker would take any name for one of ours

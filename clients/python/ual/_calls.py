@@ -124,7 +124,7 @@ def in_time(error: UalError, call: Call[Any], limit_s: float | None) -> UalError
 
 
 def rate(rate_hz: float) -> float:
-    """How often samples are to come, as the number that it is; which numbers can be is the daemon's to say."""
+    """Returns the wanted rate of samples as a number; the daemon decides which numbers are allowed."""
     try:
         if not isinstance(rate_hz, (str, bytes, bytearray)):  # float() would read them
             return float(rate_hz)
@@ -136,7 +136,7 @@ def rate(rate_hz: float) -> float:
 
 
 def closed() -> UalError:
-    """What the calls of a closed client raise."""
+    """Returns the error that calls of a closed client raise."""
     return ClientUnusableError("this client is closed")
 
 

@@ -81,7 +81,7 @@ class Uav(Uncopied, PartMembers, UavMembers):
 
     @property
     def address(self) -> str:
-        """Where the daemon is, or would be."""
+        """Address of the daemon, even while it does not run."""
         return self._connection.target.address()
 
     @override

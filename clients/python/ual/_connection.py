@@ -43,7 +43,7 @@ class Connection:
 
     @property
     def described(self) -> str:
-        """Which UAV it is, where, and whether its daemon has answered. Makes no call."""
+        """Description of the UAV, its address, and whether its daemon has answered. Makes no call."""
         status = "closed" if self._is_closed else "connected" if self._was_reached else "not connected"
         return self.target.described(status)
 

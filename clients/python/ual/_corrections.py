@@ -16,7 +16,7 @@ from ual.wire.corrections import corrections_status_from_proto
 
 
 class CorrectionsBase(interface.Corrections):
-    """What is more than a call: the stream."""
+    """Members that are more than a call: the stream."""
 
     _connection: Connection
 

@@ -1,4 +1,6 @@
-"""What a forked process must not share with its parent: connections, streams, and locks that a thread held."""
+"""Resources that a forked process must not share with its parent: connections, streams, and locks that a thread
+held.
+"""
 
 from __future__ import annotations
 

@@ -35,12 +35,13 @@ velocity for this long.
 STALE_S = 0.2
 """A setpoint that waits for longer than this is dropped, because it is out of date."""
 CLOSE_S = 2.0
-"""How long the daemon may take to read the last setpoints of a stream."""
+"""Seconds that the daemon may take to read the last setpoints of a stream."""
 
 
 class Kind(NamedTuple):
-    """What is streamed: its name in the plural, the call of a single one, and the method of the stream. The last field
-    says what is not known of those that the daemon did not take.
+    """Kind of stream: its name in the plural, the call of a single value, and the method of the stream. The last field
+    says what is unknown about values that the daemon did not take. The last field says what is not known of those that
+    the daemon did not take.
     """
 
     name: str

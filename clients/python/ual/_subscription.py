@@ -157,7 +157,7 @@ class _Feed:
         """Held by the leader while it reads."""
         self._leader_id: int | None = None
         self._readers_count = 0
-        """How many threads are the leader or wait for the lead. The other threads are calling back."""
+        """Threads that are the leader or wait for the lead. The other threads are calling back."""
         self._has_ended = threading.Event()
         """Set while no thread reads the stream: before the start and after the end."""
         self._has_ended.set()

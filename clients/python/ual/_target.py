@@ -1,4 +1,6 @@
-"""Where a client's daemon is, and how to open a channel to it. Both clients, with and without asyncio, use this."""
+"""Address of a client's daemon, and the opening of a channel to it. Both clients, with and without asyncio, use
+this.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ NS_METADATA_KEY = "ual-ns"
 LEASE_METADATA_KEY = "ual-lease"
 
 SETTLING_S = 0.05
-"""How often it is looked whether the network is known (`Target.is_settled`)."""
+"""Seconds between two checks whether the network is known (`Target.is_settled`)."""
 
 CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     # The longest pause between two attempts to connect: a restarted daemon is found again within 500 ms.
@@ -56,7 +58,7 @@ class Stubs:
         self.ual = STUBS["UalService"](channel)
         self._channel = channel
         self._others: dict[str, Any] = {}
-        """Those of the other services, made when they are called first."""
+        """Stubs of the other services, made when they are called first."""
 
     def method(self, call: Call[Any]) -> Any:  # noqa: ANN401 (its type depends on the method and on the channel)
         """Returns the gRPC method of a call."""

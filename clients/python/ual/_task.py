@@ -27,7 +27,7 @@ def not_ended(kind: TaskKind, timeout_s: float) -> UalTimeoutError:
 
 
 class KnownTask(Generic[ConnectionT]):
-    """What the client knows of a task without asking the daemon. Base of both clients' handles."""
+    """Knowledge of the client about a task without a question to the daemon. Base of both clients' handles."""
 
     def __init__(self, connection: ConnectionT, info: TaskInfo) -> None:
         self._connection = connection
@@ -40,7 +40,7 @@ class KnownTask(Generic[ConnectionT]):
 
     @property
     def kind(self) -> TaskKind:
-        """Which manoeuvre it is."""
+        """Kind of manoeuvre."""
         return self._info.kind
 
     def __repr__(self) -> str:

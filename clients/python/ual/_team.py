@@ -177,7 +177,7 @@ class TeamLease:
 
     @property
     def lost(self) -> dict[str, UalError]:
-        """Those that have ended by themselves, and why, by name."""
+        """Leases that have ended by themselves, and the reasons, by name."""
         return self._leases.lost
 
     def release(self) -> None:
@@ -204,12 +204,12 @@ class TeamTask:
 
     @property
     def id(self) -> str:
-        """What the daemon calls it."""
+        """Identifier of the task in the daemon."""
         return self._task.id
 
     @property
     def kind(self) -> TaskKind:
-        """Which manoeuvre it is."""
+        """Kind of manoeuvre."""
         return self._task.kind
 
     def info(self) -> TaskInfo:

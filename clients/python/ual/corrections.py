@@ -10,7 +10,7 @@ from ual.contract.corrections import CorrectionsStatus
 __all__ = ["MOST_BYTES", "CorrectionsStatus", "cut"]
 
 MOST_BYTES = 4096
-"""How many bytes of RTCM 3 one element of a stream may have. The clients cut what is longer."""
+"""Most bytes of RTCM 3 in one element of a stream. The clients cut what is longer."""
 
 
 def cut(rtcm: Iterable[bytes]) -> Iterator[bytes]:

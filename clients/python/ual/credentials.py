@@ -1,4 +1,4 @@
-"""What shows a daemon who calls."""
+"""Credentials that a client shows to a daemon."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Credentials:
 
 
 def is_this_computer(address: str) -> bool:
-    """Whether an address, ``host:port`` or ``unix:path``, is on this computer."""
+    """Returns whether an address, ``host:port`` or ``unix:path``, is on this computer."""
     if address.startswith("unix:"):
         return True
     host = address.rpartition(":")[0].strip("[]")

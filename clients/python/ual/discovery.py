@@ -1,4 +1,4 @@
-"""How daemons and clients of one computer find each other: a directory with one small file for each daemon.
+"""Discovery of daemons by clients of the same computer: a directory with one small file for each daemon.
 
 A daemon locks the `lock_file` of its namespace while it runs, and writes its `Registration` beside it. A daemon that
 was killed leaves its registration behind, but the lock is free: such a registration is ignored.
@@ -57,7 +57,7 @@ def home_file(ns: str) -> Path:
 
 
 HOME = "home"
-"""How a daemon's health begins what it says of that file, while it cannot be written."""
+"""Prefix of a daemon's health check about that file, while it cannot be written."""
 
 
 def default_port(ns: str) -> int:
@@ -67,7 +67,7 @@ def default_port(ns: str) -> int:
 
 
 def has_own_port(ns: str) -> bool:
-    """Whether the namespace has a default port that no other namespace has."""
+    """Returns whether the namespace has a default port that no other namespace has."""
     _, number = split_number(ns)
     return number is not None and _PORT_BEFORE_FIRST + number <= LAST_PORT
 
@@ -133,12 +133,14 @@ class Registration:
         return found if is_valid else None
 
     def is_alive(self) -> bool:
-        """Whether its daemon runs: judged by the lock, and by its pid only if the lock file cannot be opened."""
+        """Returns whether its daemon runs: judged by the lock, and by its pid only if the lock file cannot be
+        opened.
+        """
         is_locked = _is_locked(lock_file(self.ns))
         return self.has_process() if is_locked is None else is_locked
 
     def has_process(self) -> bool:
-        """Whether the process is there that it names."""
+        """Returns whether the process is there that it names."""
         if self.pid <= 0:
             return False
         if os.name == "nt":  # there `os.kill` would end it; a call will tell
@@ -173,7 +175,7 @@ def _read_small(file: Path) -> tuple[bytes, int]:
 
 
 def _is_locked(file: Path) -> bool | None:
-    """Whether a daemon holds this lock. Returns None if that cannot be found out.
+    """Returns whether a daemon holds this lock. Returns None if that cannot be found out.
 
     Takes the lock for a moment, shared, so that several clients can do this at once. A daemon that starts at that
     moment tries again (`ual_daemon.program.namespace`).

@@ -1,4 +1,4 @@
-"""What a client of an extension's service needs: calls over the connection of an `ual.Uav`, with UAL's errors.
+"""Interface for the client of an extension's service: calls over the connection of an `ual.Uav`, with UAL's errors.
 
 A package that extends the daemon has a client class, and names it by an entry point ``ual.extensions``: then
 `ual.Uav.extension` returns it, made with a `Link`.

@@ -10,7 +10,7 @@ from ual.geometry import PointStamped, Quaternion
 
 
 class GimbalAbility(Enum):
-    """What a gimbal can do."""
+    """Ability of a gimbal."""
 
     ROLL = 1
     """It has this axis."""
@@ -43,7 +43,7 @@ class GimbalReference(Enum):
 
 
 class GimbalActivity(Enum):
-    """What a gimbal was ordered last by this daemon."""
+    """Last order of this daemon to a gimbal."""
 
     ANGLES = 1
     RATES = 2
@@ -53,7 +53,7 @@ class GimbalActivity(Enum):
 
 
 class GimbalControl(Enum):
-    """Which program on the link has the control of a gimbal."""
+    """Program on the link that has the control of a gimbal."""
 
     FREE = 1
     OURS = 2
@@ -109,7 +109,7 @@ class GimbalInfo:
 
 @dataclass(frozen=True, slots=True)
 class GimbalStatus:
-    """Where a gimbal looks, and what it does. What is not known is None.
+    """Attitude and activity of a gimbal. Unknown values are None.
 
     Args:
         stamp_s: When it looked so, as UTC since 1970.

@@ -1,6 +1,6 @@
-"""What a UAV carries to hold, drop and switch: grippers, winches, servos and relays. As values, from ``gripper.proto``.
+"""Payload devices of a UAV that hold, drop and switch: grippers, winches, servos and relays.
 
-``make proto`` writes this file: do not edit it.
+As values, from ``gripper.proto``. ``make proto`` writes this file: do not edit it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from enum import Enum
 
 
 class GripperState(Enum):
-    """What the autopilot says of a gripper.
+    """State of a gripper by the autopilot.
 
     Neither PX4 nor ArduPilot has a sensor for it: "closed" means that its servo was sent there, and had the time.
     """
@@ -24,7 +24,7 @@ class GripperState(Enum):
 
 
 class WinchAction(Enum):
-    """What a winch can be ordered to do."""
+    """Order to a winch."""
 
     RELAX = 1
     """Lets the drum turn freely: a load falls."""
@@ -69,7 +69,7 @@ class GripperInfo:
 
 @dataclass(frozen=True, slots=True)
 class WinchStatus:
-    """What a winch says of itself. What it does not say is None.
+    """Status that a winch reports. Values that it does not report are None.
 
     Args:
         length_m: How much line is out.

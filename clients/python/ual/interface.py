@@ -72,9 +72,9 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 T = TypeVar("T")
-"""What a command returns: the handle of its task, or an awaitable of that."""
+"""Result of a command: the handle of its task, or an awaitable of that."""
 P = TypeVar("P")
-"""What a dry run returns: a `Plan`, or an awaitable of that."""
+"""Result of a dry run: a `Plan`, or an awaitable of that."""
 
 
 class Task(Protocol):
@@ -87,7 +87,7 @@ class Task(Protocol):
 
     @property
     def kind(self) -> TaskKind:
-        """Which manoeuvre it is."""
+        """Kind of manoeuvre."""
         ...
 
     def info(self) -> TaskInfo:
@@ -528,7 +528,7 @@ class Cameras(Protocol):
 
 
 class Gripper(Protocol):
-    """What a UAV carries to hold, drop and switch, as its daemon is configured. See ``docs/how-to/gripper.md``.
+    """Payload devices of a UAV that hold, drop and switch, as its daemon is configured. See ``docs/how-to/gripper.md``.
 
     A name that is left out is the only one that there is. An order that may let a load go is sent once only; one that
     holds it is sent again until it is acknowledged.
@@ -542,7 +542,6 @@ class Gripper(Protocol):
         RejectedByAutopilotError: It refuses, in its own words.
         LinkLostError: It is not heard.
         UalTimeoutError: It is not known whether it was obeyed: look before you order it again.
-
     """
 
     def get_all(self) -> Equipment:

@@ -14,9 +14,9 @@ class SimulationPart(Enum):
     PILOT = 1
     """The safety pilot."""
     FAULTS = 2
-    """What goes wrong below the interface."""
+    """Faults below the interface."""
     TIME = 3
-    """How fast it passes, and steps of it."""
+    """Speed of time, and steps of it."""
     NOISE = 4
     """Of the estimates."""
     WIND = 5

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class State(Enum):
-    """What the UAV does; see `ual.v1.State` for the order in which it is estimated."""
+    """State of the UAV; see `ual.v1.State` for the order in which it is estimated."""
 
     UNINITIALIZED = 1
     LANDED_DISARMED = 2
@@ -29,7 +29,7 @@ class State(Enum):
 
 
 class AltitudeReference(Enum):
-    """What an altitude is measured from: home, mean sea level, or the WGS 84 ellipsoid."""
+    """Reference of an altitude: home, mean sea level, or the WGS 84 ellipsoid."""
 
     HOME = 1
     AMSL = 2
@@ -37,7 +37,7 @@ class AltitudeReference(Enum):
 
 
 class PathHeading(Enum):
-    """Where the nose points on a path: as each waypoint says, as at the beginning, along the path, or at a point."""
+    """Heading of the nose on a path: as each waypoint says, as at the beginning, along the path, or at a point."""
 
     WAYPOINTS = 1
     FIXED = 2
@@ -46,7 +46,7 @@ class PathHeading(Enum):
 
 
 class TaskKind(Enum):
-    """Which manoeuvre a task is."""
+    """Kind of manoeuvre of a task."""
 
     TAKE_OFF = 1
     LAND = 2
@@ -58,7 +58,7 @@ class TaskKind(Enum):
 
 
 class TaskStatus(Enum):
-    """How a task stands."""
+    """Status of a task."""
 
     RUNNING = 1
     SUCCEEDED = 2
@@ -177,7 +177,7 @@ class RecoverFromManualRequest:
 
 @dataclass(frozen=True, slots=True)
 class ExternalPose:
-    """Where the UAV was, measured from outside at `pose.stamp_s` (UTC since 1970; 0: just now).
+    """Pose of the UAV, measured from outside at `pose.stamp_s` (UTC since 1970; 0: just now).
 
     The standard deviations are those of each axis, in metres and radians; None where they are not known.
     """
@@ -195,7 +195,9 @@ TaskRequest = (
     | FollowPathRequest
     | ReturnToLaunchRequest
 )
-"""What begins a task. Nothing in it is checked yet: the vehicle in the daemon does that, once for all callers."""
+"""Request that begins a task. Nothing in it is checked yet: the vehicle in the daemon does that, once for all
+callers.
+"""
 Setpoint = PoseStamped | TwistStamped
 """A reference that is sent as it is: `set_pose` and `set_velocity`."""
 MotionRequest = TaskRequest | RecoverFromManualRequest | Setpoint
@@ -236,7 +238,7 @@ class GpsInfo:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """What the autopilot says of itself before and beside the flight, and which checks of the daemon fail.
+    """Health of the autopilot before and during the flight, and failing checks of the daemon.
 
     `is_ready_to_arm` is whether its own checks would let it be armed (None: it does not say), and `failing_checks` are
     those that fail, human-readable. Those of the daemon itself, such as its audit, begin with ``daemon: ``. Texts of
@@ -268,7 +270,7 @@ class Odometry:
 
 @dataclass(frozen=True, slots=True)
 class TaskInfo:
-    """How a task stood at one moment.
+    """State of a task at one moment.
 
     `progress` is 0 to 1 and `distance_left_m` metres, None where that cannot be told. `waypoint_index` is the waypoint
     a path flies to. `error` says why it was aborted or failed. `is_paused` says that it runs, but holds on its way.
@@ -288,7 +290,7 @@ class TaskInfo:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a motion would be: the way in metres and how long it takes in seconds, None where that cannot be told."""
+    """Plan of a motion: its length in metres and its duration in seconds, None where that cannot be told."""
 
     length_m: float | None = None
     duration_s: float | None = None
@@ -355,7 +357,7 @@ class Telemetry(_LateFields):
 
     @override
     def __repr__(self) -> str:
-        """What is known, a line for each field."""
+        """Returns the known values, a line for each field."""
         lines = (
             f"  {each.name}={value!r}," for each in fields(self) if (value := getattr(self, each.name)) not in _UNTOLD
         )
@@ -385,7 +387,7 @@ class Circle:
 
 @dataclass(frozen=True, slots=True)
 class Geofence:
-    """Where a UAV may fly: inside all of the following at once. What is None, or empty, does not limit it.
+    """Geofence of a UAV, which may fly inside all of the following at once. What is None, or empty, does not limit it.
 
     All is in `frame_id`, ``map``. `corners` are those of a polygon in order, as seen from above; their z says nothing.
     `circle` is that of the autopilot's own fence, less the reserve that UAL keeps. `min_z_m` is the highest of all
@@ -430,7 +432,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """Who a UAV is and what it can do."""
+    """Identity of a UAV, and its capabilities."""
 
     namespace: str
     backend: str
@@ -447,7 +449,8 @@ class Info:
 
 @dataclass(frozen=True, slots=True)
 class LeaseInfo:
-    """Who is the only one that flies a UAV, and since when (UTC, seconds since the epoch).
+    """Lease of a UAV: the name of the only program that may fly it, and the time of its begin (UTC, seconds since the
+    epoch).
 
     `identity` is the name of the certificate or token that was shown, and ``local`` for a program on the daemon's
     computer without either.

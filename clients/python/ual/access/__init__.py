@@ -1,1 +1,1 @@
-"""Who may do what: roles, tokens and certificates. The daemon and the ``ual`` command use the same files."""
+"""Rights of callers: roles, tokens and certificates. The daemon and the ``ual`` command use the same files."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 START = "0" * 64
-"""What the first line is chained to."""
+"""Value to which the first line is chained."""
 OPENED = "opened"
 """The event of the line with which a daemon begins to write."""
 TORN = "torn_sha256"

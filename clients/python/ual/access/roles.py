@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Role(IntEnum):
-    """What a caller may do.
+    """Rights of a caller.
 
     An observer reads. A pilot flies, too. A commander also arms and disarms where the daemon allows it, moves home,
     acts on a simulation, and takes the lease from others.

@@ -26,7 +26,7 @@ NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,63}"
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """What is known of a token: never the token itself. Times are UTC; `expires` is None where it never does."""
+    """Description of a token: never the token itself. Times are UTC; `expires` is None where it never does."""
 
     name: str
     role: Role
@@ -35,7 +35,7 @@ class Token:
     expires: datetime | None = None
 
     def has_expired(self, now: datetime) -> bool:
-        """Whether it is not valid any more."""
+        """Returns whether it is not valid any more."""
         return self.expires is not None and now >= self.expires
 
 

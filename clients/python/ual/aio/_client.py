@@ -84,7 +84,7 @@ class Uav(Uncopied, PartMembers, UavMembers, TaskCommands[Coroutine[Any, Any, Ta
 
     @property
     def address(self) -> str:
-        """Where the daemon is, or would be."""
+        """Address of the daemon, even while it does not run."""
         return self._connection.target.address()
 
     async def close(self) -> None:

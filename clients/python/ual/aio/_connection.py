@@ -40,7 +40,7 @@ class Connection:
 
     @property
     def described(self) -> str:
-        """Which UAV it is, where, and whether its daemon has answered. Makes no call."""
+        """Description of the UAV, its address, and whether its daemon has answered. Makes no call."""
         status = "closed" if self._is_closed else "connected" if self._was_reached else "not connected"
         return self.target.described(status)
 
@@ -167,7 +167,7 @@ class Connection:
         closing.add_done_callback(self._closing.discard)
 
     def _is_cancelled(self) -> bool:
-        """Whether the task that makes the call was cancelled, and not only the call."""
+        """Returns whether the task that makes the call was cancelled, and not only the call."""
         cancelling = getattr(asyncio.current_task(), "cancelling", None)
         return cancelling() > 0 if cancelling is not None else not self._is_closed  # Python 3.10 has no `cancelling`
 

@@ -13,7 +13,7 @@ from ual.wire.corrections import corrections_status_from_proto
 
 
 class CorrectionsBase:
-    """What is more than a call: the stream."""
+    """Members that are more than a call: the stream."""
 
     _connection: Connection
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 All = Coroutine[Any, Any, dict[str, T]]
-"""What gives one value of each UAV, by name."""
+"""Coroutine that returns one value of each UAV, by name."""
 
 
 class Team(Uncopied, TeamMembers, TaskCommands[All[Task]]):
@@ -159,7 +159,7 @@ class TeamLease:
 
     @property
     def lost(self) -> dict[str, UalError]:
-        """Those that have ended by themselves, and why, by name."""
+        """Leases that have ended by themselves, and the reasons, by name."""
         return {name: lease.lost for name, lease in self._leases.items() if lease.lost is not None}
 
     async def acquire(self) -> Self:

@@ -1,4 +1,4 @@
-"""What an asyncio client of an extension's service needs; see `ual.extension`."""
+"""Interface for the asyncio client of an extension's service; see `ual.extension`."""
 
 from __future__ import annotations
 

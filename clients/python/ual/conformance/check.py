@@ -11,7 +11,7 @@ from ual.types import Capability, State
 
 
 class Need(Enum):
-    """What a check needs beyond a UAV that answers."""
+    """Need of a check beyond a UAV that answers."""
 
     MOTION = "that the UAV may move"
     PILOT = "a simulated safety pilot"
@@ -37,7 +37,7 @@ class Check:
 
 
 class Outcome(Enum):
-    """How a check ended."""
+    """Outcome of a check."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -46,7 +46,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Result:
-    """How a check ended, why it did not pass, and how long it took by the wall clock."""
+    """Outcome of a check, why it did not pass, and its duration by the wall clock."""
 
     check: Check
     outcome: Outcome

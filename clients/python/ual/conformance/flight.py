@@ -57,9 +57,9 @@ def require(condition: bool, otherwise: str) -> None:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How exact a UAV must be. The defaults are for a real UAV outdoors, whose estimate wanders by up to a metre and by
-    0.8 m/s while it hovers (PX4 in its simulator: docs/reference/backends/mavlink.md). `of_simulation` is for the light
-    simulation.
+    """Tolerances of a UAV's accuracy. The defaults are for a real UAV outdoors, whose estimate wanders by up to a metre
+    and by 0.8 m/s while it hovers (PX4 in its simulator: docs/reference/backends/mavlink.md). `of_simulation` is for
+    the light simulation.
 
     `wander_m` is how far the estimate may drift within some seconds in which nothing corrects it; it is added when a
     path is judged. Ratios are relative to the length of a leg. `patience` is how many times longer than expected
@@ -76,7 +76,9 @@ class Tolerances:
 
     @property
     def way_m(self) -> float:
-        """How far beside or beyond a path it may end if nothing held its position meanwhile."""
+        """Distance in metres from a path, or beyond it, at which the UAV may end if nothing held its position
+        meanwhile.
+        """
         return self.position_m + self.wander_m
 
     @classmethod
@@ -222,7 +224,7 @@ class Flight:
         return position(self.uav.telemetry())
 
     def is_slow(self, sample: Telemetry) -> bool:
-        """Whether it moves slower than `Tolerances.speed_m_s`."""
+        """Returns whether it moves slower than `Tolerances.speed_m_s`."""
         return speed(sample) < self.tolerances.speed_m_s
 
     def give_at_once(self, command: Callable[[], object], seen: Telemetry) -> None:
@@ -242,7 +244,7 @@ class Flight:
 
     @property
     def start(self) -> Pose:
-        """Where checks in the air start: above where it took off."""
+        """Start of checks in the air: above the point of its take-off."""
         return self.goal(0.0, 0.0)
 
     def goal(self, dx: float, dy: float, dz: float = 0.0, turn_rad: float = 0.0) -> Pose:

@@ -14,7 +14,7 @@ _DAMAGED = b"\xd3\x00\x04\x4c\xe0\x00\x80\x00\x00\x00"
 
 @check()
 def passes_on_no_correction_that_is_damaged(flight: Flight) -> None:
-    """What is no message of RTCM 3, or has a wrong checksum, is counted, and is not passed on to the receiver."""
+    """Data that is no message of RTCM 3, or has a wrong checksum, is counted, and is not passed on to the receiver."""
     before = _status(flight)
     if before.sender:
         raise CannotRunError(f"{before.sender} sends corrections now, and is left alone")

@@ -14,10 +14,10 @@ from ual.gimbals import GimbalAbility, GimbalActivity, GimbalInfo, GimbalStatus
 from ual.interface import Gimbal
 
 TURN_S = 15.0
-"""How long a gimbal may take to look elsewhere."""
+"""Seconds that a gimbal may take to look elsewhere."""
 NEAR_RAD = 0.05
 TOLD_S = 3.0
-"""How long one may take to say where it looks."""
+"""Seconds that a gimbal may take to report its attitude."""
 
 
 @check()
@@ -112,7 +112,7 @@ def _connected(flight: Flight, *abilities: GimbalAbility) -> list[tuple[GimbalIn
 
 
 def _tells(flight: Flight, gimbal: Gimbal) -> bool:
-    """Whether a gimbal with a note says where it looks."""
+    """Returns whether a gimbal with a note says where it looks."""
     end_s = flight.now_s() + TOLD_S
 
     def tells() -> bool:

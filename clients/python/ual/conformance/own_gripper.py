@@ -15,7 +15,7 @@ _ABSENT = "there_is_none_of_this_name"
 
 @check()
 def lists_what_it_carries(flight: Flight) -> None:
-    """What is configured is listed, each name once. A servo is at a position only where its pulse is that."""
+    """Configured devices are listed, each name once. A servo is at a position only where its pulse is that."""
     found = _carried(flight)
     for devices in (found.grippers, found.winches, found.servos, found.relays):
         names = [each.name for each in devices]

@@ -11,7 +11,7 @@ from ual.logs.values import Log
 from ual.types import State
 
 _MOST_BYTES = 100_000
-"""So much of the end of a log is downloaded: more takes minutes over a radio."""
+"""Bytes at the end of a log that are downloaded: more takes minutes over a radio."""
 
 
 @check()

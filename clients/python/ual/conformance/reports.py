@@ -101,7 +101,7 @@ def frames_form_a_tree(flight: Flight) -> None:
 
 @check(*READY)
 def the_geofence_is_told(flight: Flight) -> None:
-    """Where the UAV may fly is told in `map`, and makes sense."""
+    """The geofence is reported in `map`, and makes sense."""
     fence = flight.uav.geofence()
     require(fence.frame_id == "map", f"the geofence is in {fence.frame_id}")
     require(len(fence.corners) not in (1, 2), "the geofence has a polygon without an area")

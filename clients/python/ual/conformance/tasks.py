@@ -90,7 +90,7 @@ def a_freeze_holds_the_position_it_had(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="4 m ahead at most")
 def a_deadline_cancels_what_was_waited_for(flight: Flight) -> None:
-    """When the caller's timeout has passed, the go-to is cancelled and the UAV holds its position."""
+    """After the caller's timeout, the go-to is cancelled and the UAV holds its position."""
     try:
         flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), timeout_s=0.01)
     except UalTimeoutError:

@@ -1,4 +1,4 @@
-"""What values of the contract do beside holding their fields: ``XBase`` is a base of the value ``X``."""
+"""Behaviour of the contract's values beside holding their fields: ``XBase`` is a base of the value ``X``."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class GimbalAnglesBase:
 
 
 class ParameterTypeBase(Enum):
-    """How an autopilot keeps a parameter."""
+    """Type in which an autopilot keeps a parameter."""
 
     @property
     def is_whole(self) -> bool:
@@ -106,7 +106,7 @@ class LogChunkBase:
 
     @property
     def end(self) -> int:
-        """Where the next piece begins."""
+        """Offset of the next piece."""
         return self.offset + len(self.data)
 
 

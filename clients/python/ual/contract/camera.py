@@ -11,7 +11,7 @@ from ual.types import GeoPoint
 
 
 class CameraAbility(Enum):
-    """What a camera can do."""
+    """Ability of a camera."""
 
     PHOTO = 1
     """TakePhoto, and StartPhotos."""
@@ -50,7 +50,7 @@ class StorageState(Enum):
 
 
 class ImageFormat(Enum):
-    """How a picture is encoded."""
+    """Encoding of a picture."""
 
     PNG = 1
     JPEG = 2
@@ -60,14 +60,14 @@ class ImageFormat(Enum):
 
 
 class ImageKind(Enum):
-    """What the pixels of a picture mean."""
+    """Meaning of a picture's pixels."""
 
     COLOUR = 1
-    """What the camera sees. A request that sets no kind means this one."""
+    """Colours. A request that sets no kind means this one."""
     DEPTH = 2
-    """How far each point is along the camera's view, m: the z of CameraIntrinsics."""
+    """Distance of each point along the camera's view, m: the z of CameraIntrinsics."""
     RANGE = 3
-    """How far each point is from the camera's centre, m."""
+    """Distance of each point from the camera's centre, m."""
     SEGMENTATION = 4
     """All points of one object, or of one class of objects, have one colour. The backend's manual says which."""
 
@@ -90,7 +90,7 @@ class CameraIntrinsics(CameraIntrinsicsBase):
 
 @dataclass(frozen=True, slots=True)
 class CameraStorage:
-    """Where pictures are stored. What the camera does not say is None."""
+    """Storage of pictures. Values that the camera does not report are None."""
 
     state: StorageState | None = None
     total_mib: float | None = None
@@ -175,7 +175,7 @@ class CameraInfo:
 
 @dataclass(frozen=True, slots=True)
 class CameraStatus:
-    """What a camera does.
+    """State of a camera.
 
     Args:
         mode: Its mode; None where it does not say.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class CorrectionsStatus:
-    """What has become of the corrections since the daemon began.
+    """Corrections that were sent and dropped since the daemon began.
 
     Args:
         sender: What sends now, by the name that it gave; empty where nothing does.

@@ -30,7 +30,7 @@ class FenceZone(FenceZoneBase):
 
 @dataclass(frozen=True, slots=True)
 class KeptFence:
-    """What an autopilot keeps.
+    """Fence and rally points that an autopilot keeps.
 
     Args:
         zones: Its polygons and circles.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ual.access.roles import Role
 
 QUICK_S = 10.0
-"""How long a client waits for an answer that needs no manoeuvre. A daemon that takes this long is stuck."""
+"""Seconds for which a client waits for an answer that needs no manoeuvre. A daemon that takes this long is stuck."""
 
 
 class Moves(Enum):
@@ -21,7 +21,7 @@ class Moves(Enum):
 
 
 class Kind(Enum):
-    """How a client's member makes its call. Of a team, it says who gets it where one UAV cannot be reached."""
+    """Kind of a client's call. Of a team, it says who gets it where one UAV cannot be reached."""
 
     QUESTION = "all that can be reached are asked"
     CHANGE = "none gets it"

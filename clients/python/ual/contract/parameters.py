@@ -11,7 +11,7 @@ from ual.contract._bases import ParameterBase, ParameterTypeBase
 
 
 class ParameterType(ParameterTypeBase):
-    """How the autopilot keeps a parameter. The numbers are those of MAVLink's MAV_PARAM_TYPE."""
+    """Type in which the autopilot keeps a parameter. The numbers are those of MAVLink's MAV_PARAM_TYPE."""
 
     UINT8 = 1
     INT8 = 2

@@ -13,7 +13,7 @@ __all__ = ["FencePlan", "FenceZone", "KeptFence", "RallyPoint", "crossing", "lea
 
 @dataclass(frozen=True, slots=True)
 class FencePlan:
-    """What an autopilot is to keep. Without rally points, those that it has stay.
+    """Fence that an autopilot is to keep. Without rally points, those that it has stay.
 
     `left_out` lists, as human-readable text, what else is in the file that it was read from. It does not count for
     `==`.
@@ -65,12 +65,12 @@ def _turn(a: _Place, b: _Place, c: _Place) -> int:
 
 
 def _is_between(a: _Place, b: _Place, c: _Place) -> bool:
-    """Whether a place on the line of two others lies between them."""
+    """Returns whether a place on the line of two others lies between them."""
     return min(a[0], b[0]) <= c[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= c[1] <= max(a[1], b[1])
 
 
 def _meet(a: _Place, b: _Place, c: _Place, d: _Place) -> bool:
-    """Whether two sides have a place in common."""
+    """Returns whether two sides have a place in common."""
     turns = _turn(a, b, c), _turn(a, b, d), _turn(c, d, a), _turn(c, d, b)
     if turns[0] != turns[1] and turns[2] != turns[3]:
         return True
@@ -79,7 +79,7 @@ def _meet(a: _Place, b: _Place, c: _Place, d: _Place) -> bool:
 
 
 def _turns_back(a: _Place, b: _Place, c: _Place, d: _Place) -> bool:
-    """Whether two sides that share a corner lie upon each other."""
+    """Returns whether two sides that share a corner lie upon each other."""
     corner, one, other = (b, a, d) if b == c else (a, b, c)
     if _turn(corner, one, other):
         return False

@@ -1,4 +1,4 @@
-"""How a picture is turned, in the angles that programs for maps read. Pure mathematics."""
+"""Orientation of a picture, in the angles that programs for maps read. Pure mathematics."""
 
 from __future__ import annotations
 

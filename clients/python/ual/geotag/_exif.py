@@ -1,4 +1,4 @@
-"""What a picture says of itself: tags of EXIF 2.32, by Pillow, and XMP for the attitude."""
+"""Metadata of a picture: tags of EXIF 2.32, by Pillow, and XMP for the attitude."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ual.geotag._angles import Angles, angles
 from ual.types import GeoPoint
 
 _SENSOR_MM = 36.0
-"""How wide the sensor is said to be: that is not known, and only the ratio to the focal length counts."""
+"""Width of the sensor in mm: the real one is not known, and only the ratio to the focal length counts."""
 _CM, _MM_IN_CM = 3, 10.0
 _MICRO, _SECONDS = 1_000_000, 100_000
 """Denominators of numbers, and of the seconds of an angle: 0.3 mm on the ground."""
@@ -31,7 +31,7 @@ _REQUIRED_DETAILS: dict[int, object] = {
     _BASE.FlashPixVersion: b"0100",
     _BASE.ColorSpace: 1,
 }
-"""What EXIF requires of every file, unless the camera has written it."""
+"""Tags that EXIF requires of every file, unless the camera has written them."""
 
 
 def write(image: cameras.Image, camera: str, exif: Image.Exif) -> None:

@@ -1,4 +1,4 @@
-"""What may go wrong with a joystick."""
+"""Errors of joysticks."""
 
 from __future__ import annotations
 

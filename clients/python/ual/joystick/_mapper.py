@@ -17,7 +17,7 @@ _HAT_DIRECTIONS = {(0, 1): 1, (1, 0): 2, (0, -1): 4, (-1, 0): 8}
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked for."""
+    """Question to the user."""
 
     target: Axis | Button
     text: str
@@ -50,7 +50,7 @@ QUESTIONS = (
 
 @dataclass
 class _Seen:
-    """What was moved and pressed since all was at rest."""
+    """Axes that were moved, and buttons that were pressed, since all was at rest."""
 
     extremes: dict[int, float] = field(default_factory=dict)
     """Of each axis, the position farthest from its rest."""
@@ -85,7 +85,7 @@ class Mapper:
 
     @property
     def question(self) -> Question | None:
-        """What it asks for now; None at the end."""
+        """Present question; None at the end."""
         return QUESTIONS[len(self._answers)] if len(self._answers) < len(QUESTIONS) else None
 
     def feed(self, state: RawState) -> None:

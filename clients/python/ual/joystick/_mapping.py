@@ -24,7 +24,7 @@ _MORE_BUTTONS = {
     "touchpad",
     *(f"paddle{n}" for n in range(1, 5)),
 }
-"""What SDL knows, and the standard layout has not."""
+"""Buttons that SDL knows, and the standard layout does not have."""
 _NAMES = {each.value for each in (*Axis, *Button)} | _MORE_BUTTONS
 
 

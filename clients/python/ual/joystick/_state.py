@@ -1,4 +1,4 @@
-"""What a gamepad and a raw joystick say at one time."""
+"""States of a gamepad and of a raw joystick at one time."""
 
 from __future__ import annotations
 

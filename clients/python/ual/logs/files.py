@@ -18,12 +18,12 @@ from ual.logs.values import Log, LogChunk
 from ual.shared import whole_file
 
 OVERLAP = 4096
-"""So many bytes that are there already are read again and compared, where a download goes on."""
+"""Bytes before the end of a partial file that are read again and compared, where a download goes on."""
 _UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
 
 
 class Downloads(Protocol):
-    """Where logs come from: `ual.interface.Logs`, as far as it is used here."""
+    """Source of logs: the used part of `ual.interface.Logs`."""
 
     def download(self, log_id: str, offset: int = 0) -> Iterator[LogChunk]:
         """See `ual.interface.Logs.download`."""
@@ -67,7 +67,7 @@ class PartialFile:
 
     @property
     def offset(self) -> int:
-        """Where a download has to begin."""
+        """Offset at which a download has to begin."""
         return max(0, self.size - OVERLAP)
 
     def add(self, chunk: LogChunk) -> None:
@@ -151,7 +151,9 @@ class PartialFile:
         return size if self._is_of(before) and size <= self.log.size_bytes else 0
 
     def _is_of(self, before: object) -> bool:
-        """Whether what is there is of this log, which may have grown since. One without a time may be another one."""
+        """Returns whether what is there is of this log, which may have grown since. One without a time may be another
+        one.
+        """
         now = asdict(self.log)
         if before == now:
             return True

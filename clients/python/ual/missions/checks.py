@@ -1,4 +1,4 @@
-"""What a mission has to be, whatever the autopilot. Each refusal names the item."""
+"""Requirements of a mission for every autopilot. Each refusal names the item."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ _ABOVE = {
     3: AltitudeReference.HOME,
     6: AltitudeReference.HOME,
 }
-"""What altitudes count from, by MAV_FRAME."""
+"""References of altitudes, by MAV_FRAME."""
 _STAYING = (commands.WAYPOINT, commands.LOITER_TIME, commands.LAND)
 """For ArduPilot these stay where the item before has led, in what they do not give (loc_from_cmd, do_land)."""
 _MOST_TIMES = 65_535
@@ -79,7 +79,7 @@ class _Reader:
             self._indices = {index + 1: index for index in range(len(found))}
         self._jumped_to = {found[index].number for index in self._targets()}
         self._before: neutral.TakeOff | neutral.Waypoint | None = None
-        """What leads to where the next item begins; None where that is not known."""
+        """Item that leads to the start of the next one; None where that position is not known."""
         self._is_begun_by_interval: list[bool] = []
         """Of each trigger of photos so far: whether it is one by time, else by distance."""
         self.left_out: list[str] = []

@@ -14,7 +14,7 @@ from ual.types import AltitudeReference
 
 
 class CameraAction(Enum):
-    """What a `CameraTrigger` does."""
+    """Action of a `CameraTrigger`."""
 
     BY_DISTANCE = 1
     """One photo now, and one after each `value` metres on the way."""

@@ -1,4 +1,4 @@
-"""In which order the items of a mission are executed."""
+"""Order in which the items of a mission are executed."""
 
 from __future__ import annotations
 

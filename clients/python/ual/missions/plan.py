@@ -12,7 +12,7 @@ from ual.missions.items import Item
 
 
 class LinkLossAction(Enum):
-    """What the autopilot is to do by itself in a mission, once the link to its ground station is lost."""
+    """Action of the autopilot by itself in a mission, once the link to its ground station is lost."""
 
     CONTINUE = 1
     RETURN = 2
@@ -20,7 +20,7 @@ class LinkLossAction(Enum):
 
 
 class MissionStage(Enum):
-    """How far the autopilot is with its mission, by its own words."""
+    """Stage of the autopilot's mission, by its own report."""
 
     UNKNOWN = 0
     NONE = 1
@@ -32,7 +32,7 @@ class MissionStage(Enum):
 
 @dataclass(frozen=True, slots=True)
 class MissionPlan:
-    """What a mission would be.
+    """Plan of a mission.
 
     Args:
         length_m: The way, with what jumps repeat.
@@ -67,7 +67,7 @@ class StoredMission:
 
 @dataclass(frozen=True, slots=True)
 class MissionProgress:
-    """How far the autopilot is with its mission, whoever has started it.
+    """Progress of the autopilot's mission, whichever program has started it.
 
     Args:
         stage: By the autopilot's own words.

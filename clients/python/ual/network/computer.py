@@ -1,4 +1,4 @@
-"""Which computer this is: programs that share a loopback address have the same identifier."""
+"""Identifier of this computer: programs that share a loopback address have the same one."""
 
 from __future__ import annotations
 

@@ -14,7 +14,9 @@ LEASE_MS = 2000
 _KEEP_ALIVE_COUNT = 4
 """Signs of life in a lease."""
 _OPEN_MS = 2000
-"""How long a connection may take. TCP asks at 0 and 1 s, then ever more seldom: a new attempt is sooner there."""
+"""Milliseconds that a connection may take. TCP asks at 0 and 1 s, then ever more seldom: a new attempt is sooner
+there.
+"""
 _MULTICAST_GROUP = "224.0.0.224"
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
 _MOST_BYTES = 4 << 20

@@ -1,4 +1,4 @@
-"""Where one UAV of the network is, for a client that flies it: found again, and never exchanged for another."""
+"""Address of one UAV in the network, for a client that flies it: found again, and never exchanged for another UAV's."""
 
 from __future__ import annotations
 

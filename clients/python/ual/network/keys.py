@@ -66,12 +66,12 @@ def publisher(names: Sequence[str]) -> str:
 
 
 def is_publisher(text: str) -> bool:
-    """Whether a text can be the name of a publisher."""
+    """Returns whether a text can be the name of a publisher."""
     return re.fullmatch(_PUBLISHER, text) is not None
 
 
 def speaks_for(publisher: str, ns: str) -> bool:
-    """Whether a publisher may speak for a UAV."""
+    """Returns whether a publisher may speak for a UAV."""
     span = _SPAN.fullmatch(publisher)
     if span is None:
         return publisher == ns

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _JOIN_S = 3.0
 _LEAST_LOOK_S = 0.5
-"""Who is there says so within this time."""
+"""Seconds within which present daemons announce themselves."""
 _ASK_S, _LONGEST_ASK_S, _ANSWER_S = 0.25, 8.0, 2.0
 _CLOSE_S = 5.0
 _MOST_PROBLEMS = 10
@@ -156,14 +156,14 @@ class Network:
 
     @property
     def problems(self) -> Mapping[str, int]:
-        """What was dropped and why, and how often."""
+        """Dropped messages: the reasons, and their counts."""
         self._require_own()
         with self._changed:
             return {why: count for of in self._problems.values() for why, count in of.items()}
 
     @property
     def unseen(self) -> Sequence[str]:
-        """What is there and not shown in `uavs`, human-readable: daemons that tell nothing, or no router is reached.
+        """Human-readable list of what is missing in `uavs`: silent daemons, or no router is reached.
 
         It is empty where all is seen.
         """
@@ -174,7 +174,7 @@ class Network:
 
     @property
     def described(self) -> str:
-        """Which network it is, human-readable."""
+        """Human-readable name of the network."""
         where = ", ".join(self.settings.connect) or self.settings.means.value
         return f"site {self.settings.site}, {where}"
 
@@ -216,7 +216,7 @@ class Network:
                 reader.join(max(0.0, end_s - time.monotonic()))
 
     def _is_settled(self, ns: str) -> bool:
-        """Whether all that may be this UAV have told of themselves, or have had the time for it."""
+        """Returns whether all that may be this UAV have told of themselves, or have had the time for it."""
         if self._is_parents:
             return True
         now_s = time.monotonic()
@@ -340,7 +340,7 @@ class Network:
 
 
 class _Pauses:
-    """When it is asked again of each publisher whether it is there: ever more seldom, where that settles nothing."""
+    """Pauses between questions whether a publisher is there: they grow while the answers settle nothing."""
 
     def __init__(self) -> None:
         self._of: dict[str, GrowingPauses] = {}

@@ -85,7 +85,7 @@ class _Membership:
 
 
 class _Memberships:
-    """Those of this process."""
+    """Memberships of this process."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""Who is on the network: from tokens and reports to UAVs. Pure: the time is given, and nothing is sent.
+"""Roster of the network: from tokens and reports to UAVs. Pure: the time is given, and nothing is sent.
 
 A process counts as present while it shows its liveliness token, and is heard. What it tells is taken only with the
 token, and only of UAVs for which its key says that it may speak. Two processes that tell of one name are told apart.
@@ -16,7 +16,7 @@ from ual.network.keys import Source
 from ual.network.values import NetworkUav, Report, Teller, UavReport, old_after_s
 
 KEEP_GONE_S = 600.0
-"""How long a UAV whose daemon is gone is kept: it may still be in the air."""
+"""Seconds for which a UAV is kept after its daemon is gone: it may still be in the air."""
 MOST_PUBLISHERS = 4096
 MOST_OF_PUBLISHER = 8
 """Processes of one publisher, and so of one certificate: no key can take the place of other UAVs."""
@@ -39,7 +39,7 @@ class _Told:
 
 @dataclass(slots=True)
 class _Process:
-    """What is known of one process: by its sign of life since when it is there, or gone, and what it tells."""
+    """State of one process: the times of its signs of life, and its reports."""
 
     since_s: float
     gone_s: float | None = None
@@ -61,11 +61,11 @@ class _Process:
         return self.teller is not None and len(self.uavs) >= min(self.teller.uav_count, MOST_UAVS)
 
     def is_awaited(self, now_s: float) -> bool:
-        """Whether it is there, and has had no time yet to tell of all its UAVs."""
+        """Returns whether it is there, and has had no time yet to tell of all its UAVs."""
         return self.gone_s is None and not self.has_told and now_s - self.since_s < MUTE_S
 
     def is_silent(self, now_s: float) -> bool:
-        """Whether it is said to be there, but tells nothing any more."""
+        """Returns whether it is said to be there, but tells nothing any more."""
         teller = self.teller
         return self.absent_s is None and teller is not None and now_s - self.heard_s > old_after_s(teller.rate_hz)
 
@@ -92,7 +92,7 @@ class Roster:
         self._processes: dict[str, dict[Source, _Process]] = {}
         """By publisher."""
         self._unannounced: dict[str, set[Source]] = {}
-        """Those that tell without a sign of life, by publisher."""
+        """Sources that report without a sign of life, by publisher."""
         self._forget_due_s = 0.0
 
     def on_alive(self, source: Source, now_s: float) -> None:
@@ -194,7 +194,7 @@ class Roster:
             self.on_alive(source, now_s)
 
     def is_complete(self, now_s: float) -> bool:
-        """Whether each process that is there has told of all its UAVs, or had the time for it: see `unseen`.
+        """Returns whether each process that is there has told of all its UAVs, or had the time for it: see `unseen`.
 
         None may have been heard yet: that is not so.
         """
@@ -202,7 +202,7 @@ class Roster:
         return bool(there) and not any(process.is_awaited(now_s) for process in there)
 
     def is_known(self, ns: str, now_s: float) -> bool:
-        """Whether a UAV has been told of, and nothing that may speak for it is awaited."""
+        """Returns whether a UAV has been told of, and nothing that may speak for it is awaited."""
         return bool(self.called(ns)) and not any(
             process.is_awaited(now_s) and keys.speaks_for(source.publisher, ns) for source, process in self._all()
         )

@@ -136,7 +136,7 @@ def close_session(session: zenoh.Session) -> None:
 
 
 def has_router(session: zenoh.Session, settings: NetworkSettings) -> bool:
-    """Whether the session reaches a router; peers need none."""
+    """Returns whether the session reaches a router; peers need none."""
     return not settings.connect or bool(session.info.routers_zid())
 
 

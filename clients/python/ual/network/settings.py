@@ -29,7 +29,7 @@ _MOST_ENDPOINTS = 32
 
 
 class Scouting(Enum):
-    """Where programs find each other without a router."""
+    """Scope in which programs find each other without a router."""
 
     NONE = "none"
     LOOPBACK = "loopback"
@@ -38,7 +38,7 @@ class Scouting(Enum):
 
 @dataclass(frozen=True, slots=True)
 class NetworkSettings:
-    """How the network is joined.
+    """Settings for joining the network.
 
     Args:
         site: Daemons and clients of one site see each other.
@@ -54,7 +54,6 @@ class NetworkSettings:
 
     Raises:
         InvalidArgumentError: A value is not valid, or the network could be reached without certificates.
-
     """
 
     site: str = "local"
@@ -83,7 +82,7 @@ class NetworkSettings:
 
     @property
     def means(self) -> Scouting:
-        """How others are found where there is no router."""
+        """Scope in which others are found without a router."""
         return self.scouting or (Scouting.NONE if self.connect else Scouting.LOOPBACK)
 
     @property

@@ -1,4 +1,4 @@
-"""What is told over the network, as plain immutable values."""
+"""Values that are published over the network, as plain immutable objects."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def old_after_s(rate_hz: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class UavReport:
-    """What a daemon tells of one UAV.
+    """Report of a daemon about one UAV.
 
     `addresses` are where to fly it, the best for other computers first, and `has_tls` whether TLS is spoken there.
     `needed_role` is the role that a caller of another computer needs to fly it; empty: whoever reaches it may.
@@ -48,7 +48,7 @@ class Teller:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What one process tells at once."""
+    """Joint report of one process."""
 
     teller: Teller
     uavs: tuple[UavReport, ...]
@@ -80,16 +80,16 @@ class NetworkUav:
 
     @property
     def addresses(self) -> tuple[str, ...]:
-        """Where its daemon is."""
+        """Addresses of its daemon."""
         return self.report.addresses
 
     @property
     def old_after_s(self) -> float:
-        """From which age on its sample is not the present."""
+        """Age in seconds from which its sample no longer counts as the present state."""
         return old_after_s(self.teller.rate_hz)
 
     def is_old(self, now_s: float) -> bool:
-        """Whether its sample must not be taken for the present; `now_s` by `time.monotonic`."""
+        """Returns whether its sample must not be taken for the present; `now_s` by `time.monotonic`."""
         return self.gone_s is not None or now_s - self.heard_s > self.old_after_s
 
     def described(self) -> str:

@@ -26,7 +26,7 @@ SYSTEM_ID_NAMES = frozenset({"MAV_SYS_ID", "SYSID_THISMAV", "MAV_SYSID"})
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """What the autopilot tells about a parameter.
+    """Description of a parameter by the autopilot.
 
     Args:
         minimum: The least value that it should have; None where the autopilot does not say.
@@ -34,7 +34,6 @@ class Description:
         unit: Such as ``m/s``.
         text: What it is, in one line.
         needs_reboot: Whether it takes effect at the next boot.
-
     """
 
     minimum: float | None = None
@@ -54,10 +53,10 @@ def range_text(parameter: Parameter) -> str:
 
 
 def is_same(parameter: Parameter, value: float) -> bool:
-    """Whether a value, as written by hand or in a file, is that of a parameter."""
+    """Returns whether a value, as written by hand or in a file, is that of a parameter."""
     return is_equal(parameter.value, value if parameter.type.is_whole else real32(value))
 
 
 def is_equal(one: float, other: float) -> bool:
-    """Whether two values are the same; NaN is the same as NaN."""
+    """Returns whether two values are the same; NaN is the same as NaN."""
     return one == other or (math.isnan(one) and math.isnan(other))

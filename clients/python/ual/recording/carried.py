@@ -1,4 +1,6 @@
-"""What a UAV carries in a recording: where its gimbals look, and the states of what holds, drops and switches."""
+"""Payload of a UAV in a recording: the attitudes of its gimbals, and the states of its grippers, winches, servos and
+relays.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +24,11 @@ from ual.v1 import gripper_pb2 as pb
 from ual.wire import gripper as convert
 
 _LOOK_S = 1.0
-"""How often it is looked for gimbals that are new, and asked again where something did not answer."""
+"""Seconds between two searches for new gimbals, and between repeated questions where something did not answer."""
 _RATE_HZ = 5.0
-"""How often it is recorded where a gimbal looks."""
+"""Recorded attitudes of a gimbal per second."""
 _EQUIPMENT_S = 2.0
-"""How often the states are asked for: some autopilots are asked over their link."""
+"""Seconds between two questions for the states: some autopilots are asked over their link."""
 
 
 class GimbalTopic:
@@ -85,7 +87,7 @@ class Carried:
         self._guard = WorkGuard("carried")
         self._lock = threading.Lock()
         self._threads: list[threading.Thread] = []
-        """Those that were started."""
+        """Threads that were started."""
         recorder.at_each_file(self._repeat)
 
     def start(self) -> None:

@@ -1,4 +1,6 @@
-"""Which frames are recorded, and when: all of them now and then, and at once where one was added, moved or removed."""
+"""Frames to record, and the time of each record: all of them now and then, and at once where one was added, moved or
+removed.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +14,9 @@ from ual.shared.guard import WorkGuard
 from ual.types import Frame
 
 LOOK_S = 0.1
-"""How often it is looked whether frames have changed."""
+"""Seconds between two checks whether frames have changed."""
 _AGAIN_S = 1.0
-"""How often those that stay as they are are recorded again."""
+"""Seconds between two records of unchanged frames."""
 
 
 class FrameChanges:

@@ -24,7 +24,7 @@ from ual.v1 import camera_pb2 as pb
 from ual.wire import camera as convert
 
 _LOOK_S = 1.0
-"""How often it is asked what was taken."""
+"""Seconds between two questions for new pictures."""
 _FORMATS = {ImageFormat.PNG: "png", ImageFormat.JPEG: "jpeg"}
 
 
@@ -79,7 +79,7 @@ def _calibration(lens: CameraIntrinsics) -> CameraCalibration:
 
 
 class PictureFigures(NamedTuple):
-    """What came of the pictures that were taken: how many there were, and how many are recorded without their bytes."""
+    """Figures of the pictures that were taken: their number, and the number that is recorded without bytes."""
 
     photos_count: int = 0
     without_bytes_count: int = 0
@@ -103,7 +103,7 @@ class Pictures:
         self._guard = WorkGuard("pictures")
         self._thread = threading.Thread(target=self._run, name=f"pictures of {ns}", daemon=True)
         self.figures = PictureFigures()
-        """What came of them so far."""
+        """Figures so far."""
 
     def start(self) -> None:
         """Begins.
@@ -148,7 +148,7 @@ class Pictures:
         self.figures = self.figures._replace(without_bytes_count=self.figures.without_bytes_count + 1, reason=reason)
 
     def _try(self, act: Callable[[], None]) -> bool:
-        """Whether it was done. What cannot be had now is asked for again, or counted."""
+        """Returns whether it was done. What cannot be had now is asked for again, or counted."""
         try:
             act()
         except UalError as error:

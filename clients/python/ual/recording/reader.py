@@ -26,9 +26,9 @@ class Message(NamedTuple):
     """One message of a recording; times are UTC since 1970 in nanoseconds (see `ual.recording.topics`)."""
 
     log_ns: int
-    """When it was recorded."""
+    """Time of the record."""
     publish_ns: int
-    """When what it says was so."""
+    """Time for which the content is valid."""
     topic: str
     encoding: str
     schema: str
@@ -137,7 +137,7 @@ class Recording:
 
 
 _MAGIC = b"\x89MCAP0\r\n"
-"""How each MCAP file begins. It is written before anything else, and a killed daemon leaves it, too."""
+"""First bytes of each MCAP file. It is written before anything else, and a killed daemon leaves it, too."""
 
 
 def _unreadable(path: Path, why: str) -> InvalidArgumentError:

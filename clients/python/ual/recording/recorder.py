@@ -24,13 +24,15 @@ from ual.shared.pauses import GrowingPauses
 _log = logging.getLogger(__name__)
 
 FLUSH_S = 0.5
-"""How often a chunk is ended and written to the disk. With the time that this takes, less than a second can be lost."""
+"""Seconds between two ends of a chunk, which is then written to the disk. With the time that this takes, less than a
+second can be lost.
+"""
 _TAKE_S = 0.02
-"""How often the queue is looked at. An addition does not have to wake the thread."""
+"""Seconds between two looks at the queue. An addition does not have to wake the thread."""
 MOST_ENTRIES = 50_000
-"""So many entries wait at most: 50 s of one UAV with its raw packets, or a disk that writes nothing for as long."""
+"""Most entries that wait: 50 s of one UAV with its raw packets, or a disk that writes nothing for that time."""
 MOST_BYTES = 64 << 20
-"""So many bytes wait at most, where entries are large."""
+"""Most bytes that wait, where entries are large."""
 _ENTRY_BYTES = 400
 """About what an entry takes, beside what it brings along."""
 _CLOSE_LIMIT_S = 10.0
@@ -48,7 +50,7 @@ METADATA = "ual"
 
 
 class Output(Protocol):
-    """Where an entry is written to: an open `File`."""
+    """Destination of entries: an open `File`."""
 
     def write(self, topic: Topic, data: bytes, log_ns: int, publish_ns: int, sequence: int = 0) -> None:
         """Adds a message; see `File.write`."""
@@ -63,7 +65,7 @@ class Entry(NamedTuple):
 
 
 _JUMP_S = 10.0
-"""What the computer's clock is slewed by within a file is less."""
+"""Least step in seconds that counts as a jump of the computer's clock; slewing within a file amounts to less."""
 
 
 class Clock:
@@ -71,7 +73,7 @@ class Clock:
 
     def __init__(self) -> None:
         self.offset_ns = _offset_ns()
-        """What is added to the monotonic clock."""
+        """Offset from the monotonic clock."""
 
     def follow(self) -> float:
         """Reads UTC again where the computer's clock was set meanwhile. Returns by how many seconds; 0: it was not."""
@@ -92,7 +94,7 @@ def _offset_ns() -> int:
 
 @dataclass(frozen=True, slots=True)
 class Turnover:
-    """When a file is ended, and the next one begun."""
+    """Conditions for the end of a file, and the begin of the next one."""
 
     size_bytes: int = 1 << 30
     age_s: float = 3600.0
@@ -169,12 +171,12 @@ class Recorder:
 
     @property
     def figures(self) -> QueueFigures:
-        """How the queue stands now."""
+        """Figures of the queue now."""
         return QueueFigures(not (self.has_ended or self._trouble), len(self._entries), self._bytes, self._lost_count)
 
     @property
     def lost_count(self) -> int:
-        """How many entries were dropped."""
+        """Entries that were dropped."""
         return self._lost_count
 
     def at_each_file(self, callback: Callable[[], None]) -> None:

@@ -18,7 +18,7 @@ MAVLINK = "mavlink"
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """How messages are written: in MCAP's terms the schema's name, its encoding, and its text or descriptors."""
+    """Encoding of messages: in MCAP's terms the schema's name, its encoding, and its text or descriptors."""
 
     name: str
     encoding: str

@@ -36,7 +36,7 @@ __all__ = [
 MOST_BYTES = 20_000_000
 """A file may have so many bytes, and so may the KML in a KMZ."""
 _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
-"""How zip files begin; the second one has nothing in it."""
+"""First bytes of zip files; the second one has no content."""
 _PLANS = (".plan", ".mission")
 _GEOJSON = (".geojson", ".json")
 _ONE_DOCUMENT = {**dict.fromkeys(_PLANS, "a plan of QGroundControl"), ".geojson": "GeoJSON"}

@@ -1,4 +1,4 @@
-"""What the commands of a mission do to a flight: which can be left out, and which UAL cannot fly.
+"""Effect of a mission's commands on a flight: some can be left out, and some UAL cannot fly.
 
 Numbers and names are those of MAV_CMD (MAVLink common.xml and ardupilotmega.xml).
 """
@@ -68,5 +68,5 @@ NOT_FLOWN = _each(
 
 
 def is_moving(command: int) -> bool:
-    """Whether a mission that has this command flies on."""
+    """Returns whether a mission that has this command flies on."""
     return command <= _NAV_LAST or command in (JUMP, JUMP_TO_TAG)

@@ -14,11 +14,13 @@ _SHAPES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "M
 _TYPES = (*_SHAPES, "Feature", "FeatureCollection")
 _MOST_DEPTH = 20
 _DEGREES = ("CRS84", "4326", "4979")
-"""How the names of coordinate systems end that are latitudes and longitudes of WGS 84 (GeoJSON before RFC 7946)."""
+"""Last parts of the names of coordinate systems that are latitudes and longitudes of WGS 84 (GeoJSON before RFC
+7946).
+"""
 
 
 def is_geojson(document: object) -> bool:
-    """Whether a document is GeoJSON."""
+    """Returns whether a document is GeoJSON."""
     return isinstance(document, Mapping) and document.get("type") in _TYPES
 
 

@@ -54,7 +54,9 @@ def _lines(lines: Iterable[str], frame_id: str) -> Iterator[tuple[PoseStamped, f
 
 
 def is_header(line: str, where: str, known: Sequence[Sequence[str]]) -> bool:
-    """Whether a line names the columns of a table. Raises `FaultError` if they are none of those that are known."""
+    """Returns whether a line names the columns of a table. Raises `FaultError` if they are none of those that are
+    known.
+    """
     names = [name.strip(" \t\"'").lower().removesuffix("_m").removesuffix("_rad") for name in _fields(line)]
     if line.startswith("{") or len(names) == 1 or not all(name[:1].isalpha() for name in names):
         return False

@@ -24,7 +24,7 @@ _ABOVE = {
     3: AltitudeReference.HOME,
     6: AltitudeReference.HOME,
 }
-"""What altitudes count from, by MAV_FRAME."""
+"""References of altitudes, by MAV_FRAME."""
 _FRAMES = {10: "above the terrain", 11: "above the terrain", 1: "local", 2: "no frame of a position", 4: "local"}
 _SPEEDS_ALONG = (0, 1)
 """Kinds of DO_CHANGE_SPEED (SPEED_TYPE) along the path: airspeed and ground speed. The others are climb and descent."""

@@ -18,7 +18,7 @@ _MOST_NAMED = 5
 
 @dataclass(frozen=True, slots=True)
 class Heights:
-    """What the caller says about altitudes: fly all at `altitude_m` above home, or what the file's count from."""
+    """Altitudes by the caller: fly all at `altitude_m` above home, or the reference of the file's altitudes."""
 
     altitude_m: float | None = None
     reference: AltitudeReference | None = None

@@ -20,7 +20,7 @@ _ITEM_KEYS = (
     *("type", "command", "frame", "params", "doJumpId", "autoContinue", "Altitude", "AltitudeMode"),
     *("AMSLAltAboveTerrain", "coordinate", "id", "param1", "param2", "param3", "param4"),
 )
-"""Those that have an effect, of older versions, too."""
+"""Keys of items that have an effect, of older versions, too."""
 _FIRMWARES = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
 _NOT_IN_THE_AIR = {10: "a rover", 11: "a boat", 12: "a submarine"}
 _CALCULATED_ABOVE_TERRAIN, _ABOVE_TERRAIN = 3, 4
@@ -45,7 +45,7 @@ def parse_plan(text: str, name: str) -> Route:
 
 
 def is_plan(document: object) -> bool:
-    """Whether a document is of QGroundControl."""
+    """Returns whether a document is of QGroundControl."""
     return isinstance(document, Mapping) and bool(_KEYS & document.keys())
 
 

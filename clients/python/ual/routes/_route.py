@@ -1,4 +1,4 @@
-"""What a file is read into, and the errors of reading it."""
+"""Content of a route file, and the errors of reading it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ual.types import AltitudeReference, GeoWaypoint
 MOST_WAYPOINTS = 10_000
 """A daemon takes no longer path (RESOURCE_EXHAUSTED)."""
 MOST_HOLD_S = 3600.0
-"""How long a path may hold at one waypoint."""
+"""Most seconds of a path's hold at one waypoint."""
 _NOWHERE_DEG = 1e-6
 """Latitude and longitude that are both within a decimetre of 0 are a position that was not set."""
 _MOST_LATITUDE_DEG, _MOST_LONGITUDE_DEG = 90.0, 180.0
@@ -24,7 +24,7 @@ class RouteError(Exception):
 
 
 class FaultError(Exception):
-    """What is wrong at one place of a file (empty: with all of it); `naming` makes a `RouteError` of it."""
+    """Fault at one position of a file (empty: of the whole file); `naming` makes a `RouteError` of it."""
 
     def __init__(self, text: str, where: str = "") -> None:
         super().__init__(text)
@@ -80,7 +80,7 @@ def geo_waypoint(
 
 
 def is_same_place(a: GeoWaypoint, b: GeoWaypoint) -> bool:
-    """Whether two waypoints differ in their headings at most."""
+    """Returns whether two waypoints differ in their headings at most."""
     return (a.latitude_deg, a.longitude_deg, a.altitude_m, a.altitude_reference) == (
         b.latitude_deg,
         b.longitude_deg,

@@ -49,7 +49,9 @@ def items_of(text: str, most: int = MOST_ITEMS) -> tuple[list[Item], Firmware, b
 
 
 def _is_home(item: Item, version: str) -> bool:
-    """Whether it is the item 0 in which ArduPilot keeps its home, and by which QGroundControl reads version 110."""
+    """Returns whether it is the item 0 in which ArduPilot keeps its home, and by which QGroundControl reads version
+    110.
+    """
     return version == "110" and item.jump_id == 0 and item.command == commands.WAYPOINT
 
 

@@ -112,7 +112,7 @@ class Listener:
         """Whether it waits in a worker's queue or is being called. This keeps it from being in two threads."""
         self._called_by: int | None = None
         self._quick_calls_needed = 0
-        """How many quick calls in a row it needs to count as quick."""
+        """Quick calls in a row that it needs to count as quick."""
         self._logged_failure = ""
         self._failures_count = 0
         self._is_closed = False
@@ -218,7 +218,7 @@ class _Worker:
         self._waiting.put(listener)
 
     def is_delayed(self) -> bool:
-        """Whether it has been busy, without a pause, for longer than `SLOW_S`."""
+        """Returns whether it has been busy, without a pause, for longer than `SLOW_S`."""
         since_s = self._busy_since_s
         return since_s is not None and time.monotonic() - since_s > SLOW_S
 

@@ -20,7 +20,7 @@ CA_VARIABLE = "UAL_TLS_CA"
 _PREFIX = "UAL_"
 _OF_TESTS = "UAL_TEST_"
 _LEAST_ALIKE = 0.75
-"""How similar a name has to be to be meant: all begin alike."""
+"""Least similarity of a name to be proposed: all have the same beginning."""
 OTHERS_VARIABLE = "UAL_OTHER_VARIABLES"
 """Names, separated by commas, of variables ``UAL_...`` that belong to programs beside UAL."""
 OF_CLIENTS = (
@@ -37,7 +37,7 @@ OF_CLIENTS = (
     "UAL_TOKEN",
     "UAL_TOKEN_FILE",
 )
-"""Those of `ual` and of programs that use the client."""
+"""Variables of `ual` and of programs that use the client."""
 OF_DAEMON = (
     "UAL_ALLOW_ARMING",
     "UAL_AUDIT",
@@ -69,7 +69,7 @@ OF_DAEMON = (
     "UAL_WATCH_ONLY",
     "UAL_WORKERS",
 )
-"""Those of `ual-daemon`, which may be started from the same shell."""
+"""Variables of `ual-daemon`, which may be started from the same shell."""
 
 
 def value(name: str) -> str | None:

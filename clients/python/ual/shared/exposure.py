@@ -1,4 +1,4 @@
-"""What other computers can reach: one rule for gRPC and for the network."""
+"""Exposure to other computers: one rule for gRPC and for the network."""
 
 from __future__ import annotations
 

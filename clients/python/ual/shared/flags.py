@@ -1,4 +1,4 @@
-"""What a caller switches on or off. A text is no such thing: ``"no"`` would count as true."""
+"""Values of a switch: on or off. A text is no such thing: ``"no"`` would count as true."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def shown(value: object) -> str:
 
 
 def is_flag(value: object) -> bool:
-    """Whether a value is True or False, also as 1 or 0, and as NumPy's."""
+    """Returns whether a value is True or False, also as 1 or 0, and as NumPy's."""
     if isinstance(value, int):
         return value in (0, 1)
     return type(value).__name__ in ("bool", "bool_")

@@ -25,7 +25,9 @@ def parse_number(text: str) -> float:
 
 
 def are_commas_decimal(fields: Iterable[str]) -> bool:
-    """Whether the commas in the numbers of a file are decimal ones: at least one of them cannot separate thousands."""
+    """Returns whether the commas in the numbers of a file are decimal ones: at least one of them cannot separate
+    thousands.
+    """
     return any("," in field and not _GROUPS.fullmatch(field.strip()) for field in fields)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class GrowingPauses:
-    """When to try again something that has failed. Times are of any clock that does not jump, in seconds.
+    """Growing pauses before a failed attempt is repeated. Times are of any clock that does not jump, in seconds.
 
     Each pause is twice as long as the one before, up to the longest, and short again once it worked for so long.
     """
@@ -15,7 +15,7 @@ class GrowingPauses:
         self._due_s = float("-inf")
 
     def is_due(self, now_s: float) -> bool:
-        """Whether to try now."""
+        """Returns whether to try now."""
         return now_s >= self._due_s
 
     def failed(self, now_s: float) -> None:

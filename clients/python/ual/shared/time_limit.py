@@ -1,4 +1,4 @@
-"""How long a caller waits."""
+"""Time limits of a caller's waits."""
 
 from __future__ import annotations
 

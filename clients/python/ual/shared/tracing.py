@@ -38,7 +38,9 @@ _log = logging.getLogger(__name__)
 
 
 def is_wanted(environment: Mapping[str, str] = os.environ) -> bool:
-    """Whether the environment asks for traces: it has a variable of OpenTelemetry, and none of them forbids traces."""
+    """Returns whether the environment asks for traces: it has a variable of OpenTelemetry, and none of them forbids
+    traces.
+    """
     if not any(name.startswith("OTEL_") for name in environment):
         return False
     is_off = environment.get("OTEL_SDK_DISABLED", "").strip().lower() == "true"
@@ -150,7 +152,7 @@ class Tracing:
 
     @contextmanager
     def within(self, span: Span) -> Iterator[None]:
-        """What begins in the block is a part of the span."""
+        """Makes spans that begin in the block parts of the span."""
         with self._trace.use_span(span):
             yield
 

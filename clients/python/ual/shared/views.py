@@ -39,12 +39,12 @@ def state(telemetry: Telemetry) -> State:
 
 
 def is_ready(telemetry: Telemetry) -> bool:
-    """Whether the state is other than UNINITIALIZED."""
+    """Returns whether the state is other than UNINITIALIZED."""
     return telemetry.state is not State.UNINITIALIZED
 
 
 def is_idle(telemetry: Telemetry) -> bool:
-    """Whether no task runs."""
+    """Returns whether no task runs."""
     return telemetry.task is None
 
 

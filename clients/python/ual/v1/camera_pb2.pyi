@@ -46,7 +46,7 @@ class _CameraAbilityEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._
     """GetImage."""
 
 class CameraAbility(_CameraAbility, metaclass=_CameraAbilityEnumTypeWrapper):
-    """What a camera can do."""
+    """Ability of a camera."""
 
 CAMERA_ABILITY_UNSPECIFIED: CameraAbility.ValueType  # 0
 CAMERA_ABILITY_PHOTO: CameraAbility.ValueType  # 1
@@ -126,7 +126,7 @@ class _ImageFormatEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._En
     """Numbers of 32 bits, little-endian, row by row from the top: metres. Infinity: nothing is there. NaN: not known."""
 
 class ImageFormat(_ImageFormat, metaclass=_ImageFormatEnumTypeWrapper):
-    """How a picture is encoded."""
+    """Encoding of a picture."""
 
 IMAGE_FORMAT_UNSPECIFIED: ImageFormat.ValueType  # 0
 IMAGE_FORMAT_PNG: ImageFormat.ValueType  # 1
@@ -143,24 +143,24 @@ class _ImageKindEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._Enum
     DESCRIPTOR: google.protobuf.descriptor.EnumDescriptor
     IMAGE_KIND_UNSPECIFIED: _ImageKind.ValueType  # 0
     IMAGE_KIND_COLOUR: _ImageKind.ValueType  # 1
-    """What the camera sees. A request that sets no kind means this one."""
+    """Colours. A request that sets no kind means this one."""
     IMAGE_KIND_DEPTH: _ImageKind.ValueType  # 2
-    """How far each point is along the camera's view, m: the z of CameraIntrinsics."""
+    """Distance of each point along the camera's view, m: the z of CameraIntrinsics."""
     IMAGE_KIND_RANGE: _ImageKind.ValueType  # 3
-    """How far each point is from the camera's centre, m."""
+    """Distance of each point from the camera's centre, m."""
     IMAGE_KIND_SEGMENTATION: _ImageKind.ValueType  # 4
     """All points of one object, or of one class of objects, have one colour. The backend's manual says which."""
 
 class ImageKind(_ImageKind, metaclass=_ImageKindEnumTypeWrapper):
-    """What the pixels of a picture mean."""
+    """Meaning of a picture's pixels."""
 
 IMAGE_KIND_UNSPECIFIED: ImageKind.ValueType  # 0
 IMAGE_KIND_COLOUR: ImageKind.ValueType  # 1
-"""What the camera sees. A request that sets no kind means this one."""
+"""Colours. A request that sets no kind means this one."""
 IMAGE_KIND_DEPTH: ImageKind.ValueType  # 2
-"""How far each point is along the camera's view, m: the z of CameraIntrinsics."""
+"""Distance of each point along the camera's view, m: the z of CameraIntrinsics."""
 IMAGE_KIND_RANGE: ImageKind.ValueType  # 3
-"""How far each point is from the camera's centre, m."""
+"""Distance of each point from the camera's centre, m."""
 IMAGE_KIND_SEGMENTATION: ImageKind.ValueType  # 4
 """All points of one object, or of one class of objects, have one colour. The backend's manual says which."""
 Global___ImageKind: typing_extensions.TypeAlias = ImageKind
@@ -263,7 +263,7 @@ Global___Camera: typing_extensions.TypeAlias = Camera
 
 @typing.final
 class CameraStorage(google.protobuf.message.Message):
-    """Where pictures are stored. What the camera does not say is not set."""
+    """Storage of pictures. Values that the camera does not report are not set."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -291,7 +291,7 @@ Global___CameraStorage: typing_extensions.TypeAlias = CameraStorage
 
 @typing.final
 class CameraStatus(google.protobuf.message.Message):
-    """What a camera does."""
+    """State of a camera."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 

@@ -20,7 +20,7 @@ DESCRIPTOR: google.protobuf.descriptor.FileDescriptor
 
 @typing.final
 class CorrectionsStatus(google.protobuf.message.Message):
-    """What has become of the corrections since the daemon began."""
+    """Corrections that were sent and dropped since the daemon began."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 

@@ -102,7 +102,7 @@ Global___RallyPoint: typing_extensions.TypeAlias = RallyPoint
 
 @typing.final
 class KeptFence(google.protobuf.message.Message):
-    """What an autopilot keeps."""
+    """Fence and rally points that an autopilot keeps."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 

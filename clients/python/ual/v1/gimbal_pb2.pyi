@@ -48,7 +48,7 @@ class _GimbalAbilityEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._
     """TakeGimbalControl and ReleaseGimbalControl."""
 
 class GimbalAbility(_GimbalAbility, metaclass=_GimbalAbilityEnumTypeWrapper):
-    """What a gimbal can do."""
+    """Ability of a gimbal."""
 
 GIMBAL_ABILITY_UNSPECIFIED: GimbalAbility.ValueType  # 0
 GIMBAL_ABILITY_ROLL: GimbalAbility.ValueType  # 1
@@ -110,7 +110,7 @@ class _GimbalActivityEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper.
     GIMBAL_ACTIVITY_RETRACTED: _GimbalActivity.ValueType  # 5
 
 class GimbalActivity(_GimbalActivity, metaclass=_GimbalActivityEnumTypeWrapper):
-    """What a gimbal was ordered last by this daemon."""
+    """Last order of this daemon to a gimbal."""
 
 GIMBAL_ACTIVITY_UNSPECIFIED: GimbalActivity.ValueType  # 0
 """Nothing, or what another program on the link has replaced."""
@@ -135,7 +135,7 @@ class _GimbalControlEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._
     GIMBAL_CONTROL_OTHER: _GimbalControl.ValueType  # 3
 
 class GimbalControl(_GimbalControl, metaclass=_GimbalControlEnumTypeWrapper):
-    """Which program on the link has the control of a gimbal."""
+    """Program on the link that has the control of a gimbal."""
 
 GIMBAL_CONTROL_UNSPECIFIED: GimbalControl.ValueType  # 0
 """It does not say."""
@@ -249,7 +249,7 @@ Global___Gimbal: typing_extensions.TypeAlias = Gimbal
 
 @typing.final
 class GimbalStatus(google.protobuf.message.Message):
-    """Where a gimbal looks, and what it does. What is not known is not set."""
+    """Attitude and activity of a gimbal. Unknown values are not set."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 

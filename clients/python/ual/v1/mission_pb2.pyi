@@ -71,7 +71,7 @@ class _LinkLossActionEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper.
     LINK_LOSS_ACTION_LAND: _LinkLossAction.ValueType  # 3
 
 class LinkLossAction(_LinkLossAction, metaclass=_LinkLossActionEnumTypeWrapper):
-    """What the autopilot is to do by itself in a mission, once the link to its ground station is lost."""
+    """Action of the autopilot by itself in a mission, once the link to its ground station is lost."""
 
 LINK_LOSS_ACTION_UNSPECIFIED: LinkLossAction.ValueType  # 0
 """Whatever its parameters say: the task's description tells what."""
@@ -94,7 +94,7 @@ class _MissionStageEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._E
     MISSION_STAGE_COMPLETE: _MissionStage.ValueType  # 5
 
 class MissionStage(_MissionStage, metaclass=_MissionStageEnumTypeWrapper):
-    """How far the autopilot is with its mission, by its own words."""
+    """Stage of the autopilot's mission, by its own report."""
 
 MISSION_STAGE_UNSPECIFIED: MissionStage.ValueType  # 0
 MISSION_STAGE_NONE: MissionStage.ValueType  # 1
@@ -437,7 +437,7 @@ Global___OtherItem: typing_extensions.TypeAlias = OtherItem
 
 @typing.final
 class MissionPlan(google.protobuf.message.Message):
-    """What a mission would be."""
+    """Plan of a mission."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -720,7 +720,7 @@ Global___JumpToItemResponse: typing_extensions.TypeAlias = JumpToItemResponse
 
 @typing.final
 class MissionProgress(google.protobuf.message.Message):
-    """How far the autopilot is with its mission, whoever has started it."""
+    """Progress of the autopilot's mission, whichever program has started it."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 

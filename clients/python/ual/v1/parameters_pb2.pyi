@@ -37,7 +37,7 @@ class _ParameterTypeEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._
     PARAMETER_TYPE_REAL32: _ParameterType.ValueType  # 9
 
 class ParameterType(_ParameterType, metaclass=_ParameterTypeEnumTypeWrapper):
-    """How the autopilot keeps a parameter. The numbers are those of MAVLink's MAV_PARAM_TYPE."""
+    """Type in which the autopilot keeps a parameter. The numbers are those of MAVLink's MAV_PARAM_TYPE."""
 
 PARAMETER_TYPE_UNSPECIFIED: ParameterType.ValueType  # 0
 PARAMETER_TYPE_UINT8: ParameterType.ValueType  # 1

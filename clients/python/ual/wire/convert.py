@@ -253,7 +253,7 @@ def transform_from_proto(message: pb.Transform) -> Transform:
 
 
 def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -> TaskRequestMessage:
-    """What begins a task, as the message of its method."""
+    """Converts the request of a task into the message of its method."""
     if isinstance(request, TakeOffRequest):
         return pb.TakeOffRequest(height_m=_given(request.height_m), non_blocking=non_blocking, force=request.force)
     if isinstance(request, LandRequest):
@@ -302,7 +302,9 @@ def _follow_path_to_proto(request: FollowPathRequest, non_blocking: bool) -> pb.
 
 
 def task_request_from_proto(message: TaskRequestMessage) -> TaskRequest:
-    """What begins a task. Raises `InvalidArgumentError` for a part that is missing or unknown."""
+    """Converts the message of a task's method into its request. Raises `InvalidArgumentError` for a part that is
+    missing or unknown.
+    """
     if isinstance(message, pb.TakeOffRequest):
         return TakeOffRequest(message.height_m, message.force)
     if isinstance(message, pb.LandRequest):
@@ -494,7 +496,7 @@ def new_frame_from_proto(request: pb.AddFrameRequest) -> Transform:
 
 
 def _path_heading_to_proto(heading: PathHeading) -> pb.PathHeading.ValueType:
-    """Where the nose points in FollowPath."""
+    """Converts the heading of FollowPath."""
     return pb.PathHeading.ValueType(heading.value)
 
 
@@ -507,17 +509,17 @@ def _altitude_reference_to_proto(reference: AltitudeReference) -> pb.AltitudeRef
 
 
 def task_error_to_proto(error: UalError) -> pb.TaskError:
-    """How a task failed."""
+    """Converts the error of a failed task."""
     return pb.TaskError(reason=error.reason, message=error.message, metadata=dict(error.metadata))
 
 
 def task_error_from_proto(message: pb.TaskError) -> UalError:
-    """How a task failed, as the error that waiting for it raises."""
+    """Converts the error of a failed task into the one that waiting for the task raises."""
     return errors.from_reason(message.reason, message.message, dict(message.metadata))
 
 
 def task_to_proto(task: TaskInfo) -> pb.Task:
-    """How a task stands."""
+    """Converts the state of a task."""
     return pb.Task(
         id=task.id,
         kind=pb.TaskKind.ValueType(task.kind.value),
@@ -533,7 +535,7 @@ def task_to_proto(task: TaskInfo) -> pb.Task:
 
 
 def task_from_proto(message: pb.Task) -> TaskInfo:
-    """How a task stands."""
+    """Converts the state of a task."""
     return TaskInfo(
         id=message.id,
         kind=_enum(TaskKind, message.kind, "task.kind"),
@@ -552,7 +554,7 @@ def task_from_proto(message: pb.Task) -> TaskInfo:
 
 
 def plan_to_proto(plan: Plan) -> pb.Plan:
-    """What a motion would be."""
+    """Converts a plan."""
     return pb.Plan(
         length_m=plan.length_m,
         duration=None if plan.duration_s is None else duration_to_proto(plan.duration_s),
@@ -560,7 +562,7 @@ def plan_to_proto(plan: Plan) -> pb.Plan:
 
 
 def plan_from_proto(message: pb.Plan) -> Plan:
-    """What a motion would be."""
+    """Converts a plan."""
     return Plan(
         message.length_m if message.HasField("length_m") else None,
         duration_from_proto(message.duration) if message.HasField("duration") else None,
@@ -601,7 +603,7 @@ def write_telemetry(telemetry: Telemetry, message: pb.Telemetry) -> None:
 
 
 def rare_of_telemetry(telemetry: Telemetry) -> tuple[object, ...]:
-    """What `write_rare` writes: while it is equal, that writes the same."""
+    """Returns the values that `write_rare` writes: while they are equal, it writes the same."""
     return (
         telemetry.state,
         telemetry.state_reason,
@@ -650,7 +652,7 @@ def telemetry_from_proto(message: pb.Telemetry, missed_count: int = 0) -> Teleme
 
 
 def _write_odometry(odometry: Odometry, message: pb.Odometry, telemetry: Telemetry, written: pb.Telemetry) -> None:
-    """What `written` has of `telemetry` already is copied: that is faster."""
+    """Writes the odometry; values of `telemetry` that `written` has already are copied, which is faster."""
     stamp_to_proto(odometry.stamp_s, message.header.stamp)
     message.header.frame_id = odometry.frame_id
     message.child_frame_id = odometry.child_frame_id
@@ -811,7 +813,7 @@ def frame_from_proto(message: pb.Frame) -> Frame:
 
 
 def geofence_to_proto(fence: Geofence) -> pb.Geofence:
-    """Where a UAV may fly."""
+    """Converts a geofence."""
     circle = fence.circle
     return pb.Geofence(
         header=pb.Header(frame_id=fence.frame_id),
@@ -823,7 +825,7 @@ def geofence_to_proto(fence: Geofence) -> pb.Geofence:
 
 
 def geofence_from_proto(message: pb.Geofence) -> Geofence:
-    """Where a UAV may fly."""
+    """Converts a geofence."""
     circle = message.circle
     return Geofence(
         message.header.frame_id,
@@ -851,7 +853,7 @@ def route_from_proto(message: pb.Route) -> Route:
 
 
 def info_to_proto(info: Info) -> pb.GetInfoResponse:
-    """Who a UAV is; its capabilities in a fixed order."""
+    """Converts the info of a UAV; its capabilities in a fixed order."""
     limits = info.limits
     return pb.GetInfoResponse(
         namespace=info.namespace,
@@ -876,7 +878,7 @@ def info_to_proto(info: Info) -> pb.GetInfoResponse:
 
 
 def info_from_proto(message: pb.GetInfoResponse) -> Info:
-    """Who a UAV is. Capabilities that only a newer client knows are left out."""
+    """Converts the info of a UAV. Capabilities that only a newer client knows are left out."""
     known = {capability.value for capability in Capability}
     limits = message.limits
     return Info(

@@ -14,7 +14,7 @@ from ual.wire import camera as wire
 from ual.wire import convert
 
 CHUNK_BYTES = 64 << 10
-"""How many bytes of a picture one message has: what else the connection carries waits for no more than one of them."""
+"""Bytes of a picture in one message: other traffic of the connection waits for no more than one of them."""
 _FORMATS: Mapping[int, ImageFormat] = {each.value: each for each in ImageFormat}
 
 

@@ -51,7 +51,7 @@ _NOT_CONNECTED = (
 _SIMULATION = "/ual.v1.SimulationService/"
 _NOT_SIMULATED = "flies no simulation of UAL, so UAL has neither its safety pilot nor its time and faults"
 _GATEWAY = "the gateway "
-"""How each message of the gateway (deploy/gateway) begins."""
+"""Prefix of each message of the gateway (deploy/gateway)."""
 _MOST_NAMES = 6
 _RESET = "RST_STREAM"
 
@@ -176,7 +176,7 @@ def _others(ns: str) -> str:
 
 
 def was_never_sent(error: DaemonUnreachableError) -> bool:
-    """Whether no connection was made, so that it is safe to try again."""
+    """Returns whether no connection was made, so that it is safe to try again."""
     return error.metadata.get("details", "").startswith(_NOT_CONNECTED)
 
 
