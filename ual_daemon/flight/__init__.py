@@ -1,1 +1,1 @@
-"""What the UAV flies: the state, tasks and manoeuvres."""
+"""Flight of one UAV: the state, tasks and manoeuvres."""

@@ -12,7 +12,7 @@ from ual_daemon.backends.judged import judged_by
 from ual_daemon.backends.values import Snapshot
 
 COMMAND_PATIENCE_S = 5.0
-"""How long a command may take to show its effect. A PX4 answers within 15 ms, and shows a mode within 1 s."""
+"""Seconds that a command may take to show its effect. A PX4 answers within 15 ms, and shows a mode within 1 s."""
 
 
 class AutopilotCommand:

@@ -1,4 +1,6 @@
-"""What the reason of the state adds: whether UAL flies, who else sends setpoints, and that poses from outside stop."""
+"""Additions to the reason of the state: whether UAL flies, which other program sends setpoints, and that external poses
+have stopped.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ _UNTIL = "UAL sends nothing until it is commanded anew"
 
 
 class Explanation:
-    """What the reasons of one UAV's states add. Any thread may call, except `update`: only the update thread."""
+    """Additions to the reasons of one UAV's states. Any thread may call, except `update`: only the update thread."""
 
     def __init__(self, backend: Backend, authority: Authority, is_flown_by_us: Callable[[], bool]) -> None:
         self._backend = backend
@@ -30,7 +32,7 @@ class Explanation:
         self._other_sender = ""
         self.external_silence = ExternalSilence()
         self.note = ""
-        """What the reason of FLYING_AUTO adds; composed at each update."""
+        """Addition to the reason of FLYING_AUTO; composed at each update."""
 
     def explained(self, found: Estimate, snapshot: Snapshot) -> Estimate:
         """Returns the same. Where there is no position, its reason says that the poses from outside have stopped."""

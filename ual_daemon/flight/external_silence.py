@@ -15,17 +15,17 @@ _DOUBTED_S = 0.5
 
 
 class ExternalSilence:
-    """When poses came from outside. Any thread may call."""
+    """Silence of the external poses. Any thread may call."""
 
     def __init__(self) -> None:
         self._last_s: float | None = None
         self._since_s = 0.0
         """Since when they have come without a pause."""
         self._dropped = (-math.inf, "")
-        """When the newest pose was dropped or refused, and why."""
+        """Time of the newest pose that was dropped or refused, and the reason."""
         self._doubted = (-math.inf, "")
         self._good_s = -math.inf
-        """When the autopilot had a good position last."""
+        """Last time at which the autopilot had a good position."""
         self.is_heard = False
         """Whether any has come."""
         self.is_doubtful = False

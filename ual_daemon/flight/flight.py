@@ -1,4 +1,4 @@
-"""What the UAV flies: one manoeuvre at a time, stepped at each update.
+"""Flight of one UAV: one manoeuvre at a time, stepped at each update.
 
 Two kinds of threads meet here. The backend's update thread calls `step` at each new snapshot; any other thread begins
 manoeuvres. All of them change what is flown by one exchange; see `Flight._exchange`.
@@ -78,18 +78,17 @@ class LastCommand(NamedTuple):
     """The number of the first velocity of the stream to which a velocity belongs."""
 
     def goes_on_as(self, newest: LastCommand) -> bool:
-        """Whether it and the newest command are velocities of one stream."""
+        """Returns whether it and the newest command are velocities of one stream."""
         return self.name == newest.name == VELOCITY and self.stream_number == newest.stream_number
 
 
 class Order(NamedTuple):
-    """How a command was given.
+    """Origin of a command.
 
     Attributes:
         lease_id: The lease by which it is given.
         since: The last command when it was received; None if it is not to be compared. A command that took long to plan
             must not replace one that was received later.
-
     """
 
     lease_id: str = NOBODY
@@ -105,7 +104,7 @@ class Way(NamedTuple):
 
 
 class Flight:
-    """What one UAV flies. Any thread may call any member, except `step`: only the update thread."""
+    """Flight of one UAV. Any thread may call any member, except `step`: only the update thread."""
 
     def __init__(
         self,
@@ -124,7 +123,7 @@ class Flight:
         self.arming = Arming()
         self.lease = Lease()
         self.drift = DriftCorrection()
-        """What is added to a commanded velocity."""
+        """Correction that is added to a commanded velocity."""
         self.following = Following(backend)
         """Whether it follows; see `_stand_by`."""
         self.land_here: Callable[[Snapshot], Handover | None] = lambda _: None
@@ -134,7 +133,7 @@ class Flight:
         self._explanation = Explanation(backend, self.authority, self.is_flown_by_us)
         self.external_silence = self._explanation.external_silence
         self.position = PositionWatch(self.external_silence)
-        """What is known of the sources of the position."""
+        """Watch of the sources of the position."""
         self._flown = Flown()
         self.sender = SetpointSender(backend, limits, self._flown)
         self._stopping = Stopping(limits, geofence)
@@ -149,7 +148,9 @@ class Flight:
         """Whether commands are refused because of a shutdown. An attribute, because each setpoint looks."""
         self._last_command = LastCommand(0, "")
         self._unstopped: tuple[Manoeuvre, str] | None = None
-        """What was not stopped for the lease, and why it was to be: whether it is UAL's was being found out."""
+        """Manoeuvre that was not stopped for the lease, and the reason for the stop: it was not clear yet whether it is
+        UAL's.
+        """
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -172,7 +173,7 @@ class Flight:
 
     @property
     def takes(self) -> Takes:
-        """Which setpoints the autopilot takes."""
+        """Setpoints that the autopilot takes."""
         return self._backend.info().takes
 
     @property
@@ -194,7 +195,7 @@ class Flight:
 
     @property
     def manoeuvre(self) -> Manoeuvre | None:
-        """What is flown now; None if nothing is."""
+        """Present manoeuvre; None if there is none."""
         return self._flown.manoeuvre
 
     @property
@@ -750,7 +751,7 @@ def _ends_by_jump(jump: Jump, stop: Reference, old: Manoeuvre | None) -> Ending 
 
 
 def _is_led(manoeuvre: Manoeuvre | None) -> bool:
-    """Whether it flies by references, and is not to land."""
+    """Returns whether it flies by references, and is not to land."""
     if manoeuvre is None or manoeuvre.declares is State.LANDING:
         return False
     return manoeuvre.current_reference() is not None

@@ -1,4 +1,4 @@
-"""What is flown now."""
+"""Present manoeuvre of a UAV."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 
 @dataclass(slots=True, eq=False)
 class Flown:
-    """What one UAV flies. Only `Flight` changes it, with the lock held; any thread may read it without.
+    """Manoeuvre that one UAV flies. Only `Flight` changes it, with the lock held; any thread may read it without.
 
     The lock is never held over a call to the backend, over a callback, or while a future is ended.
     """
@@ -22,12 +22,11 @@ class Flown:
 
 
 class Ending(NamedTuple):
-    """How a manoeuvre ends that is not flown any more.
+    """End of a manoeuvre that is not flown any more.
 
     Attributes:
         error: Why it did not succeed; None if it did.
         goes_on: Whether its task does not end, but goes on with the manoeuvre that is flown now.
-
     """
 
     error: UalError | None = None

@@ -1,4 +1,4 @@
-"""How a mission that the autopilot flies by itself is stopped, in each state."""
+"""Stop of a mission that the autopilot flies by itself, in each state."""
 
 from __future__ import annotations
 

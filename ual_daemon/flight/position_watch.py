@@ -21,7 +21,7 @@ INERTIA_S = 12.0
 GONE_S = 0.3
 """A fix that is gone for less is none that was lost."""
 BACK_S = 1.0
-"""What comes back counts after so long."""
+"""Seconds after which a source that has come back counts."""
 PERIOD_S = 0.1
 DRIFTS = "the position drifts"
 
@@ -66,9 +66,9 @@ class PositionWatch:
     def __init__(self, external: ExternalSilence) -> None:
         self._external = external
         self.trouble = ""
-        """What is wrong with the position, human-readable; empty if nothing is known to be."""
+        """Human-readable trouble with the position; empty if none is known."""
         self.due_s = -math.inf
-        """When the next update is due."""
+        """Time of the next update."""
         self.waits = ""
         """The same, as far as tasks wait for its end."""
         self._boots_count, self._fix, self._lost = 0, "", (False, False)

@@ -35,7 +35,7 @@ class SetpointSender:
         self._flown = flown
         self._sent_s = float("-inf")
         self.newest: tuple[Manoeuvre | None, Setpoint | None] = (None, None)
-        """What was given last, and what it is of. Set with the lock of what is flown held."""
+        """Newest setpoint, and its manoeuvre. Set with the lock of what is flown held."""
         self._dropped = DroppedPositions()
         self.on_sent: Callable[[Setpoint], None] | None = None
         """Called with each setpoint that was sent, by the thread that sends it; never blocks."""

@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 
 _HOLD_PATIENCE_S = 5.0
 _BLIND_PATIENCE_S = 5.0
-"""How long a state is waited for that is not known: after a stall of this computer it is known within a second."""
+"""Seconds for which an unknown state is awaited: after a stall of this computer it is known within a second."""
 
 
 class Shutdown:

@@ -62,7 +62,9 @@ def estimate(
 
 
 def is_surely_auto(snapshot: Snapshot, now_s: float, freshness: Freshness) -> bool:
-    """Whether `estimate` says FLYING_AUTO now while nothing is declared: the usual case of a stream, in few steps."""
+    """Returns whether `estimate` says FLYING_AUTO now while nothing is declared: the usual case of a stream, in few
+    steps.
+    """
     known = snapshot.control
     armed, mode, landed = known.armed, known.mode, known.landed
     if armed is None or not armed.value or mode is None or mode.value.control is not Control.REFERENCES:
@@ -180,7 +182,7 @@ def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | N
 
 
 def _is_all_fresh(snapshot: Snapshot, freshness: Freshness) -> bool:
-    """Whether nothing is missing or stale. Fast, because every setpoint and update calls it."""
+    """Returns whether nothing is missing or stale. Fast, because every setpoint and update calls it."""
     now_s, heard_s, control, motion = snapshot.time_s, snapshot.heard_s, snapshot.control, snapshot.motion
     armed, mode, landed = control.armed, control.mode, control.landed
     estimator, pose = motion.estimator, motion.pose

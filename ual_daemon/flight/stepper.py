@@ -176,7 +176,7 @@ def has_led_to_ground(manoeuvre: Manoeuvre, snapshot: Snapshot) -> bool:
 
 
 def _is_control_given_up(snapshot: Snapshot) -> bool:
-    """Whether the autopilot is in a mode in which it does not obey UAL."""
+    """Returns whether the autopilot is in a mode in which it does not obey UAL."""
     return snapshot.control.mode is not None and snapshot.control.mode.value.control not in (
         Control.REFERENCES,
         Control.TAKE_OFF,

@@ -1,4 +1,4 @@
-"""Where the next motion begins, and how the UAV comes to rest, given the reference that it follows now."""
+"""Start of the next motion, and a stop of the UAV, given the reference that it follows now."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ual_daemon.trajectory import Motion, Trajectory
 _NEAR_REFERENCE_M = 1.0
 _NEAR_REFERENCE_S = 0.5
 _SOON_COUNT = 60
-"""So many points of a trajectory are looked at: farther ahead than it takes to stop."""
+"""Points of a trajectory that are checked: farther ahead than it takes to stop."""
 
 
 def next_start(current: Reference | None, snapshot: Snapshot) -> Motion:
@@ -43,7 +43,7 @@ def motion_if_near(reference: Reference | None, snapshot: Snapshot) -> Motion | 
 
 
 class Stopping:
-    """How one UAV comes to rest within its limits and its geofence."""
+    """Stops of one UAV within its limits and its geofence."""
 
     def __init__(self, limits: CurrentLimits, geofence: Geofence) -> None:
         self._limits = limits
@@ -72,14 +72,14 @@ class Stopping:
         return None if self._leaves_geofence(stop.trajectory, snapshot) else stop
 
     def _leads_out(self, current: TrajectoryReference, start: Motion, snapshot: Snapshot) -> bool:
-        """Whether the trajectory that is followed soon leaves the geofence, too, which may be a new one."""
+        """Returns whether the trajectory that is followed soon leaves the geofence, too, which may be a new one."""
         trajectory, limits = current.trajectory, self._limits.get()
         points = self._geofence.outline(trajectory, current.time_s, start.position, limits, snapshot)
         fence = self._geofence.fence(snapshot)
         return fence.is_inside(start.position) and fence.exit(islice(points, _SOON_COUNT)) is not None
 
     def _leaves_geofence(self, trajectory: Trajectory, snapshot: Snapshot) -> bool:
-        """Whether a trajectory leaves the geofence; no if it is not known where the geofence lies."""
+        """Returns whether a trajectory leaves the geofence; no if it is not known where the geofence lies."""
         try:
             return self._geofence.is_left_by(trajectory, self._limits.get(), snapshot)
         except WrongStateError:

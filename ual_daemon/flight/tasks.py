@@ -18,7 +18,7 @@ from ual_daemon.flight.futures import end_future, running_future
 
 
 class Progress(NamedTuple):
-    """How far a task has come: a share of 1, the metres left, and the number of the waypoint it is flying to."""
+    """Progress of a task: a share of 1, the metres left, and the number of the waypoint it is flying to."""
 
     progress: float | None = None
     distance_left_m: float | None = None
@@ -40,7 +40,7 @@ class VehicleTask:
         self.kind = kind
         self.description = description
         self.note = ""
-        """What people must know of it while it runs, beside its description: that it is stuck, and what can be done."""
+        """Note for users while it runs, in addition to its description: that it is stuck, and the remedy."""
         self.future = running_future()
         self.is_paused = False
         """Whether the UAV holds on the way; see `ual_daemon.flight.flight.Flight.pause`."""

@@ -1,1 +1,1 @@
-"""What is flown: one manoeuvre a module."""
+"""Manoeuvres: one a module."""

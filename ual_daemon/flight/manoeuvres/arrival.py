@@ -1,4 +1,4 @@
-"""When a UAV counts as arrived."""
+"""Conditions of arrival."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Arrival:
             self._samples.popleft()
 
     def has_arrived(self, snapshot: Snapshot) -> bool:
-        """Whether the UAV has arrived."""
+        """Returns whether the UAV has arrived."""
         if not self._samples or snapshot.time_s - self._samples[0].time_s < self._tolerance.dwell_s:
             return False
         mean, tolerance = self._mean(), self._tolerance

@@ -50,7 +50,9 @@ _log = logging.getLogger(__name__)
 
 NAME = "mission"
 _TOLD_S = 2.5
-"""So long after the mode that follows a mission the autopilot may tell that it is complete: PX4 does once a second."""
+"""Seconds after the mode that follows a mission within which the autopilot may report that it is complete: PX4 does
+once a second.
+"""
 _HOLDS = "it holds its position by UAL's references"
 _LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
 
@@ -128,18 +130,18 @@ class AutopilotMission(Manoeuvre):
         self._item = first or 1
         self._phase = _Phase.VERIFYING if first is None else _Phase.CHOOSING
         self._waited: Future[Any] | None = None
-        """What the phase waits for."""
+        """Future that the phase waits for."""
         self._began_in = ""
         self._was_paused = False
         self._trouble = ""
         """Why the last pause has failed."""
         self._entered_s = 0.0
         self._begun_s = math.inf if first is not None else -math.inf
-        """When it was entered first, before any pause; infinity until then."""
+        """Time at which the mission was entered first, before any pause; infinity until then."""
         self._watch = MissionWatch(offer, kept)
         self._left_out = LeftOutItems(kept.items)
         self._before: Led | None = None
-        """To which modes the mission before, or its stop, may lead late; None where there was none."""
+        """Modes to which the mission before, or its stop, may lead late; None where there was none."""
         self._is_ending = False
         """Whether its end was told, and is compared with what the autopilot has."""
         self._done_s: float | None = None
@@ -148,7 +150,7 @@ class AutopilotMission(Manoeuvre):
         self._touch_down = TouchDown()
         self._heard_s: float | None = None
         self._seen_s: float | None = None
-        """When its state was known last."""
+        """Time at which its state was known last."""
         self._task: VehicleTask = task
         self._update_words()
 
@@ -445,7 +447,7 @@ class AutopilotMission(Manoeuvre):
         return self._referring(snapshot) if failure is None else failed(with_advice(failure, self._stays()))
 
     def _is_starting(self) -> bool:
-        """Whether its command has not been answered yet: on the ground ArduPilot needs more than the mode."""
+        """Returns whether its command has not been answered yet: on the ground ArduPilot needs more than the mode."""
         is_early = not self._was_in_air or self._before is not None  # the mode may be that of the mission before
         return self.command is not None and not self.command.is_answered and is_early
 
@@ -469,7 +471,7 @@ class AutopilotMission(Manoeuvre):
         return Step()
 
     def _is_complete(self, snapshot: Snapshot, report: MissionReport | None) -> bool:
-        """Whether the autopilot has ended the mission in the air."""
+        """Returns whether the autopilot has ended the mission in the air."""
         if report is None or report.time_s <= self._entered_s or self._ends_by(Land, ReturnToLaunch):
             return False
         if _is_by_others(snapshot) and _mode(snapshot) != self._offer.mode:  # they may hold in the mode that follows
@@ -484,7 +486,7 @@ class AutopilotMission(Manoeuvre):
         return is_over and _mode(snapshot) in (self._offer.mode, self._offer.done_mode)
 
     def _may_be_complete(self, snapshot: Snapshot) -> bool:
-        """Whether it has entered the mode in which it holds after a mission, and may still tell its end."""
+        """Returns whether it has entered the mode in which it holds after a mission, and may still tell its end."""
         is_done = _mode(snapshot) == self._offer.done_mode != self._offer.mode
         is_done = is_done and not _is_by_others(snapshot)
         if not is_done or self._item < self._last_moving or self._ends_by(Land, ReturnToLaunch):
@@ -519,7 +521,7 @@ class AutopilotMission(Manoeuvre):
         return None
 
     def _is_returning(self, snapshot: Snapshot) -> bool:
-        """Whether the return at the end of the mission is what changed the mode; its item may be told later."""
+        """Returns whether the return at the end of the mission is what changed the mode; its item may be told later."""
         mode = snapshot.control.mode
         if mode is None or (mode.value.name != self._offer.return_mode and mode.value.control is not Control.LAND):
             return False
@@ -635,7 +637,9 @@ def _is_by_failsafe(snapshot: Snapshot) -> bool:
 
 
 def _is_by_others(snapshot: Snapshot) -> bool:
-    """Whether a failsafe, or the pilot's switch, has chosen the mode. That is also the one in which a mission ends."""
+    """Returns whether a failsafe, or the pilot's switch, has chosen the mode. That is also the one in which a mission
+    ends.
+    """
     return _is_by_failsafe(snapshot) or snapshot.control.held_by is Cause.SAFETY_PILOT
 
 

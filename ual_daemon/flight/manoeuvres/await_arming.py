@@ -18,7 +18,7 @@ from ual_daemon.tracker.references import Reference
 _PATIENCE_S = 15.0
 """The automatic arming waits for 1 s of readiness; an autopilot that has just landed takes some seconds to disarm."""
 _DISARM_S = 5.0
-"""How long an autopilot that has landed may take to disarm itself; PX4 takes 2 s, ArduPilot 0.6 s."""
+"""Seconds that an autopilot that has landed may take to disarm itself; PX4 takes 2 s, ArduPilot 0.6 s."""
 
 
 class AwaitArming(Manoeuvre):
@@ -66,7 +66,7 @@ class AwaitArming(Manoeuvre):
 
 
 def is_after_landing(snapshot: Snapshot) -> bool:
-    """Whether the autopilot is in its landing mode: on the ground, it then disarms by itself."""
+    """Returns whether the autopilot is in its landing mode: on the ground, it then disarms by itself."""
     return snapshot.control.mode is not None and snapshot.control.mode.value.control is Control.LAND
 
 

@@ -1,4 +1,4 @@
-"""Where a trajectory leads, so that the rest of it can be planned anew when the world has changed."""
+"""Course of a trajectory, from which the rest of it can be planned anew when the world has changed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Flown(NamedTuple):
-    """How far a trajectory is flown: its time, the motion that is sent now, and whether it waits or holds at a stop."""
+    """Position in a trajectory: its time, the motion that is sent now, and whether it waits or holds at a stop."""
 
     trajectory: Trajectory
     time_s: float
@@ -35,7 +35,7 @@ class Onward(NamedTuple):
 
 
 class Course(ABC):
-    """What a trajectory was planned by: goals, limits, home, frames. Belongs to the update thread, except `plan`."""
+    """Basis of a trajectory's plan: goals, limits, home, frames. Belongs to the update thread, except `plan`."""
 
     fence: Fence | None = None
     """The geofence in which the way was found to be inside; None: in none yet."""

@@ -35,7 +35,7 @@ _GOES_ON_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class ReferenceRules:
-    """When references of one UAV may be sent, and what bounds them. Only the update thread calls its methods."""
+    """Rules for sending the references of one UAV, and their bounds. Only the update thread calls its methods."""
 
     backend: Backend
     limits: CurrentLimits
@@ -90,7 +90,7 @@ class FlyReference(Manoeuvre):
     stands_since_s: float = math.inf
     """Since when it stands; infinite while it goes on."""
     stood_s: float = -math.inf
-    """When it stood last; infinitely long ago once it is told that it goes on."""
+    """Time at which it stood last; infinitely long ago once it is told that it goes on."""
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

@@ -114,7 +114,7 @@ class FollowMovingGoal(Manoeuvre):
         )
 
     def _is_there(self, goal: Motion, measured: Motion, now_s: float) -> bool:
-        """Whether the UAV has been at the goal, and slow relative to it, for the dwell time."""
+        """Returns whether the UAV has been at the goal, and slow relative to it, for the dwell time."""
         limit = self._tolerance
         is_there = (
             self._moving_goal.has_met

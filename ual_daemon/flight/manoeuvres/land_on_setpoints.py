@@ -32,7 +32,7 @@ STILL_M_S = 0.5
 """It descends once it is slower than this, and over the place where it then is."""
 LONGEST_STOP_S = 10.0
 POSITION_PER_S, ASIDE_M_S = 0.8, 1.0
-"""How it is led back over its place: per metre, and at most."""
+"""Speed with which it is led back over its landing point: in m/s per metre, and at most."""
 MODE_S = 0.5
 """No velocity is sent while the mode is older: the vehicle then holds by itself."""
 UNSEEN_S = 2.0
@@ -66,7 +66,7 @@ class LandOnSetpoints(Landing):
         self._landing_task = task
         self._disarm = disarm
         self._place: Vector3 | None = None
-        """Where it descends; None until it has come to rest."""
+        """Position at which it descends; None until it has come to rest."""
         self._descent_m_s = SLOW_M_S
         self._ground_z_m = math.inf
         self._stepped_s = start.time_s

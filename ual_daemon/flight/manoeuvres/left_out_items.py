@@ -1,4 +1,4 @@
-"""Which items of a mission were left out by a jump that was not UAL's: such a mission was not flown to its end."""
+"""Items of a mission that were left out by a jump that was not UAL's: such a mission was not flown to its end."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class LeftOutItems:
         """The item to which UAL has jumped, until that is told."""
         self._left_out: set[int | None] = set()
         self._nearest_m = math.inf
-        """How near it has come to the place of the item that was told last; 0 where that is not known."""
+        """Least distance in metres from the item that was reported last; 0 where that is not known."""
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """Those that were left out and not flown since."""
+        """Numbers of the items that were left out and not flown since."""
         return tuple(sorted(each for each in self._left_out if each is not None))
 
     def jumps_to(self, item: int) -> None:
@@ -77,11 +77,11 @@ class LeftOutItems:
         return math.hypot(aside.x, aside.y, up_m)
 
     def _is_own(self, told: int, own: int) -> bool:
-        """Whether what is told is that of UAL's jump: an item that does not fly is told as the one after it."""
+        """Returns whether what is told is that of UAL's jump: an item that does not fly is told as the one after it."""
         return own <= told and not any(isinstance(each, PLACED) for each in self._items[own - 1 : told - 1])
 
     def _is_flown_to(self, number: int) -> bool:
-        """Whether an item leads to a place that takes time to fly to."""
+        """Returns whether an item leads to a place that takes time to fly to."""
         item = self._items[number - 1]
         if not isinstance(item, PLACED):
             return False

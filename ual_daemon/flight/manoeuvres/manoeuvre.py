@@ -37,7 +37,7 @@ be told."""
 
 @dataclass(slots=True, eq=False)
 class Led:
-    """To which modes UAL has led since a mission was flown.
+    """Modes to which UAL has led since a mission was flown.
 
     What stops the mission shares one record, and so does what replaces that. Otherwise each would keep the one before,
     and a link that is lost again and again would make the chain ever longer.
@@ -46,7 +46,6 @@ class Led:
         by_mission: Whether the mission led to a mode.
         hold_mode: The mode to which the hold leads that was commanded; empty while none was.
         is_control_taken: Whether the control was commanded back.
-
     """
 
     by_mission: LedTo
@@ -129,14 +128,15 @@ class Manoeuvre(ABC):
     is_replaceable = True
     is_awaited = True
     mission = ""
-    """What the autopilot does by itself in a mission, human-readable, while that is the task; empty otherwise."""
+    """Action of the autopilot by itself in a mission, human-readable, while that is the task; empty otherwise."""
     stops_mission = ""
-    """What it does in the air, human-readable, where it stops a mission; empty otherwise. The autopilot would fly that
-    on without it: only a command replaces it."""
+    """Human-readable action of the manoeuvre in the air, where it stops a mission; empty otherwise. The autopilot would
+    fly that on without it: only a command replaces it.
+    """
     refuses_setpoints = False
     """Whether no pose and no velocity replaces it, though it may not be a mission yet."""
     unseen = ""
-    """What it does while the state is not known, human-readable; empty where nobody needs to be told."""
+    """Human-readable action of the manoeuvre while the state is not known; empty where nobody needs to be told."""
     trouble = ""
     """Why the UAV does not do what it was asked last, human-readable, where no task ends with that; empty otherwise."""
     waits_for = ""
@@ -153,7 +153,7 @@ class Manoeuvre(ABC):
     is_timed = False
     """Whether it ends unless it is given again."""
     led: Led | None = None
-    """To which modes UAL has led before and in it; None where it began in no mission."""
+    """Modes to which UAL has led before the manoeuvre and in it; None where it began in no mission."""
     is_fitted = False
     """Whether it has looked at the world as it is now; see `fit`."""
     mode_begun = ""

@@ -28,7 +28,7 @@ items takes 0.15 s on a busy computer."""
 
 
 class _Told(NamedTuple):
-    """What the autopilot tells of its mission, which changes with it."""
+    """Report of the autopilot about its mission, which changes with it."""
 
     mission_id: int
     changes: tuple[int, ...]
@@ -44,16 +44,16 @@ class MissionWatch:
     def __init__(self, offer: AutopilotMissions, kept: KeptMission) -> None:
         self._offer, self._kept = offer, kept
         self._sure: _Told | None = None
-        """What was told when the mission was ours; None before the first comparison."""
+        """Report that was valid when the mission was ours; None before the first comparison."""
         self._newest: _Told | None = None
         self._asked: _Told | None = None
-        """What was told when the read under way began, or the last one."""
+        """Report that was valid when the read under way began, or the last one."""
         self._reading: Future[KeptMission] | None = None
         self._is_of_end = self._is_end_read = False
         self._began_s, self._next_s, self._next_look_s = 0.0, -math.inf, -math.inf
         self._stepped_s = -math.inf
         self._failures_count = 0
-        """How many reads in turn have failed."""
+        """Reads in turn that have failed."""
         self.is_other = False
         """Whether the autopilot has another mission."""
         self.failure: UalError | None = None

@@ -10,8 +10,9 @@ from typing import TypeAlias
 from ual_daemon.flight.tasks import VehicleTask
 
 STUCK_S = 8.0
-"""So long a motion makes no way before it is stuck: a task that is stuck ends within 10 s. An autopilot takes up to 6 s
-to notice the ground, or to lift off."""
+"""Seconds without progress after which a motion is stuck: a task that is stuck ends within 10 s. An autopilot takes up
+to 6 s to notice the ground, or to lift off.
+"""
 WAY_M = 0.3
 """An estimate of a UAV that stands still wanders by less within this time."""
 _TURN_RAD = 0.1
@@ -88,7 +89,7 @@ class ProgressWatch:
         self._furthest_m: float | None = None
         self._since_s = 0.0
         self.text = ""
-        """That it is stuck, and what can be done, human-readable; empty while it is not."""
+        """Human-readable report that it is stuck, and the remedy; empty while it is not."""
 
     def observe(self, z_m: float, now_s: float, *, is_there: bool = False) -> None:
         """Takes a height. `is_there`: there is no way left, so it is not stuck."""

@@ -30,7 +30,7 @@ from ual_daemon.tracker.references import Hold, Reference, brake, measured_motio
 
 TAKES_BACK = "UAL takes the control back from its mission"
 ENTERED_S = 1.5
-"""So long after a command of UAL the autopilot may still enter the mode to which that led."""
+"""Seconds after a command of UAL within which the autopilot may still enter the mode to which that led."""
 
 Refusal = Callable[[Snapshot], UalError | None]
 
@@ -144,11 +144,11 @@ class Recover(Manoeuvre):
         return held if failure is None else failed(failure)
 
     def _has_climbed(self, state: State) -> bool:
-        """Whether the take-off out of which it is taken has ended meanwhile."""
+        """Returns whether the take-off out of which it is taken has ended meanwhile."""
         return self._out_of is State.TAKING_OFF and state is State.FLYING_MANUAL
 
     def _is_landing_of_mission(self, state: State, snapshot: Snapshot) -> bool:
-        """Whether the mission out of which it is taken began to return or to land just now.
+        """Returns whether the mission out of which it is taken began to return or to land just now.
 
         To end there would leave an autopilot without references that obeys all the same.
         """

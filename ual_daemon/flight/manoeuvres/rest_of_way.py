@@ -12,12 +12,13 @@ from ual_daemon.frames.fence import Exit
 from ual_daemon.tracker.references import measured_motion
 
 _AT_ONCE = 40
-"""So many points are checked at each update, the next ones first: 2 ms at most. They are farther ahead than any stop
-takes."""
+"""Points that are checked at each update, the next ones first: 2 ms at most. They are farther ahead than any stop
+takes.
+"""
 
 
 class RestOfWay:
-    """What is left to be checked of one way."""
+    """Rest of one route that is still to be checked."""
 
     def __init__(self, what: str, flown: Flown, limits: Limits, geofence: Geofence, snapshot: Snapshot) -> None:
         """Raises `WrongStateError` if it is not known where the geofence lies."""

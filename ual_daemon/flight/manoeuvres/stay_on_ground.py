@@ -22,8 +22,9 @@ from ual_daemon.tracker.references import Reference
 _AGAIN_S = 0.3
 """The shortest time from one command to the next: the mode to which the first has led may show only then."""
 LIFTS_OFF_S = 8.0
-"""So long after it has begun to hold the autopilot may yet lift off. PX4 raises the thrust for up to 5 s
-(MPC_TKO_RAMP_T) once it has begun to, whatever the mode is then."""
+"""Seconds after it has begun to hold within which the autopilot may yet lift off. PX4 raises the thrust for up to 5 s
+(MPC_TKO_RAMP_T) once it has begun to, whatever the mode is then.
+"""
 _LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
 _UNTOLD = (None, Cause.OPEN)
 
@@ -47,9 +48,9 @@ class StayOnGround(Manoeuvre):
         self._command = self.command = AutopilotCommand("hold its position")
         self._dwell = Dwell(LIFTS_OFF_S)
         self._held_s: float | None = None
-        """When the autopilot first held by the command."""
+        """Time at which the autopilot first held by the command."""
         self._next_s: float | None = None
-        """When the command may be sent again."""
+        """Time from which the command may be sent again."""
         self._flies_s: float | None = None
         """Since when its mode is that of the mission; None while it is another one."""
 
@@ -98,8 +99,8 @@ class StayOnGround(Manoeuvre):
             self._flies_s = snapshot.time_s
 
     def _is_theirs(self, mode: str, snapshot: Snapshot) -> bool:
-        """Whether others have chosen the mode. UAL led to those of the mission and of the hold; its command for the
-        mission may be executed late, but then nothing shows that others chose it.
+        """Returns whether others have chosen the mode. UAL led to those of the mission and of the hold; its command for
+        the mission may be executed late, but then nothing shows that others chose it.
         """
         if mode == self._holds:
             return False

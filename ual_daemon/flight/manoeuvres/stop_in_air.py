@@ -61,7 +61,7 @@ class StopInAir(Recover):
         return Step(handover=self._hold_instead(step.error, self))
 
     def _is_flown(self, snapshot: Snapshot) -> bool:
-        """Whether the autopilot may still fly the mission, in the mode in which it did."""
+        """Returns whether the autopilot may still fly the mission, in the mode in which it did."""
         mode = snapshot.control.mode
         if mode is None or mode.value.name == (self._began_in or self.mode_begun or mode.value.name):
             return True

@@ -37,7 +37,9 @@ from ual_daemon.trajectory import Line, Motion
 
 _LOST_ACK_S = 1.0
 _MODE_NEWS_S = 1.5
-"""So long the mode may be missed of a UAV that has left the ground on our command. PX4 tells it twice a second."""
+"""Seconds for which the mode may be missing from a UAV that has left the ground on our command. PX4 tells it twice a
+second.
+"""
 _TOLERANCE = 0.05
 _LEAST_TOLERANCE_M = 0.1
 _HIGHEST_SHARE, _HIGHEST_MARGIN_M = 1.2, 1.0
@@ -46,8 +48,9 @@ may count heights from elsewhere; the estimate of the ground wanders by 0.7 m.""
 _LEFT_GROUND_M = 1.0
 """The estimate of a UAV that stands wanders by less."""
 _LIFT_OFF_S = 6.0
-"""How long an autopilot may take to begin its climb. On the ground the estimate wanders by 0.3 m at a time, which is
-way to a watch of the way alone."""
+"""Seconds that an autopilot may take to begin its climb. On the ground the estimate wanders by 0.3 m at a time, which a
+watch of the distance alone takes for progress.
+"""
 _REFUSED = "the UAV stays on the ground: disarm it, or remove what the autopilot complains of and take off again"
 _STUCK = (
     "let its safety pilot disarm it if it stands on the ground, or take over and land it if it flies, and look at its "
@@ -141,7 +144,8 @@ class TakeOff(Manoeuvre):
         return Step(self._ground.setpoint(snapshot) if self._on_setpoints else None)
 
     def _is_taken_over(self, snapshot: Snapshot, estimate: Estimate) -> bool:
-        """Whether others took over before the climb began: the UAV flies, or another mode than at the start was chosen.
+        """Returns whether others took over before the climb began: the UAV flies, or another mode than at the start was
+        chosen.
 
         The command must not be repeated then. A repeated OFFBOARD would take control from the safety pilot, and an
         autopilot that climbs by itself may do so in other modes, too (ArduPilot in LOITER).
@@ -155,7 +159,7 @@ class TakeOff(Manoeuvre):
         return is_taken_over or other not in ("", self._began_in)
 
     def _is_flown_by_others(self, snapshot: Snapshot, estimate: Estimate) -> bool:
-        """Whether it flies in a mode that is not ours.
+        """Returns whether it flies in a mode that is not ours.
 
         On a bad link it may be heard to have left the ground before its new mode is. A mode from before that says
         nothing where no pilot can lift off in it.
@@ -176,7 +180,9 @@ class TakeOff(Manoeuvre):
         return mode.value.name
 
     def _has_begun(self, snapshot: Snapshot) -> bool:
-        """Whether the autopilot is in the right mode and has accepted the command, or its acknowledgement was lost."""
+        """Returns whether the autopilot is in the right mode and has accepted the command, or its acknowledgement was
+        lost.
+        """
         if not _is_ours(snapshot):
             return False
         is_ack_lost = not self._command.is_answered and self._command.waited_s(snapshot) > _LOST_ACK_S
@@ -238,12 +244,12 @@ class TakeOff(Manoeuvre):
         return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
 
     def _has_arrived(self, now_s: float, climbed_m: float, speed_m_s: float, estimate: Estimate) -> bool:
-        """Whether the UAV has been at the height, and slow, for the dwell time, and the climb is over."""
+        """Returns whether the UAV has been at the height, and slow, for the dwell time, and the climb is over."""
         is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and speed_m_s <= self._slow_m_s
         return self._dwell.has_held(now_s, holds=is_up and self._has_climbed(estimate))
 
     def _has_climbed(self, estimate: Estimate) -> bool:
-        """Whether the climb is over.
+        """Returns whether the climb is over.
 
         The height alone does not show it: a UAV on the ground is within the tolerance of a low take-off. An autopilot
         that climbs by itself says when it is up.
@@ -278,7 +284,7 @@ class TakeOff(Manoeuvre):
         return None
 
     def _takes_references(self, snapshot: Snapshot, estimate: Estimate) -> bool:
-        """Whether the autopilot takes references now.
+        """Returns whether the autopilot takes references now.
 
         One that climbs by itself takes none before it says that it is up. It then gets references to the commanded
         height, because it may count heights from elsewhere (home, the ground below its rangefinder).
@@ -320,7 +326,7 @@ def _longest_s(height_m: float, limits: Limits) -> float:
 
 
 def _is_ours(snapshot: Snapshot) -> bool:
-    """Whether the autopilot is in a mode in which it climbs by a take-off of ours."""
+    """Returns whether the autopilot is in a mode in which it climbs by a take-off of ours."""
     return snapshot.control.mode is not None and snapshot.control.mode.value.control in (
         Control.REFERENCES,
         Control.TAKE_OFF,

@@ -1,1 +1,1 @@
-"""What bounds a flight: fences, authority, the lease, jumps of the estimate."""
+"""Bounds of a flight: fences, authority, the lease, jumps of the estimate."""

@@ -1,4 +1,4 @@
-"""Who armed the UAV where that begins a flight by itself."""
+"""Origin of an arming that begins a flight by itself."""
 
 from __future__ import annotations
 
@@ -111,7 +111,9 @@ def _begins_a_flight(mode: Mode) -> bool:
 
 
 def _is_selected_by_others(snapshot: Snapshot) -> bool:
-    """Whether others have selected, for the armed UAV on the ground, a mode in which the autopilot begins a flight."""
+    """Returns whether others have selected, for the armed UAV on the ground, a mode in which the autopilot begins a
+    flight.
+    """
     control = snapshot.control
     is_theirs = control.is_on_ground and control.held_by in (Cause.GROUND_STATION, Cause.OPEN)
     return is_theirs and control.mode is not None and _begins_a_flight(control.mode.value)

@@ -16,7 +16,7 @@ _LEFT = "UAL has had the autopilot hold by itself"
 _IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """A tuple: each update looks, and the hash of an enumeration's member is a call."""
 _OTHERS = (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
-"""Where no manoeuvre of UAL is under way, others fly in these."""
+"""States in which others fly where no manoeuvre of UAL is under way."""
 
 
 def _took(by: Cause) -> str:
@@ -25,7 +25,7 @@ def _took(by: Cause) -> str:
 
 
 class Authority:
-    """Who holds the present flight, from the first command to the disarming.
+    """Authority over the present flight, from the first command to the disarming.
 
     UAL holds it from its first command on. A daemon that was started in flight holds nothing: what it finds in OFFBOARD
     or GUIDED may be the flight of a ground station or of another program. Whoever takes the UAV ends UAL's hold; a new
@@ -44,7 +44,7 @@ class Authority:
         self.taken = ""
         """The taker of the UAV in this flight, or that UAL left it, human-readable; empty if neither."""
         self.holder: Cause | None = None
-        """Who holds the control in the mode to which UAL led, where the autopilot's data do not tell. An attribute, as
+        """Holder of the control in the mode to which UAL led, where the autopilot's data do not tell. An attribute, as
         each sample looks.
         """
         self._has_flown = False

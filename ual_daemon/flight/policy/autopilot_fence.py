@@ -12,12 +12,13 @@ from ual_daemon.flight.policy.autopilot_zones import local_zones
 from ual_daemon.frames.fence import Disc, Fence
 
 RESERVE_M = 1.0
-"""How far inside UAL stays: it overshoots a goal by up to 0.5 m, and a hover wanders by up to 0.9 m. At the edge the
-autopilot takes the UAV away (RTL)."""
+"""Metres inside the fence within which UAL stays: it overshoots a goal by up to 0.5 m, and a hover wanders by up to 0.9
+m. At the edge the autopilot takes the UAV away (RTL).
+"""
 
 
 class Beyond(NamedTuple):
-    """How a point lies beyond the fence: `where` and beyond which `limit`, and as metadata of an error."""
+    """Violation of the fence by a point: `where` and beyond which `limit`, and as metadata of an error."""
 
     where: str
     limit: str

@@ -26,7 +26,7 @@ from ual_daemon.validation import MAX_SPEED_M_S
 
 _ROUNDING = 1e-12
 _RESTS_COUNT = 3
-"""Where there is no room, so many setpoints are judged by the rules without asking: most near an edge are."""
+"""Setpoints that are judged by the rules without the shortcut, where there is no room: most near an edge are."""
 _SAME_M2 = 0.1**2
 """Within this distance, squared, of where a ball was too small, no other one is looked for: each setpoint would pay."""
 _WAY_S = REACTION_S + RAMP_S / 2.0
@@ -36,7 +36,8 @@ _WAY_S = REACTION_S + RAMP_S / 2.0
 
 @dataclass(slots=True)
 class _Clearance:
-    """What holds while `info` and `world` are the same. Never changed: slots are read faster than a tuple's names.
+    """Clearance that is valid while `info` and `world` are the same. Never changed: slots are read faster than a
+    tuple's names.
 
     Attributes:
         info, world: All that it was made from, beside the place.
@@ -45,7 +46,6 @@ class _Clearance:
         brake_s2_m: Half the inverse of the least acceleration.
         x, y, z, radius_m: The ball, in the local frame.
         rooms: The parts of the fence that were known when it was made.
-
     """
 
     info: VehicleInfo
@@ -70,7 +70,7 @@ class Clearance:
         self._limits = limits
         self._geofence = geofence
         self.rests_count = 0
-        """How many setpoints need not ask."""
+        """Setpoints that need no test of the clearance."""
         self._now = _Clearance(VehicleInfo(), World(*(None,) * 7))
 
     def admits(self, twist: Twist, snapshot: Snapshot, now_s: float) -> bool:
@@ -143,7 +143,7 @@ class Clearance:
 
 
 def _are_usual(limits: Limits) -> bool:
-    """Whether no velocity within them is out of range, and none is zero."""
+    """Returns whether no velocity within them is out of range, and none is zero."""
     upright_m_s = max(limits.climb_speed_m_s, limits.descent_speed_m_s)
     accelerations = limits.horizontal_acceleration_m_s2, limits.vertical_acceleration_m_s2
     return math.hypot(limits.horizontal_speed_m_s, upright_m_s) <= MAX_SPEED_M_S and min(accelerations) > 0.0

@@ -1,4 +1,4 @@
-"""Which positions the autopilot would drop because they lie beyond its own fence."""
+"""Positions that the autopilot would drop because they lie beyond its own fence."""
 
 from __future__ import annotations
 

@@ -21,29 +21,33 @@ from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Hold, Reference, Velocity
 
 FALL_M_S = 2.5
-"""A descent by so much faster than asked is a fall: 0.25 s without lift. A controller overshoots by less than 1 m/s."""
+"""Excess in m/s over the requested descent that counts as a fall: 0.25 s without lift. A controller overshoots by less
+than 1 m/s.
+"""
 OWN_DESCENT_M_S = 2.0
-"""How fast an autopilot may descend by itself (PX4 1.5 m/s, ArduPilot 1.5 m/s), if its limits do not say more."""
+"""Speed in m/s at which an autopilot may descend by itself (PX4 1.5 m/s, ArduPilot 1.5 m/s), if its limits do not say
+more.
+"""
 CARRIED_M_S = 6.0
 """Faster than a disarmed UAV is carried, as in a lift."""
 _BELOW_M = 1.0
-"""A pose that is not so far below the UAV asks for no descent."""
+"""Metres below the UAV from which a pose asks for a descent."""
 _BRAKES_M_S2 = 0.7
 """A descent that is asked no more may end so slowly: less than the least acceleration of any autopilot's limits."""
 _EVERY_S = 0.09
 """Between two looks: a velocity that comes sooner shows no more."""
 _DESCENDS_M_S = 0.5
-"""What descends more slowly does not fall, whatever was asked."""
+"""Speed of descent in m/s below which nothing counts as a fall, whatever was asked."""
 _GAINS_M_S = 0.5
 """A descent that has become faster by so much since the look before may be a fall: each velocity is looked at then."""
 _RECENT_COUNT = 9
 """Velocities that are kept, `_EVERY_S` apart: those of `_OLDEST_S`."""
 _FALLS_S = 0.1
-"""So long a fall must last: three velocities at 30 Hz."""
+"""Seconds that a fall must last: three velocities at 30 Hz."""
 GAIN_S, _OLDEST_S = 0.35, 0.75
-"""A descent is compared with the newest one that is so much older, and not older than that."""
+"""Age in seconds of the newest descent that is compared, and its largest age."""
 GAIN_M_S = 2.2
-"""A descent that has become faster by so much since is a fall: 6.3 m/s^2 for 0.35 s. No controller brakes so late."""
+"""Gain of descent in m/s since then that counts as a fall: 6.3 m/s^2 for 0.35 s. No controller brakes so late."""
 _GAIN_SHARE = 1.5
 """The same, of what the autopilot may gain by its own acceleration in that time."""
 _DROP_SHARE = 0.4
@@ -52,9 +56,11 @@ TILT_RAD = math.radians(70.0)
 """Beyond what an autopilot tilts by itself: PX4 45 deg at most (MPC_TILTMAX_AIR), ArduPilot 30 deg (ANGLE_MAX)."""
 _TILTS_S = 0.3
 ASTRAY_M = 3.0
-"""So far beside what is asked it does not follow: a reference that leads waits for it within 2 m."""
+"""Distance in metres from its reference at which a UAV does not follow: a reference that leads waits for it within 2
+m.
+"""
 _ASTRAY_SHARE_S = 0.5
-"""A fast reference may be so much farther ahead."""
+"""Seconds by which a fast reference may be farther ahead."""
 _ASTRAY_S = 0.5
 _MOVES_M_S, _TOWARDS = 0.5, 0.5
 """One that stands, or comes back, lags: that is for its task to judge (no way)."""
@@ -64,24 +70,26 @@ _LEAST_BRAKING_M_S2 = 1.0
 _TURNED_M = 0.5
 """Once it has come nearer by this it flies to the pose."""
 _OFF_M_S, _OFF_SHARE, _OFF_S = 2.0, 0.3, 2.5
-"""A velocity that stays off by more, and does not come nearer, for so long is not followed."""
+"""Error in m/s, error as a share, and seconds after which a velocity that does not come nearer is not followed."""
 _NEARER_M_S = 0.3
 NAMED_M, NAMED_M_S, _NAMED_S = 1.0, 1.0, 0.3
 """The same where the autopilot shows another sender's targets: two signs agree then."""
 _STILL_M_S, _STILL_S = 0.4, 1.0
-"""So slow for so long it stands still."""
+"""Speed in m/s below which, and seconds after which, it stands still."""
 DISARMED_S = 3.0
-"""So long after the disarming in the air it may begin to fall."""
+"""Seconds after the disarming in the air within which it may begin to fall."""
 _STOPPED_DROP_M, _STOPPED_S = 1.0, 8.0
-"""In a landing, motors are stopped in the air where the UAV has dropped so far since, or is not disarmed for so long
+"""Drop in metres, or seconds without a disarming, after which the motors are stopped in the air, in a landing
 (COM_KILL_DISARM is 5 s).
 """
 _LONGEST_GAP_S = 1.0
-"""After so long without a velocity nothing follows from those before."""
+"""Seconds without a velocity after which nothing follows from those before."""
 _UNSEEN_M, _UNSEEN_S = 1.5, 30.0
-"""So much lower than it can have descended a UAV is that fell while nobody looked, for so long at most."""
+"""Metres below its possible descent that prove a fall while the UAV was not observed, and the most seconds of that
+time.
+"""
 _LED_ON_S = 3.0
-"""ArduPilot follows the last velocity for so long where no setpoint comes (GUID_TIMEOUT)."""
+"""Seconds for which ArduPilot follows the last velocity where no setpoint comes (GUID_TIMEOUT)."""
 _IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 _GROUND_NOISE_M = 1.2
 _UNKNOWN_GROUND_M = 3.0
@@ -94,7 +102,7 @@ ENDS_TERMINATION = (
 
 
 class Trouble(Enum):
-    """How it does not follow; the value is the metadata `by` of errors."""
+    """Form in which a UAV does not follow; the value is the metadata `by` of errors."""
 
     FALL = "fall"
     TILT = "tilt"
@@ -112,7 +120,7 @@ class _Seen(NamedTuple):
 
 
 class Following:
-    """What one UAV that does not follow is told to have. Only the update thread calls `observe`.
+    """Detection of a UAV that does not follow its references. Only the update thread calls `observe`.
 
     Once it does not, that holds until somebody asks for the control, or until it lies disarmed. A daemon that is new
     finds it by the same data.
@@ -128,14 +136,14 @@ class Following:
         self.lies = False
         """Whether it lies on the ground, whatever the autopilot says: without motors nothing stands in the air."""
         self.count = 0
-        """How often it has ceased to follow."""
+        """Times at which it has ceased to follow."""
         self._is_now = self._is_released = False
         """Whether a rule shows it at present, and whether the next update is to forget the motion from before."""
         self._worst = 0.0
         self.due_s = -math.inf
-        """When the next look is due, by the backend's clock. An attribute, because each update looks."""
+        """Time of the next check, by the backend's clock. An attribute, because each update looks."""
         self._seen_s = -math.inf
-        """When the newest velocity was measured, by the autopilot's clock. All that follows is by that clock."""
+        """Time of the newest velocity, by the autopilot's clock. All that follows is by that clock."""
         self._speed_squared = 0.0
         self._asked_down_m_s, self._asked_s = 0.0, -math.inf
         self._fall: _Seen | None = None
@@ -146,14 +154,16 @@ class Following:
         self._looked_s = self._placed_s = -math.inf
         self._hold: Hold | None = None
         self._nearest = self._furthest = self._turn_m = 0.0
-        """How near and how far from a pose it was, in metres, and how far it may fly on until it has turned to it."""
+        """Least and largest distance from a pose, in metres, and the distance it may fly on until it has turned to
+        it.
+        """
         self._off: tuple[float, float] = (-math.inf, math.inf)
         """Since when a velocity is off, and by how much it was then."""
         self._armed_s = -math.inf
-        """When it was in the air and armed last."""
+        """Last time at which it was in the air and armed."""
         self._recent: deque[_Seen] = deque(maxlen=_RECENT_COUNT)
         self._before: _Seen | None = None
-        """What was seen last, where that was in the air."""
+        """Last observation, where that was in the air."""
         self._boots_count = 0
 
     # --- What is known ------------------------------------------------------------------------------------------------
@@ -390,7 +400,7 @@ class Following:
         self._hold, self._off, self._astray_s = None, (-math.inf, math.inf), math.inf
 
     def _is_stopped_in_air(self, state: State, now_s: float, z_m: float) -> bool:
-        """Whether motors that are stopped are so in the air: at a touch-down the pilot may stop them before the
+        """Returns whether motors that are stopped are so in the air: at a touch-down the pilot may stop them before the
         autopilot notices the ground. An autopilot that does not, tells so for ever.
         """
         if state is not State.LANDING:
@@ -453,7 +463,9 @@ class Following:
         self._boots_count = boots_count
 
     def _falls(self, now_s: float, z_m: float, down_m_s: float, most_m_s: float) -> bool:
-        """Whether it has descended faster than `most_m_s` for long enough, by its velocities and its heights."""
+        """Returns whether it has descended faster than `most_m_s` for long enough, by its velocities and its
+        heights.
+        """
         if down_m_s <= most_m_s:
             self._fall = None
             return False
@@ -524,7 +536,7 @@ def _is_autonomous(mode: Sample[Mode] | None) -> bool:
 
 
 def _is_by_hand(state: State, mode: Sample[Mode] | None) -> bool:
-    """Whether a pilot flies it in a mode in which nothing bounds its descent."""
+    """Returns whether a pilot flies it in a mode in which nothing bounds its descent."""
     return state is State.FLYING_MANUAL and not (
         mode is not None and (mode.value.is_autonomous or mode.value.keeps_height)
     )
@@ -533,7 +545,7 @@ def _is_by_hand(state: State, mode: Sample[Mode] | None) -> bool:
 _COS_TILT = math.cos(TILT_RAD)
 _STOPS = "the autopilot {} stopped its motors in the air (flight termination, or a kill switch)"
 _LEADING = (Trouble.STOPPED, Trouble.DISARMED)
-"""What names the cause, and not only what follows from it."""
+"""Troubles that name the cause, and not only its consequence."""
 _WORDS = {
     Trouble.FALL: "the UAV does not follow: it falls at {:.0f} m/s",
     Trouble.TILT: "the UAV does not follow: it is tilted by {:.0f} deg",

@@ -48,7 +48,7 @@ _AT_REST = Vector3()
 _ANYWHERE = FrameInLocal(Transform(), OdomMetres(Vector3()))
 _SAME_POINT_M = 1e-6
 _MOST_ROOMS = 3
-"""So many are kept: a program that commands two velocities in turn, each near another corner, needs two."""
+"""Rooms that are kept: a program that commands two velocities in turn, each near another corner, needs two."""
 
 
 def geofence_of(settings: VehicleSettings, resolver: FrameResolver, needed_m: float) -> Geofence:
@@ -71,7 +71,7 @@ def geofence_of(settings: VehicleSettings, resolver: FrameResolver, needed_m: fl
 
 
 class _Now(NamedTuple):
-    """What holds as long as nothing of `key` changes.
+    """Fence values cached under `key`.
 
     Attributes:
         key: What the rest depends on.
@@ -82,7 +82,6 @@ class _Now(NamedTuple):
             there is none.
         ceiling_z_m: z of the ceiling, likewise.
         rooms: Parts of `low_fence` in which the last setpoints were found; the newest first.
-
     """
 
     key: tuple[object, ...]
@@ -102,7 +101,7 @@ class _Now(NamedTuple):
 
 @dataclass(slots=True)
 class World:
-    """What the fence, the floor and the ceiling, and the frames depend on. Slots are read faster than a tuple's."""
+    """Inputs of the fence, the floor and the ceiling, and the frames. Slots are read faster than a tuple's."""
 
     links: object
     home: object
@@ -127,7 +126,7 @@ class Geofence:
         """`settings` None: only the floor and the ceiling. Raises `ConfigError` if the settings do not make a fence."""
         self._floor_m, self._ceiling_m = floor_m, ceiling_m
         self.clearance_m = 0.0 if floor_m is None else clearance_m
-        """How far goals and ways stay above the floor."""
+        """Metres above the floor for goals and routes."""
         self.ground = Ground()
         """The ground of the take-off, as seen by the updates."""
         self._is_configured = settings is not None

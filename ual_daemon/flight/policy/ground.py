@@ -11,12 +11,14 @@ from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
 
 SEEN_NOISE_M = 0.7
-"""How far the estimated height may be off: PX4's wanders by 0.3 to 0.7 m within a minute or two on the ground."""
+"""Error of the estimated height in metres: PX4's wanders by 0.3 to 0.7 m within a minute or two on the ground."""
 ASSUMED_NOISE_M = 2.0
 """The same where the ground is assumed: PX4 corrects the altitude of its home by up to 1.7 m in flight."""
 _SAME_ORIGIN_M = 0.01
 _SURE_S = 1.0
-"""Where UAL flies by references, the autopilot must have said for so long that it stands: it may err for a moment."""
+"""Seconds for which the autopilot must have reported that it stands, where UAL flies by references: it may err for a
+moment.
+"""
 
 
 class Datum(NamedTuple):
@@ -37,7 +39,7 @@ class Ground:
 
     def __init__(self) -> None:
         self.place: Vector3 | None = None
-        """Where the UAV last stood on it, in the local frame; None if that is not known."""
+        """Position at which the UAV last stood on the ground, in the local frame; None if that is not known."""
         self._origin_m: float | None = None
         self._stands_s: float | None = None
         """Since when it stands armed; None while it does not."""
@@ -75,7 +77,7 @@ class Ground:
             self.place = None
 
     def _stands(self, snapshot: Snapshot, *, is_led: bool) -> bool:
-        """Whether it stands armed, for long enough to believe that."""
+        """Returns whether it stands armed, for long enough to believe that."""
         needed_s = _SURE_S if is_led and self.place is not None else 0.0
         return self._stands_s is not None and snapshot.time_s - self._stands_s >= needed_s
 

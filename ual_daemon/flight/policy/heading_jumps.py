@@ -13,7 +13,7 @@ from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.policy.jumps import Confirmation, Jump
 
 JUMP_RAD = 0.2
-"""What an estimate wanders by within its noise is less, and is turned back."""
+"""Least turn of an estimate in rad that counts as a jump; noise stays below it, and is turned back."""
 _LATE_S = 0.25
 """The heading of a pose may be so much older than its position: the autopilot sends them in different messages."""
 _ACCELERATION_RAD_S2 = 5.0

@@ -1,4 +1,4 @@
-"""Where the UAV flies when it returns home."""
+"""Position at which the UAV flies when it returns home."""
 
 from __future__ import annotations
 

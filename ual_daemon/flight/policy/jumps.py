@@ -15,9 +15,11 @@ from ual_daemon.backends.values import Sample, Snapshot
 T = TypeVar("T")
 
 JUMP_M = 1.0
-"""What an estimate wanders by within its noise is less, and is flown out."""
+"""Least step of an estimate in metres that counts as a jump; noise stays below it, and is flown out."""
 ANNOUNCED_JUMP_M = 0.2
-"""What counts as a jump for `ANNOUNCED_S` after one was announced: what the poses come from has moved."""
+"""Least step in metres that counts as a jump for `ANNOUNCED_S` after one was announced: the source of the poses has
+moved.
+"""
 ANNOUNCED_S = 3.0
 _NOISE_FACTOR = 4.0
 """An estimate whose steps are usually larger must jump by so many times as much."""
@@ -28,7 +30,7 @@ _ACCELERATION_M_S2 = 4.0
 """Between two positions a UAV may fly elsewhere than the mean of its velocities says, by half of this times the time
 squared."""
 SUSPECTED_S = 0.2
-"""So long a suspicion counts if no other position comes."""
+"""Seconds for which a suspicion counts if no other position comes."""
 
 
 class Jump(NamedTuple):
@@ -39,7 +41,7 @@ class Jump(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What has jumped and by how much, human-readable."""
+        """Kind and size of the jump, human-readable."""
         distance_m = self.offset.norm()
         return f"position jumped by {distance_m:.1f} m" if distance_m else f"heading jumped by {self._yaw_deg:.0f} deg"
 
@@ -68,7 +70,8 @@ class _Seen(NamedTuple):
 
 
 class Confirmation(Generic[T]):
-    """What poses are compared with: the `last` that was no jump. A single wrong pose is none: a second must confirm it.
+    """Reference for comparisons of poses: the `last` that was no jump. A single wrong pose is none: a second must
+    confirm it.
 
     Belongs to the update thread.
     """
@@ -85,7 +88,7 @@ class Confirmation(Generic[T]):
         return is_new
 
     def is_suspected(self, now_s: float) -> bool:
-        """Whether the newest pose has jumped, but another one must confirm it, and may still come."""
+        """Returns whether the newest pose has jumped, but another one must confirm it, and may still come."""
         return self.is_waiting and now_s - self._newest_s < SUSPECTED_S
 
     def accept(self, new: T) -> None:
@@ -144,7 +147,9 @@ class JumpDetector:
         return max(ANNOUNCED_JUMP_M if is_announced else JUMP_M, _NOISE_FACTOR * self._usual_m)
 
     def _is_continued(self, last: _Seen, new: _Seen) -> bool:
-        """Whether the velocity explains the change of position well. In plain numbers, as each update calls it."""
+        """Returns whether the velocity explains the change of position well. In plain numbers, as each update calls
+        it.
+        """
         passed_s = new.received_s - last.received_s
         if not 0.0 <= passed_s <= _LONGEST_S or new.boots_count != last.boots_count:
             return False

@@ -19,7 +19,7 @@ from ual.types import LeaseInfo
 from ual_daemon.backends.clock import steady_s
 
 EXPIRES_AFTER_S = 2.0
-"""How long a lease lasts after it was kept last. A program that is alive keeps it four times as often."""
+"""Seconds that a lease lasts after it was kept last. A program that is alive keeps it four times as often."""
 NOBODY = ""
 _MOST_REMEMBERED = 100
 
@@ -32,7 +32,7 @@ class _Held:
 
 
 class Lease:
-    """Who is the only one that flies one UAV. Any thread may call.
+    """The lease: at most one program commands a UAV. Any thread may call.
 
     Durations are of the computer's monotonic clock, also in a simulation: a program lives in real time.
     """
@@ -48,7 +48,7 @@ class Lease:
 
     @property
     def info(self) -> LeaseInfo | None:
-        """Who holds it; None where there is no lease."""
+        """Holder of the lease; None where there is no lease."""
         held = self._held
         return None if held is None else held.info
 

@@ -1,4 +1,4 @@
-"""Where a UAV may come to if a velocity is commanded now: what must lie inside the fence.
+"""Reach of a UAV if a velocity is commanded now: the points that must lie inside the fence.
 
 Pure mathematics on numbers, not on `Vector3`: each velocity setpoint and each update computes it.
 """
@@ -14,7 +14,9 @@ from ual_daemon.frames.room import Point3
 from ual_daemon.trajectory.envelope import stopping_s
 
 REACTION_S = 0.4
-"""How long a UAV flies on before it begins to brake: the age of its data, the delay of the setpoint, the tilting."""
+"""Seconds that a UAV flies on before it begins to brake: the age of its data, the delay of the setpoint, the
+tilting.
+"""
 
 
 class Reach(NamedTuple):

@@ -9,9 +9,9 @@ from ual_daemon.flight.state import Estimate
 STANDS_S = 0.4
 """Without its motors a UAV falls at 4 m/s after so long."""
 STANDS_M_S = 1.0
-"""What stands on the ground is estimated to be slower."""
+"""Speed in m/s below which a UAV may stand on the ground."""
 _WITHOUT_VELOCITY_S = 2.0
-"""So long a velocity is waited for."""
+"""Seconds for which a velocity is awaited."""
 _LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
 
 
