@@ -52,7 +52,7 @@ class _Ordered(NamedTuple):
     image: Future[Image]
 
     def is_of_no_use(self, max_age_s: float) -> bool:
-        """Whether it is too old, or was not made."""
+        """Returns whether it is too old, or was not made."""
         if time.monotonic() - self.ordered_s > max_age_s:
             return True
         return self.image.done() and (self.image.cancelled() or self.image.exception() is not None)

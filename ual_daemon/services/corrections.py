@@ -18,12 +18,12 @@ from ual_daemon.services.vehicle import ServedVehicle, offered, require_not_watc
 MOST_BYTES_PER_S = 20_000
 """A base station sends 1 to 4 kB a second. More would take time from flights."""
 BURST_BYTES = 65_536
-"""So much may come at once: what a caster or a base has kept while a connection was away."""
+"""Most bytes at once: those that a caster or a base has kept while a connection was away."""
 LONGEST_NAME = 100
 
 
 class CorrectionsStream:
-    """What one program sends, from its first bytes to `close`. For one thread at a time."""
+    """Corrections of one program, from its first bytes to `close`. For one thread at a time."""
 
     def __init__(self, offer: AutopilotCorrections, sender: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._offer = offer
@@ -96,7 +96,7 @@ class VehicleCorrections:
 
 
 class CorrectionsBase(interface.Corrections):
-    """What is more than a call: the stream."""
+    """Members that are more than a call: the stream."""
 
     _of_vehicle: VehicleCorrections
 

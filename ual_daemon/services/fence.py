@@ -227,7 +227,7 @@ class VehicleFence:
 
 
 class FenceBase(interface.Fence):
-    """What has no method of its own: one method switches the fence on and off."""
+    """Members without a method of their own: one method switches the fence on and off."""
 
     _of_vehicle: VehicleFence
     _lease_id: Callable[[], str]
@@ -255,7 +255,7 @@ def _dropping(change: Callable[[], Future[KeptFence]], *uploads: Upload | None) 
 
 
 def _no_fence(error: BaseException) -> Future[tuple[FenceZone, ...]]:
-    """What the autopilot has is no fence: that may be replaced."""
+    """Returns no zones where the autopilot's content is no fence: that may be replaced."""
     if isinstance(error, RejectedByAutopilotError):
         return done(())
     raise error
@@ -272,7 +272,7 @@ def _require_free(kept: KeptFence, plan: FencePlan) -> None:
 
 
 def _is_same(kept: Sequence[FenceZone], wanted: Sequence[FenceZone]) -> bool:
-    """Whether zones are alike, as finely as an autopilot keeps them."""
+    """Returns whether zones are alike, as finely as an autopilot keeps them."""
     return [_rounded(each) for each in kept] == [_rounded(each) for each in wanted]
 
 

@@ -33,7 +33,7 @@ LARGEST_ANGLE_RAD = 3.1415926535897932
 LARGEST_YAW_RAD = 2.0 * LARGEST_ANGLE_RAD
 LARGEST_RATE_RAD_S = 10.0
 USUAL_RATE_HZ, LEAST_RATE_HZ, HIGHEST_RATE_HZ = 10.0, 0.1, 50.0
-"""How often a gimbal is watched."""
+"""Rates in Hz at which a gimbal is watched."""
 _TOLERANCE_RAD = 1e-4
 """Gimbals say their limits in single precision."""
 _OF_REFERENCE = {

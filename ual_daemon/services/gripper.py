@@ -1,4 +1,5 @@
-"""What a UAV carries to hold, drop and switch: what may be ordered, and by whom. The manual is docs/how-to/gripper.md.
+"""Payload devices of a UAV that hold, drop and switch: allowed orders, and the callers that may give them. The manual
+is docs/how-to/gripper.md.
 
 A load that is dropped changes what flies, and what is below. So an order needs the lease, as a motion does.
 """
@@ -33,7 +34,7 @@ class EquippedVehicle(ServedVehicle, Protocol):
 
     @property
     def equipment(self) -> Equipment:
-        """What it carries."""
+        """Payload devices of the UAV."""
 
 
 class _Named(Protocol):
@@ -45,7 +46,7 @@ N = TypeVar("N", bound=_Named)
 
 
 class VehicleGripper:
-    """What one UAV carries. From any thread; no method waits."""
+    """Payload devices of one UAV. From any thread; no method waits."""
 
     def __init__(self, vehicle: EquippedVehicle) -> None:
         self._vehicle = vehicle

@@ -17,7 +17,7 @@ from ual_daemon.services.answers import Steps
 from ual_daemon.services.vehicle import ServedVehicle, offered
 
 CHUNK = 32_768
-"""So much is read at a time: over a slow radio in flight that takes half a minute."""
+"""Bytes that are read at a time: over a slow radio in flight that takes half a minute."""
 LONGEST_ID = 200
 
 _log = logging.getLogger(__name__)

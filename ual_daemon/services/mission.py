@@ -23,7 +23,7 @@ from ual_daemon.services.vehicle import CommandedVehicle, offered, require_chang
 from ual_daemon.vehicle.upload_journal import MISSION
 
 LOOK = Pause(0.2)
-"""How often a watched mission is looked at. Autopilots tell it once or twice a second."""
+"""Pause between two looks at a watched mission. Autopilots tell it once or twice a second."""
 _UPLOAD, _CLEAR, _START = "upload_mission", "clear_mission", "start_mission"
 
 _log = logging.getLogger(__name__)

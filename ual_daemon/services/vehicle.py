@@ -1,4 +1,4 @@
-"""What a shipped service needs of its UAV, and the checks that are the same for all of them."""
+"""Interface of a UAV for services, and the checks that are the same for all of them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ServedVehicle(Protocol):
         """See `ual_daemon.backends.base.Backend.offer`."""
 
     def is_armed(self) -> bool | None:
-        """Whether it is armed; None while that is not known."""
+        """Returns whether it is armed; None while that is not known."""
 
     def require_lease(self, command: str, lease_id: str) -> None:
         """Raises `LeaseHeldError` or `LeaseLostError`, or returns."""
@@ -66,7 +66,7 @@ class GimbalVehicle(ServedVehicle, Protocol):
 
     @property
     def gimbals(self) -> Gimbals:
-        """What its gimbals do; raises `NotSupportedError` where there can be none."""
+        """Gimbals of the UAV; raises `NotSupportedError` where there can be none."""
 
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
         """Returns the transform from the source frame to the target frame."""
@@ -81,7 +81,7 @@ class CommandedVehicle(LoadedVehicle, Protocol):
 
     @property
     def missions(self) -> Missions:
-        """What flies the autopilot's missions; raises `NotSupportedError` where it cannot be commanded."""
+        """Missions of the autopilot; raises `NotSupportedError` where it cannot be commanded."""
 
 
 def offered(vehicle: ServedVehicle, kind: type[T], what: str) -> T:
