@@ -1,4 +1,4 @@
-"""What `backend` names: a UAV that a backend flies, or a recording that plays as one.
+"""Choice by `backend`: a UAV that a backend flies, or a recording that plays as one.
 
 Both have the members that the class and the server use. Imports are late, for a fast start of the program.
 """

@@ -25,7 +25,7 @@ FrameId = Annotated[str, Meta(pattern=FRAME_ID_PATTERN)]
 Angle = Annotated[float, Meta(ge=-math.tau, le=math.tau)]
 """Radians. What is more than a full turn is meant in degrees."""
 AngleWithin = Annotated[float, Meta(gt=0.0, le=math.pi)]
-"""How far a heading may be off, in radians: more than half a turn is meant in degrees."""
+"""Tolerance of a heading in radians; more than half a turn is refused as a value in degrees."""
 MAX_TURN_RAD_S = 2.0 * math.tau
 """Of what is commanded: more than two turns a second are meant in degrees."""
 TurnRate = Annotated[float, Meta(gt=0.0, le=MAX_TURN_RAD_S)]
@@ -77,7 +77,7 @@ class LimitSettings(Settings, frozen=True, kw_only=True):
 
 
 class ToleranceSettings(Settings, frozen=True, kw_only=True):
-    """When a UAV counts as arrived, once its reference is at the goal: its mean over `dwell_s` is within these values.
+    """Conditions of arrival, once the reference is at the goal: the mean over `dwell_s` is within these values.
 
     The defaults are for a satellite receiver without corrections: in PX4's simulator the estimate of a UAV that hovers
     wanders by 0.3 to 0.5 m and 0.4 m/s (docs/reference/backends/mavlink.md).
@@ -90,7 +90,7 @@ class ToleranceSettings(Settings, frozen=True, kw_only=True):
 
 
 class GeofenceSettings(Settings, frozen=True, kw_only=True):
-    """Where the UAV may be sent: over a polygon, in a height band, or both.
+    """Geofence within which the UAV may be sent: a polygon, a height band, or both.
 
     `polygon` has x, y (metres) in `frame_id`, `polygon_geo` latitude and longitude (degrees) instead; the heights are z
     in `frame_id`. None is ``<ns>/odom``.
@@ -156,7 +156,7 @@ class RelaySettings(Settings, frozen=True, kw_only=True):
 
 
 class PayloadSettings(Settings, frozen=True, kw_only=True):
-    """What may be moved of what the UAV carries. What is not named here is never moved."""
+    """Payload devices that may be moved. What is not named here is never moved."""
 
     grippers: Annotated[tuple[GripperSettings, ...], Meta(max_length=6)] = ()
     winches: Annotated[tuple[WinchSettings, ...], Meta(max_length=6)] = ()
@@ -180,7 +180,7 @@ class PayloadSettings(Settings, frozen=True, kw_only=True):
 
 
 class Tracker(Enum):
-    """How go-tos and paths are flown."""
+    """Controller of go-tos and paths."""
 
     REFERENCE = "reference"
     """By a smooth trajectory in time, with its velocity and acceleration as feed-forward. Straight and fast."""

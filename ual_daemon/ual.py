@@ -140,7 +140,7 @@ class UAL(Uncopied, PartMembers):
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
         self._external_pose_s = -math.inf
-        """When the last pose from outside was given that was not refused."""
+        """Time of the last external pose that was not refused."""
         self._lease_id = NOBODY
         self._is_closed = self._has_ended = False
         self._served = Parts(vehicle, lambda: self._lease_id)

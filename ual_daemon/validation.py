@@ -21,7 +21,7 @@ MAX_SPEED_M_S = 1000.0
 MIN_SPEED_M_S = 0.01
 """A lower speed is refused: a task would take almost forever, so the value must be a mistake."""
 MAX_HOLD_S = 3600.0
-"""How long a path may hold at one waypoint."""
+"""Most seconds of a path's hold at one waypoint."""
 MAX_ANGULAR_SPEED_RAD_S = 1000.0
 """Of what is measured."""
 MAX_RATE_HZ = 1e9
@@ -146,7 +146,9 @@ def vector(value: Vector3, field: str, *, at_most: float) -> Vector3:
 
 
 def _is_valid(value: Vector3, at_most: float) -> bool:
-    """Whether the value is valid as it is. Fast, because every setpoint needs it. A comparison with NaN is false."""
+    """Returns whether the value is valid as it is. Fast, because every setpoint needs it. A comparison with NaN is
+    false.
+    """
     return (
         type(value) is Vector3 and type(value.x) is type(value.y) is type(value.z) is float and value.norm() <= at_most
     )

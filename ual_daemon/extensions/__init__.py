@@ -1,4 +1,4 @@
-"""How a package adds a service of its own to the daemon: docs/how-to/write-an-extension.md."""
+"""Extensions: a package adds a service of its own to the daemon: docs/how-to/write-an-extension.md."""
 
 from __future__ import annotations
 

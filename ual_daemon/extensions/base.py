@@ -1,4 +1,4 @@
-"""What an extension is, and what it gets: the interface to the packages of others."""
+"""Interface of extensions to the daemon, for packages of others."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RequireLease(Protocol):
 
 
 class CallContext(Protocol):
-    """What a method of a service gets beside its request."""
+    """Context of a method of a service, in addition to its request."""
 
     lease_id: str
     """The lease by which the call is made; empty where it has none."""
@@ -36,7 +36,7 @@ def lease_of(context: object) -> str:
 
 @dataclass(frozen=True)
 class ExtensionContext:
-    """What an extension gets.
+    """Context of an extension.
 
     Args:
         uav: The UAV in this process, to read, to subscribe to and to command. It is closed by whoever has opened it.
@@ -46,7 +46,6 @@ class ExtensionContext:
             `lease_of` its context. Without that, the lease of `uav` counts.
         payload: What the backend offers for what the UAV carries: commands and messages of the autopilot that do not
             fly. None where it offers nothing, and in a daemon that only watches.
-
     """
 
     uav: Uav
@@ -100,7 +99,7 @@ class Extension(ABC):
     @property
     @abstractmethod
     def interface(self) -> object:
-        """What `UAL.extension` returns: the same members as the package's client has."""
+        """Interface that `UAL.extension` returns: the same members as the package's client has."""
 
     @abstractmethod
     def start(self) -> None:
