@@ -14,7 +14,9 @@ from ual_daemon.backends.values import LandedState, Sample
 T = TypeVar("T")
 
 AGREEING_COUNT, AGREEING_S = 3, 1.0
-"""So many samples in a row, over at least so long, make a verdict. A burst of one program's is shorter."""
+"""Consecutive samples that make a verdict, and the least seconds that they span. A burst of one program's is
+shorter.
+"""
 LAPSE_S = 2.5
 """A sample that is older than this agrees with none that comes later. A heartbeat comes each second."""
 ENDED_COUNT = 2
@@ -40,7 +42,7 @@ class FlightSeen:
             self._flown_s = now_s
 
     def is_flying(self, now_s: float) -> bool:
-        """Whether it is in the air, or was a moment ago."""
+        """Returns whether it is in the air, or was a moment ago."""
         return now_s - self._flown_s <= GROUNDED_S
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 REBOOT_S = 1.0
 """A time since boot that goes back by more than this is of a new boot; one that goes back by less came late."""
 PROOFS_COUNT = 3
-"""So many messages in a row must fit one new boot, ..."""
+"""Consecutive messages that must fit one new boot, ..."""
 QUIET_S = 0.3
 """... with none that fits the old boot for so long. An autopilot that boots is silent for longer."""
 SHORTEST_BOOT_S = 2.0
@@ -91,10 +91,10 @@ class BootTime:
 
 
 def has_wrapped(old_boot_s: float, boot_s: float) -> bool:
-    """Whether a time since boot is so much smaller than one before it that it may have begun anew."""
+    """Returns whether a time since boot is so much smaller than one before it that it may have begun anew."""
     return old_boot_s - boot_s > WRAP_S / 2
 
 
 def _follows(old_boot_s: float, boot_s: float, passed_s: float) -> bool:
-    """Whether two times since boot can be of one boot, where so long has passed between them by our clock."""
+    """Returns whether two times since boot can be of one boot, where so long has passed between them by our clock."""
     return -REBOOT_S <= boot_s - old_boot_s <= REBOOT_S + _FASTEST * passed_s

@@ -1,12 +1,13 @@
-"""When the autopilot measured: its time since boot as UTC, without setting its clock."""
+"""Times of the autopilot's measurements: its time since boot as UTC, without setting its clock."""
 
 from __future__ import annotations
 
 import math
 
 WINDOW_S = 1.0
-"""How long the fastest message counts. A longer window rejects more jitter, a shorter one follows a clock that runs
-wrong (a simulator's by 1 %) more closely."""
+"""Seconds for which the fastest message counts. A longer window rejects more jitter, a shorter one follows a clock that
+runs wrong (a simulator's by 1 %) more closely.
+"""
 
 
 class ClockOffset:

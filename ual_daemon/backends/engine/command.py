@@ -43,7 +43,7 @@ ONCE = Repeat()
 
 
 class Verdict(Enum):
-    """What an answer says of a command."""
+    """Meaning of an answer to a command."""
 
     ACCEPTED = auto()
     IN_PROGRESS = auto()
@@ -128,7 +128,7 @@ class Command(Generic[R]):
         return self.group == ARMING and isinstance(self.shows, _ShowsArmed) and self.shows.is_armed
 
     def leads_to(self, mode: Mode) -> bool:
-        """Whether a mode is one to which it leads."""
+        """Returns whether a mode is one to which it leads."""
         return mode.name == self.mode if self.own_modes is None else self.own_modes(mode)
 
 

@@ -29,7 +29,7 @@ class Submits(Protocol[R]):
 
 
 class CommandDesk(Generic[R]):
-    """What the commands of a `Backend` call. From any thread.
+    """Entrance of a `Backend`'s commands. From any thread.
 
     `reach` takes what is to be done, for errors, and returns the runner of the vehicle in reach, or the error that says
     why there is none. It may return another one later, as a vehicle may be replaced.

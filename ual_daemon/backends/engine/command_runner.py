@@ -33,23 +33,25 @@ _log = logging.getLogger(__name__)
 R = TypeVar("R")
 
 IN_PROGRESS_S = 10.0
-"""How long to wait for the next answer after one that says "in progress"."""
+"""Seconds for the next answer after one that says "in progress"."""
 LATER_ACK_S = 0.3
-"""How long to wait for the next acceptance of a command that is accepted several times."""
+"""Seconds for the next acceptance of a command that is accepted several times."""
 EFFECT_S = 1.0
-"""How long after a refusal the effect may still come, where the command was sent more than once. The refusal may be of
-the repetition (a second take-off), because the first one was obeyed and its answer lost."""
+"""Seconds after a refusal within which the effect may still come, where the command was sent more than once. The
+refusal may be of the repetition (a second take-off), because the first one was obeyed and its answer lost.
+"""
 STALE_ANSWER_S = 1.0
-"""How long after the end of a command an answer may still be its own: one that came twice or late. It carries only the
-key, so it could be taken for that of the next command with this key."""
+"""Seconds after the end of a command within which an answer may still be its own: one that came twice or late. It
+carries only the key, so it could be taken for that of the next command with this key.
+"""
 LATE_S = 0.1
 """An answer that has not come after this is late: the vehicle's state should be requested."""
 MOST_TEXTS = 20
-"""So many texts may explain a refusal; the others are not kept."""
+"""Most texts that explain a refusal; the others are not kept."""
 
 
 class RunnerSettings(NamedTuple):
-    """How late after a refusal the autopilot's texts about it may come, in seconds, depending on the link.
+    """Seconds after a refusal within which the autopilot's texts about it may come, depending on the link.
 
     `explain_s` is the same where they must be requested first (`Command.explain`).
     """
@@ -61,7 +63,7 @@ class RunnerSettings(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """When a command was asked for, and what was known then: the mode's name (empty: none), and the boot (0: none)."""
+    """Request of a command: its time, the known mode's name (empty: none), and the boot (0: none)."""
 
     time_s: float
     mode: str
@@ -90,13 +92,13 @@ class _Pending(Generic[R]):
     sends_count: int = 0
     accepts_count: int = 0
     first_s: float = 0.0
-    """When it was first sent."""
+    """Time at which it was first sent."""
     sent_s: float = 0.0
-    """When it was last sent."""
+    """Time at which it was last sent."""
     next_s: float = 0.0
-    """When to send it again, or to end the wait for another acceptance, for texts, or for its effect."""
+    """Time at which to send it again, or to end the wait for another acceptance, for texts, or for its effect."""
     passed_on_s: float = math.inf
-    """When a bridge had sent it."""
+    """Time at which a bridge had sent it."""
     take_back: Callable[[], object] | None = None
     """Takes it back while it has not left."""
     is_in_progress: bool = False
@@ -146,7 +148,7 @@ class CommandRunner(Generic[R]):
         self._waiting: deque[_Pending[R]] = deque()
         self._in_flight: dict[Hashable, _Pending[R]] = {}
         self._ended_s: dict[Hashable, float] = {}
-        """When the last command of each shared key ended, or was given up."""
+        """Time at which the last command of each shared key ended, or was given up."""
         self._doubtful_until_s: dict[Hashable, float] = {}
         """Until when an answer for each shared key may be of a command that has ended."""
         self._last: tuple[Command[R], float] | None = None
@@ -268,7 +270,9 @@ class CommandRunner(Generic[R]):
         return any(pending.command == command for pending in (*self._waiting, *self._in_flight.values()))
 
     def wants_state(self, now_s: float) -> bool:
-        """Whether the mode and armed should be requested now: an answer is late, or a command waits to hear them."""
+        """Returns whether the mode and armed should be requested now: an answer is late, or a command waits to hear
+        them.
+        """
         if not self.is_any_under_way and all(each.command.shows is None for each in self._in_flight.values()):
             return False
         return any(
@@ -303,7 +307,7 @@ class CommandRunner(Generic[R]):
         )
 
     def _unknown(self, pending: _Pending[R], snapshot: Snapshot, now_s: float) -> str:
-        """Whether what a command changes was said since the last silence."""
+        """Returns whether what a command changes was said since the last silence."""
         group = pending.command.group
         if group not in (FLYING, ARMING):
             return ""
@@ -334,7 +338,7 @@ class CommandRunner(Generic[R]):
         return "" if is_shown else "it may still be executed"
 
     def _has_missed(self, pending: _Pending[R], now_s: float) -> bool:
-        """Whether a silence came after it was sent: it may have been obeyed, and others may have undone that.
+        """Returns whether a silence came after it was sent: it may have been obeyed, and others may have undone that.
 
         A mode in which the autopilot takes our references was not chosen against us: what leads out of it goes on.
         """
@@ -405,7 +409,7 @@ class CommandRunner(Generic[R]):
         return not self._hindrance(pending, now_s)
 
     def _is_doubtful(self, pending: _Pending[R], now_s: float) -> bool:
-        """Whether an answer may be that of a command with its key that has ended."""
+        """Returns whether an answer may be that of a command with its key that has ended."""
         return now_s < self._doubtful_until_s.get(pending.key, -math.inf)
 
     def _transmit(self, pending: _Pending[R], now_s: float) -> None:
@@ -591,14 +595,16 @@ def _take_back(pending: _Pending[R]) -> None:
 
 
 def _may_still_show(pending: _Pending[R], mode: Sample[Mode]) -> bool:
-    """Whether a mode may be seen without others having chosen it: the one before, or that of our command before."""
+    """Returns whether a mode may be seen without others having chosen it: the one before, or that of our command
+    before.
+    """
     if mode.value.name == pending.from_mode:
         return True
     return pending.before is not None and mode.time_s > pending.before[1] and pending.before[0].leads_to(mode.value)
 
 
 def _is_judged_by_mode(pending: _Pending[R]) -> bool:
-    """Whether a mode of others ends it. Arming that was not sent yet overrules nobody, in whatever mode."""
+    """Returns whether a mode of others ends it. Arming that was not sent yet overrules nobody, in whatever mode."""
     group, is_harmless = pending.command.group, pending.command.is_harmless
     has_begun = pending.sends_count > 0 or pending.follows_mode
     return not is_harmless and (group == FLYING or (group == ARMING and has_begun))

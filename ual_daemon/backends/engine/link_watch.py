@@ -52,9 +52,9 @@ class LinkWatch:
         self.on_anew = on_anew
         self.state = LinkState.CONNECTING
         self.heard_s: float | None = None
-        """When the last message came that shows that the autopilot is there."""
+        """Time of the last message that shows that the autopilot is there."""
         self.spoken_s = -math.inf
-        """What was said before this time, commands do not rely on: a silence or a time of not looking came after it."""
+        """Time before which reports do not count for commands: a silence, or a time without checks, came after it."""
         self.lost_count = self.reboots_count = 0
         self._url = url
         self._boots_count = 0
@@ -118,11 +118,11 @@ class LinkWatch:
         return self._boot_time.boot_s
 
     def is_silent(self, now_s: float, for_s: float) -> bool:
-        """Whether it was heard once, and not for so long by now."""
+        """Returns whether it was heard once, and not for so long by now."""
         return self.heard_s is not None and now_s - self.heard_s > for_s
 
     def is_up(self, now_s: float) -> bool:
-        """Whether it was heard so lately that setpoints and commands make sense. From any thread."""
+        """Returns whether it was heard so lately that setpoints and commands make sense. From any thread."""
         return self.heard_s is not None and now_s - self.heard_s <= self.lost_s
 
     def report(self) -> LinkReport:

@@ -29,11 +29,11 @@ FAST_TICK_S = 0.01
 """The shortest interval between two ticks: after a pose, and while an answer of the autopilot is awaited."""
 
 Posted = Callable[[float], None]
-"""What is called on the loop's thread, with the time. A defect of it is logged, and ends nothing."""
+"""Callback on the loop's thread, with the time. A defect of it is logged, and ends nothing."""
 
 
 class Driven(Protocol):
-    """What a backend's session does on the loop's thread."""
+    """Session of a backend that the loop's thread drives."""
 
     @property
     def is_urgent(self) -> bool:
@@ -62,7 +62,7 @@ def _nothing() -> None:
 
 
 class Loop:
-    """What one vehicle does on a thread. `post`, `give`, `newest` and `looked_s` are for any thread, the rest for it.
+    """Loop of one vehicle on a thread.
 
     The thread waits for data by itself. In each round it calls `woke`, has the data taken, and calls `step`. A thread
     with many vehicles does so for each of them.

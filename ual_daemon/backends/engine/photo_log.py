@@ -1,4 +1,4 @@
-"""What a camera has taken, by numbers. From any thread."""
+"""Photos of a camera, by numbers. From any thread."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ual.errors import InvalidArgumentError
 P = TypeVar("P")
 
 MOST_PHOTOS = 10_000
-"""What is older is forgotten."""
+"""Most photos that are kept; older ones are forgotten."""
 
 
 class PhotoLog(Generic[P]):
@@ -25,7 +25,7 @@ class PhotoLog(Generic[P]):
 
     @property
     def count(self) -> int:
-        """How many were added."""
+        """Photos that were added."""
         return self._count
 
     def add(self, make: Callable[[int], P]) -> P:

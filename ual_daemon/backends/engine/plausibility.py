@@ -1,4 +1,4 @@
-"""What an autopilot's data can be at all. Data beyond that are dropped; what they replace becomes old by itself."""
+"""Bounds of plausible data of an autopilot. Data beyond that are dropped; what they replace becomes old by itself."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Plausibility:
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
-        """How many were dropped, of each kind."""
+        """Dropped data, of each kind."""
 
     def accepts_position(self, position: Vector3) -> bool:
         """Judges a position in the local frame."""

@@ -42,7 +42,8 @@ class Reading(Generic[T]):
         self._order = self._received_s = -math.inf
 
     def is_next(self, now_s: float) -> bool:
-        """Whether the present message was sent after the one before that had this value, of whatever kind; notes it.
+        """Returns whether the present message was sent after the one before that had this value, of whatever kind;
+        notes it.
 
         A late message is ignored. Otherwise a link that reorders messages would show the mode before for a moment, as
         if the safety pilot had taken the UAV.
@@ -76,7 +77,7 @@ class Reading(Generic[T]):
         return None if sample is None or now_s - sample.time_s > self._limit_s else sample.value
 
     def was_received_within(self, limit_s: float, now_s: float) -> bool:
-        """Whether a message with this value came lately, whether it was believed or not."""
+        """Returns whether a message with this value came lately, whether it was believed or not."""
         return now_s - self._received_s <= limit_s
 
     @property

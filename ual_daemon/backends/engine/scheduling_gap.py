@@ -12,7 +12,7 @@ class SchedulingGap:
 
     def __init__(self) -> None:
         self.woke_s = math.inf
-        """When the thread woke last; infinite until it has."""
+        """Time at which the thread woke last; infinite until it has."""
         self._why = ""
         self._ended_s = -math.inf
 

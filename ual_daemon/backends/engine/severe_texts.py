@@ -7,7 +7,7 @@ from ual_daemon.backends.values import SevereText
 SEVERE = 2
 """The least urgent severity that is told (MAV_SEVERITY_CRITICAL); lower numbers are worse."""
 TEXT_S = 30.0
-"""How long a text is told that does not come again."""
+"""Seconds for which a text is reported that does not come again."""
 _MOST_TEXTS = 8
 _PART_S = 1.0
 """The next part of a long text comes within this time."""
