@@ -1,1 +1,1 @@
-"""What PX4 and ArduPilot are, whatever protocol reaches them: for all backends that fly them."""
+"""Firmwares PX4 and ArduPilot, whatever protocol reaches them: for all backends that fly them."""

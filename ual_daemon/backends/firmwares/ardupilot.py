@@ -94,12 +94,14 @@ _OUTPUTS = tuple(f"SERVO{number}_FUNCTION" for number in range(1, 17))
 _MOTORS = frozenset((*range(33, 41), *range(82, 86)))
 """The functions of the outputs that are motors 1 to 12 (SRV_Channel.h)."""
 _USUAL_MOTORS = MotorChannels(frozenset(range(4)), 1000.0)
-"""Those of its defaults, until the parameters have come: a daemon that starts in flight is to know it at once."""
+"""Motor channels by default, until the parameters have come: a daemon that starts in flight needs them at once."""
 
 _SLOW_CLIMB_M = 1.5
-"""So far it climbs by itself where a slower climb is wanted. Lower, the error of its height could leave it standing."""
+"""Metres that it climbs by itself where a slower climb is wanted. Lower, the error of its height could leave it
+standing.
+"""
 _NEAR_HOME_M = 1.0
-"""How far above or below home its estimate of height may wander; see `_above_home_m`."""
+"""Metres by which its estimate of height may wander around home; see `_above_home_m`."""
 ACCELERATION_SHARE = 0.6
 """The part of ArduPilot's own acceleration limits that our references may use. ArduPilot follows references within the
 same limits: with no reserve to catch up it overshoots, by 1.7 m where it is stopped on the way. At the goal of an
@@ -163,7 +165,7 @@ _FAILSAFE_TEXTS = (
     ("ekf failsafe", Cause.POSITION),
     ("failsafe", Cause.FAILSAFE),
 )
-"""What its texts hold, lower case, the first that fits. "Battery 1 is low" comes without an action, too."""
+"""Parts of its texts, in lower case; the first that fits counts. "Battery 1 is low" comes without an action, too."""
 _ENDS: Mapping[str, tuple[str, ...]] = {
     "Glitch cleared": ("GPS Glitch",),
     "EKF Failsafe Cleared": ("EKF Failsafe", "EKF variance"),

@@ -1,4 +1,4 @@
-"""What one kind of autopilot is, whatever protocol reaches it, behind one interface."""
+"""Interface of one kind of autopilot, whatever protocol reaches it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class HomeUnknownError(NotYetError):
 
 
 class Board(Protocol):
-    """What an autopilot says of its hardware (AUTOPILOT_VERSION)."""
+    """Hardware of an autopilot by its own report (AUTOPILOT_VERSION)."""
 
     @property
     def board_version(self) -> int:
@@ -93,11 +93,11 @@ class Autopilot(ABC):
     flies_takeoff_on_setpoints = True
     """See `ual_daemon.backends.values.VehicleInfo`."""
     gripper: GripperCodec | None = None
-    """How what it carries is moved; None where UAL moves nothing of it."""
+    """Codec of its payload devices; None where UAL moves none of them."""
     sends_image_captured = False
     """Whether it reports the pictures that it triggers by CAMERA_IMAGE_CAPTURED, too."""
     gimbal: GimbalCodec | None = None
-    """How a gimbal of its own is turned where a bridge passes on its parameters and commands only."""
+    """Codec of its own gimbal where a bridge passes on its parameters and commands only."""
     setpoint_mode = ""
     """The name of the mode in which it follows setpoints."""
     hold_mode = ""
@@ -121,15 +121,15 @@ class Autopilot(ABC):
     stays_without_setpoints = False
     """Whether it stays in the mode that takes setpoints when none come, and reports its target there."""
     on_arming: Mapping[str, OnArming] = MappingProxyType({})
-    """What it does when it is armed in the mode of a name; see `ual_daemon.backends.values.Mode`."""
+    """Effect of arming in the mode of a name; see `ual_daemon.backends.values.Mode`."""
     on_arming_elsewhere = OnArming.STANDS
     """The same for the modes that `on_arming` does not name."""
     parameters: tuple[str, ...] = ()
     """Parameters to read: those that `limits` and `autopilot_fence` use."""
     optional_parameters: frozenset[str] = frozenset()
-    """Those of `parameters` that it need not have."""
+    """Names among `parameters` that it need not have."""
     parameter_names: tuple[tuple[str, ...], ...] = ()
-    """Those of `parameters` that have other names in other versions: all names of each. It has one of them."""
+    """Names among `parameters` that differ between versions: all names of each. It has one of them."""
     parameters_checksum = ""
     """The name of a checksum that it sends among its parameters; empty where there is none."""
     failsafe_parameters: frozenset[str] = frozenset()
@@ -140,7 +140,7 @@ class Autopilot(ABC):
     drops_positions_beyond_fence = False
     """See `ual_daemon.backends.values.VehicleInfo`."""
     missions: MissionCodec | None = None
-    """How it keeps missions; None where UAL brings it none."""
+    """Codec of its missions; None where UAL brings it none."""
     keeps_parts_of: frozenset[MissionType] = frozenset(MissionType)
     """The lists of which it keeps what has come of an upload that was cut off. Else it keeps what it had before."""
     fence_switches: tuple[FenceSwitch, ...] = ()
@@ -156,7 +156,7 @@ class Autopilot(ABC):
         return self.failsafe_parameters.union(self.parameters)
 
     def unites_inclusions(self, parameters: Mapping[str, float]) -> bool:
-        """Whether the UAV may be in any one of several inclusions of its fence."""
+        """Returns whether the UAV may be in any one of several inclusions of its fence."""
         return False
 
     @abstractmethod

@@ -10,9 +10,9 @@ LASTS_S = 20.0
 """After so long without a word a battery is gone. PX4 tells of each every 2 s."""
 PAYLOAD = "payload"
 FUNCTIONS = {1: "all", 2: "propulsion", 3: "avionics", 4: PAYLOAD}
-"""What a battery feeds, by MAV_BATTERY_FUNCTION."""
+"""Consumers that a battery feeds, by MAV_BATTERY_FUNCTION."""
 MOST = 16
-"""So many batteries are kept at most."""
+"""Most batteries that are kept."""
 
 
 class Batteries:
@@ -20,7 +20,7 @@ class Batteries:
 
     def __init__(self) -> None:
         self.all: tuple[Battery, ...] = ()
-        """Those that were told of lately, in the order of their ids."""
+        """Batteries that were reported lately, in the order of their ids."""
         self._heard_s: dict[int, float] = {}
         self._known: dict[int, Battery] = {}
 

@@ -16,7 +16,7 @@ BEFORE_S = 1.5
 """A sign may come so long before the mode that it explains. PX4's events come 10 to 20 ms before it, ArduPilot
 distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s late."""
 EPISODE_S = 3.0
-"""How long before a failsafe flies PX4 may have said what triggered it."""
+"""Seconds before a failsafe's flight within which PX4 may have reported the trigger."""
 HELD_S = 8.0
 """The same where it has held meanwhile in the mode that was asked for: PX4 holds for 5 s first (COM_FAIL_ACT_T)."""
 SETTLE_S = 0.4
@@ -32,7 +32,9 @@ STATUS_S = 1.2
 LOST_SHARE = 0.9
 """Setpoints come later than they were sent, one more than the other."""
 PAUSE_S = 2.5
-"""So long before its mode was seen the gap may have ended: a pause of this computer hides the mode while it lasts."""
+"""Seconds before the first sight of its mode within which the gap may have ended: a pause of this computer hides the
+mode while it lasts.
+"""
 _AIDS = int(Sensor.OPTICAL_FLOW | Sensor.VISION_POSITION)
 _SUSPICIOUS = int(Sensor.BATTERY | Sensor.RC_RECEIVER)
 _SWITCHES_FROM, _SWITCHES_TO, _MOVED_US, _NO_SIGNAL = 5, 16, 100, 65535
@@ -40,7 +42,7 @@ _SWITCHES_FROM, _SWITCHES_TO, _MOVED_US, _NO_SIGNAL = 5, 16, 100, 65535
 there."""
 _MOST_SIGNS = 8
 MOTORS_KNOWN_S = 2.0
-"""How long it counts which outputs are motors, once that was looked up."""
+"""Seconds for which a lookup of the motor outputs counts."""
 TEXT_AHEAD_S = 1.0
 """A report of the outputs that comes so soon after a text of the switch may be from before."""
 
@@ -77,13 +79,13 @@ class CauseWatch:
         self._settled: Cause | None = None
         self._is_settled = False
         self._before_s = -math.inf
-        """When the mode before the present one came."""
+        """Time at which the mode before the present one came."""
         self._is_after_failsafe = False
         """Whether a failsafe explained the mode before."""
         self._held_s = self._held_before_s = -math.inf
-        """When the autopilot's own hold came last, and when it came before that."""
+        """Time of the autopilot's last own hold, and of the one before that."""
         self._explained_s = -math.inf
-        """When a failsafe last explained a mode: the signs until then are used up."""
+        """Time at which a failsafe last explained a mode: the signs until then are used up."""
         self._intention = ("", False)
         """The mode of the newest CURRENT_MODE, and whether it is another one than was asked for."""
         self._episode: Cause | None = None
@@ -92,7 +94,7 @@ class CauseWatch:
         self._healthy_once = 0
         self._is_booting, self._is_critical, self._is_terminated = True, False, False
         self._are_motors_stopped: bool | None = None
-        """What a text said last of the switch that stops the motors; None while none has."""
+        """State of the switch that stops the motors, by the last text; None while there was none."""
         self._motor_text_s = -math.inf
         self._motors = MotorOutputs()
         self._motor_channels: MotorChannels | None = None
@@ -101,11 +103,11 @@ class CauseWatch:
         self._switches: tuple[int, ...] = ()
         self._switched_s = -math.inf
         self._commanded_s: dict[str, float] = {}
-        """When a mode of each name was last commanded by us."""
+        """Time of our last command of each mode, by name."""
         self.failing_sensors = 0
         """The sensors (MAV_SYS_STATUS) that are enabled, and not healthy."""
         self.aids = ""
-        """Those that tell it about its place without satellites, and are healthy, human-readable; empty if none is."""
+        """Human-readable aids that give its position without satellites, and are healthy; empty if there is none."""
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 
@@ -226,7 +228,7 @@ class CauseWatch:
         return self._sensors
 
     def _has_stopped_motors(self, now_s: float, *, may_turn: bool) -> bool:
-        """Whether a switch stops them, by its text or by the outputs, which tell more: a text may be lost."""
+        """Returns whether a switch stops them, by its text or by the outputs, which tell more: a text may be lost."""
         if not self._are_motors_stopped:
             return may_turn and bool(self._motors.stand(now_s))
         return not self._motors.turn_since(self._motor_text_s + TEXT_AHEAD_S)

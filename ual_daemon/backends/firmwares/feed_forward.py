@@ -100,10 +100,11 @@ class FeedForward:
         self.velocity_error = Vector3()
         """The estimated velocity minus the velocity of the estimated position, m/s."""
         self._last: tuple[float, Vector3] | None = None
-        """When the last setpoint was sent, and the accelerations until then through a low pass."""
+        """Time of the last setpoint, and the low-pass filtered accelerations until then."""
         self._flown = (0.0, 0.0, 0.0)
-        """When the last setpoint was sent, and the horizontal velocity that is flown then: it follows a commanded
-        one later."""
+        """Time of the last setpoint, and the horizontal velocity that is flown then: it follows a commanded one
+        later.
+        """
 
     def learn(self, time_s: float, pose: Pose, velocity: Vector3) -> None:
         """Takes a new pose and its velocity. `time_s` is the autopilot's own time."""
@@ -195,7 +196,7 @@ class FeedForward:
 
 
 def _jumps(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> bool:
-    """Whether the estimate was reset: that is no velocity, and must not become one in the setpoints."""
+    """Returns whether the estimate was reset: that is no velocity, and must not become one in the setpoints."""
     p, q, v = pose.position, old.newest[0], velocity
     off = (p.x - q.x - v.x * passed_s, p.y - q.y - v.y * passed_s, p.z - q.z - v.z * passed_s)
     return math.hypot(*off) > _JUMP_M

@@ -83,7 +83,7 @@ def items_of_rally(points: Sequence[RallyPoint]) -> list[MissionItem]:
 
 
 def _is_on_earth(item: MissionItem) -> bool:
-    """Whether an item has a place, at a height that UAL can tell (NaN is none)."""
+    """Returns whether an item has a place, at a height that UAL can tell (NaN is none)."""
     return abs(item.x) <= 90.0 * _E7 and abs(item.y) <= 180.0 * _E7 and abs(item.z) <= MOST_HEIGHT_M
 
 

@@ -32,7 +32,7 @@ class GimbalCodec(ABC):
     """The first gimbal of one kind of autopilot. Stateless: callers pass everything that it needs."""
 
     references: Mapping[float, GimbalReference] = MappingProxyType({})
-    """For which values of the parameter with its kind its attitude is in which axes, whatever its flags say."""
+    """Axes of the attitude, by the value of the parameter with the gimbal's kind, whatever its flags say."""
 
     @abstractmethod
     def parameters(self, known: Known) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What gimbals are told and say by MAVLink's protocol, whatever passes it on.
+"""Messages to and from gimbals by MAVLink's protocol, whatever passes them on.
 
 https://mavlink.io/en/services/gimbal_v2.html. MAVLink's pitch is positive upwards, and its yaw to the right; ours are
 the other way round (REP 103).
@@ -42,7 +42,7 @@ _NORTH = Quaternion.from_yaw(math.pi / 2.0)
 
 
 class Identity(NamedTuple):
-    """What a gimbal is. A range is None where there is none, or one that cannot be."""
+    """Identity of a gimbal. A range is None where there is none, or one that cannot be."""
 
     abilities: frozenset[GimbalAbility]
     roll: AngleRange | None
@@ -68,7 +68,7 @@ def attitude_of(
 
 
 def _is_from_north(flags: int) -> bool:
-    """Whether yaw counts from north. Gimbals that do not say so mean the nose, unless their yaw is locked."""
+    """Returns whether yaw counts from north. Gimbals that do not say so mean the nose, unless their yaw is locked."""
     return not flags & _YAW_IN_VEHICLE and bool(flags & (_YAW_IN_EARTH | _YAW_LOCK))
 
 

@@ -1,4 +1,4 @@
-"""How an autopilot is ordered to move grippers, winches, servos and relays, whatever protocol reaches it.
+"""Orders of an autopilot to grippers, winches, servos and relays, whatever protocol reaches it.
 
 Read in the sources of PX4 1.17 (payload_deliverer, FunctionActuatorSet) and ArduCopter 4.6 (AP_Gripper, AP_Winch,
 AP_ServoRelayEvents).
@@ -27,7 +27,7 @@ _RELEASE, _GRAB = 0.0, 1.0
 _RATE = 2.0
 _ACTUATORS_COUNT = 6
 ANSWER_S = 3.0
-"""How long an answer is waited for. An autopilot answers within 15 ms, over a bad radio within 200."""
+"""Seconds for which an answer is awaited. An autopilot answers within 15 ms, over a bad radio within 200."""
 UNSENT_S = 1.5
 """An order that could not leave for so long does not leave any more: the UAV is elsewhere then."""
 ONCE = Repeat(every_s=ANSWER_S, most=1)
@@ -52,10 +52,10 @@ class PayloadOrder(NamedTuple):
 
 
 class GripperCodec:
-    """What all autopilots take that obey MAVLink's commands. `name` is the autopilot's."""
+    """Orders that all autopilots take that obey MAVLink's commands. `name` is the autopilot's."""
 
     texts: Mapping[str, GripperState] = MappingProxyType({})
-    """What it says of its gripper in status texts, as it has no message for that."""
+    """States of its gripper by its status texts, as it has no message for that."""
     tells_winches = tells_servos = tells_relays = True
     """Whether it says in which state they are."""
 

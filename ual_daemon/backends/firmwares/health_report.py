@@ -1,4 +1,4 @@
-"""What an autopilot says of its own health: ready to arm or not, what fails, and how good the link is."""
+"""Health of an autopilot by its own report: ready to arm or not, failing checks, and the quality of the link."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ual_daemon.backends.firmwares.numbers import sensor_names
 from ual_daemon.backends.firmwares.px4_events import Event
 
 LINK_PERIOD_S = 1.0
-"""How often the quality of the link is computed."""
+"""Seconds between two computations of the link's quality."""
 TEXTS_S = 40.0
 """ArduPilot repeats what fails before arming every 30 s."""
 READY_S = 1.5

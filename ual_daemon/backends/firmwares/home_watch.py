@@ -12,7 +12,7 @@ _log = logging.getLogger(__name__)
 TOLERANCE_M = 0.1
 """Both heights come in millimetres."""
 _DOUBTS_COUNT = 2
-"""So many heights in a row must contradict it: one of them may have come late."""
+"""Consecutive heights that must contradict it: one of them may have come late."""
 _LOGGED_M = 0.5
 """Logged is what lies so far outside of all that was logged: a PX4 corrects its home for two minutes, step by step. It
 goes back and forth by up to 2.3 m then, several times a second."""
@@ -30,7 +30,7 @@ class HomeWatch:
         self._tolerance_m, self._most_doubts = tolerance_m, doubts_count
         self._doubts_count = 0
         self._logged_m = math.nan
-        """Where home was when its move was logged last."""
+        """Height of home in metres when its move was logged last."""
         self._least_m, self._most_m = math.inf, -math.inf
         """The lowest and the highest home that was logged."""
         self.is_wanted = False

@@ -11,7 +11,7 @@ from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem,
 from ual_daemon.backends.offers.parameters import Refusal
 
 WRITES_COUNT = 3
-"""So often a list is sent that was read back otherwise: what came late of a transfer before may have got into it."""
+"""Attempts to send a list that was read back otherwise: late messages of a transfer before may have got into it."""
 
 
 class ItemLists(ABC):

@@ -35,14 +35,14 @@ from ual_daemon.backends.offers.parameters import Refusal
 
 
 class KnownAutopilot(NamedTuple):
-    """What is known of the autopilot: its kind, and the parameters read so far."""
+    """Knowledge about the autopilot: its kind, and the parameters read so far."""
 
     autopilot: Autopilot
     parameters: Mapping[str, float]
 
 
 class ListedFence(AutopilotFenceStore):
-    """What one autopilot keeps. `known` returns what is known of it; None before there was one."""
+    """Fence of one autopilot. `known` returns the autopilot and its parameters; None before there was one."""
 
     def __init__(self, lists: ItemLists, known: Callable[[], KnownAutopilot | None]) -> None:
         self._lists = lists

@@ -32,7 +32,7 @@ class HeardMission(NamedTuple):
     mission_id: int = 0
     reached: int | None = None
     reached_s: float = -math.inf
-    """When that was told."""
+    """Time of that report."""
     changes: tuple[int, ...] = ()
     """See `MissionReport.changes`."""
 

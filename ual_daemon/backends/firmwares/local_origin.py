@@ -1,4 +1,4 @@
-"""Where the autopilot's local frame is on Earth, and whether that is still so."""
+"""Position of the autopilot's local frame on Earth, and its validity."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LONGEST_S = 0.3
 """Positions that are farther apart in time are not compared."""
 _ACCELERATION_M_S2 = 5.0
 _DOUBTS_COUNT = 2
-"""So many positions in a row must contradict the origin: one of them may have been lost or have come late."""
+"""Consecutive positions that must contradict the origin: one of them may have been lost or have come late."""
 
 
 class LocalOrigin:

@@ -58,14 +58,14 @@ Fault = Callable[[Sequence[Item], int], str]
 
 
 class Place(NamedTuple):
-    """Where something is, in degrees."""
+    """Position in degrees."""
 
     latitude_deg: float
     longitude_deg: float
 
 
 class MissionCodec(ABC):
-    """How one kind of autopilot keeps missions. Stateless."""
+    """Encoding of missions by one kind of autopilot. Stateless."""
 
     name: str
     first_seq: int
@@ -82,9 +82,9 @@ class MissionCodec(ABC):
     done_mode: str
     """The name of the mode in which it holds its position after a mission; that of the mission where it stays."""
     parameters: Sequence[str]
-    """Those that say what it does by itself in a mission."""
+    """Parameters of its own actions in a mission."""
     height_tolerance_m = 0.0
-    """How much a height may change because of the way in which it is kept."""
+    """Metres by which a height may change because of its encoding."""
     faults: ClassVar[Mapping[type[Item], Fault]]
     """Of each kind of item."""
     kept: ClassVar[Mapping[int, Sequence[str]]]

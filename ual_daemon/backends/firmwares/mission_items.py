@@ -81,7 +81,7 @@ def difference(sent: Sequence[MissionItem], found: Sequence[MissionItem], fields
 
 FIELDS = ("command", "frame", "param1", "param2", "param3", "param4", "x", "y", "z")
 FENCE_FIELDS = ("command", "param1", "x", "y")
-"""What both autopilots keep of an item of a fence. PX4 gives it another frame back, ArduPilot no height."""
+"""Fields of a fence's item that both autopilots keep. PX4 gives it another frame back, ArduPilot no height."""
 RALLY_FIELDS = ("command", "frame", "x", "y", "z")
 
 _INTEGER_FRAMES = {5: 0, 6: 3, 11: 10}

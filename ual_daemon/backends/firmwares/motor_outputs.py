@@ -13,7 +13,7 @@ from typing import NamedTuple
 REST_US = 10
 """So little above the least pulse a motor stands: it idles 50 us above that at least, and 100 us by default."""
 RESTS_S = 0.2
-"""So long all motors must stand: two reports in turn, as one may be of the moment of a disarming."""
+"""Seconds for which all motors must stand: two reports in turn, as one may be of the moment of a disarming."""
 _FRESH_S = 2.0
 """A report that is older says nothing any more."""
 
@@ -26,7 +26,7 @@ class MotorChannels(NamedTuple):
 
 
 class MotorOutputs:
-    """What one autopilot puts out to its motors. Belongs to the thread that receives."""
+    """Outputs of one autopilot to its motors. Belongs to the thread that receives."""
 
     def __init__(self) -> None:
         self._rests_since_s = math.inf
@@ -58,5 +58,5 @@ class MotorOutputs:
         return True if self._heard_s - self._rests_since_s >= RESTS_S else None
 
     def turn_since(self, time_s: float) -> bool:
-        """Whether a motor was told to turn at the newest report, which came after a time."""
+        """Returns whether a motor was told to turn at the newest report, which came after a time."""
         return self._heard_s > time_s and self._rests_since_s == math.inf

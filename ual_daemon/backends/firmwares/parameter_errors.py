@@ -1,4 +1,4 @@
-"""What may go wrong with the parameters of an autopilot, whatever protocol reaches it."""
+"""Errors with the parameters of an autopilot, whatever protocol reaches it."""
 
 from __future__ import annotations
 

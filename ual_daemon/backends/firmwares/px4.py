@@ -91,7 +91,9 @@ _ON_ARMING = {
 """By its mode_requirements.cpp (mode_req_prevent_arming, offboard signal). In another one another program may fly."""
 
 OFFBOARD_NEEDS_SETPOINTS_S = 0.4
-"""How long setpoints must have come before PX4 accepts OFFBOARD: without them it refuses the mode, or the arming."""
+"""Seconds for which setpoints must have come before PX4 accepts OFFBOARD: without them it refuses the mode, or the
+arming.
+"""
 
 _SHORTEST_LOSS_S = 0.2
 """A COM_OF_LOSS_T below this is not followed: each jitter of the link would be a lost link."""
@@ -115,7 +117,9 @@ MPC_Z_VEL_MAX_DN 1, MPC_ACC_HOR 3, MPC_ACC_DOWN_MAX 2 (4061_atl_mantis_edu), MPC
 _CAREFUL_CRUISE_M_S = 5.0
 """The MPC_XY_CRUISE that all of them ship."""
 _LINK_S, _RISE_S = 0.1, 0.12
-"""When it hears of a velocity, and how its horizontal acceleration rises then: it tilts within 0.15 s."""
+"""Seconds until it hears of a velocity, and the rise time of its horizontal acceleration then: it tilts within 0.15
+s.
+"""
 _HORIZONTAL, _VERTICAL = VELOCITY_GAINS, {"MPC_Z_VEL_P_ACC": 4.0, "MPC_Z_VEL_D_ACC": 0.0}
 _GAINS = (*_HORIZONTAL, *_VERTICAL)
 """The gains of its velocity. Their defaults count where they are not read."""

@@ -59,7 +59,7 @@ modes_offboard_no_attitude modes_offboard_no_local_position modes_offboard_no_lo
 modes_offboard_signal_lost motor_overcurrent motor_undercurrent rally_point_missing task_watchdog_present
 traffic_avoidance_missing
 """
-"""Those that 1.18 has added."""
+"""Checks that 1.18 has added."""
 
 _SEVERE = 2
 """An external log level: critical. Lower ones are worse."""
@@ -76,7 +76,7 @@ commander_mode_fallback_internal commander_load_param_failed commander_save_para
 navigator_transition_descend navigator_mission_failure_heading navigator_terrain_collision_risk
 navigator_geofence_invalid_against_home navigator_geofence_invalid_against_cur_pos navigator_geofence_import_failed
 """
-"""Those of this level that are no refusals and no checks."""
+"""Names of this level that are no refusals and no checks."""
 
 NAVIGATION_STATES = {
     "MANUAL": 0,
@@ -103,8 +103,8 @@ NAVIGATION_STATES = {
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """What an autopilot's event says: that it was armed or disarmed, the reason of a refusal, what triggers a failsafe;
-    perhaps nothing of these.
+    """Event of an autopilot: that it was armed or disarmed, the reason of a refusal, the trigger of a failsafe; perhaps
+    nothing of these.
 
     `boot_s` is when it happened, as time since the autopilot's boot. `begins_report` is whether a report of all its
     checks begins, in which each further event names a check that fails (`is_check`). `lasting` is its number where
@@ -211,7 +211,7 @@ def _cause(number: int, arguments: bytes, mode: str) -> Cause | None:
 
 
 def _concerns(number: int, arguments: bytes, mode: str) -> bool:
-    """Whether an event concerns a mode; true where either of them is not known."""
+    """Returns whether an event concerns a mode; true where either of them is not known."""
     state = NAVIGATION_STATES.get(mode)
     if number not in _CHECK_IDS or state is None:
         return True

@@ -21,7 +21,7 @@ class Vehicle(Protocol):
 
     @property
     def label(self) -> str:
-        """What it is, human-readable."""
+        """Human-readable name of the vehicle."""
         ...
 
     def judge_simulation(self) -> SimulationVerdict:

@@ -11,8 +11,9 @@ from ual_daemon.backends.firmwares.setpoint_monitor import Sent, SetpointMonitor
 from ual_daemon.backends.values import Control, LandedState, Mode, PositionSetpoint, Sample
 
 QUIET_S = 4.0
-"""When we have sent nothing for this long, no target of the autopilot is ours any more. ArduPilot ends the last one by
-itself after GUID_TIMEOUT (3 s), and PX4 leaves OFFBOARD without setpoints (COM_OF_LOSS_T, 1 s)."""
+"""Seconds without a message of ours after which no target of the autopilot is ours any more. ArduPilot ends the last
+one by itself after GUID_TIMEOUT (3 s), and PX4 leaves OFFBOARD without setpoints (COM_OF_LOSS_T, 1 s).
+"""
 MOVED_M, MOVED_M_S = 0.5, 0.3
 """A target that changes by more than this was sent by somebody. It shows the last one exactly, without noise."""
 STRANGE_M, STRANGE_M_S = 1.0, 0.5
@@ -21,10 +22,11 @@ STRANGE_M, STRANGE_M_S = 1.0, 0.5
 AHEAD_S = 3.0
 """ArduPilot moves a position on with its velocity until the next one comes, for so long at most (GUID_TIMEOUT)."""
 STRANGE_COUNT, STRANGE_S = 2, 3.0
-"""So many strange targets within so many seconds, while we send, show another program."""
+"""Foreign targets that prove another sender, and the seconds within which they count, while we send."""
 SILENT_S = 2.0
-"""When the autopilot was not heard for this long, it may show for `QUIET_S` what we had sent before, and what a link
-that was stuck delivers late."""
+"""Seconds of the autopilot's silence after which it may show for `QUIET_S` what we had sent before, and what a link
+that was stuck delivers late.
+"""
 SENDING_S = 0.5
 """A target is judged by ours once we have sent for so long: an older one is from before."""
 _SILENT = "another program sends setpoints: {}"
@@ -43,11 +45,11 @@ class SenderWatch:
         self._flies_since_s = math.inf
         self._heard_s = -math.inf
         self._back_s = -math.inf
-        """When it was heard again after a silence."""
+        """Time of its return after a silence."""
         self._target: _Target | None = None
         self._strange_s: deque[float] = deque(maxlen=STRANGE_COUNT)
         self._doubted_s = math.inf
-        """When the last of enough strange targets came, while the mode in which it was flown is not known yet."""
+        """Time of the last of enough foreign targets, while the mode in which it was flown is not known yet."""
         self._found = ""
         self._found_s = -math.inf
 
@@ -116,7 +118,7 @@ class SenderWatch:
         self._found, self._found_s = _SILENT.format(what), now_s
 
     def _is_strange(self, target: _Target) -> bool:
-        """Whether a target is none of those that we have sent lately. Most are the newest one."""
+        """Returns whether a target is none of those that we have sent lately. Most are the newest one."""
         recent = self._sent.recent
         if not (target.has_position or target.has_velocity) or (recent and _explains(recent[-1][1], target)):
             return False
@@ -141,18 +143,18 @@ class _Target(NamedTuple):
     has_velocity: bool
 
     def has_jumped_from(self, old: _Target) -> bool:
-        """Whether both are positions, and the velocity does not explain the way between them."""
+        """Returns whether both are positions, and the velocity does not explain the way between them."""
         way_m = MOVED_M + 1.5 * (self.time_s - old.time_s) * max(self.velocity.norm(), old.velocity.norm())
         return self.has_position and old.has_position and (self.position - old.position).norm() > way_m
 
     def has_moved_from(self, old: _Target) -> bool:
-        """Whether it is another target."""
+        """Returns whether it is another target."""
         is_elsewhere = (self.position - old.position).norm() > MOVED_M
         return is_elsewhere or (self.velocity - old.velocity).norm() > MOVED_M_S
 
 
 def _explains(sent: Sent, target: _Target) -> bool:
-    """Whether a target may be that of a setpoint: a position as it was sent, or on its way, or a velocity.
+    """Returns whether a target may be that of a setpoint: a position as it was sent, or on its way, or a velocity.
 
     In numbers, without vectors: each target of another program is compared with all that was sent lately.
     """

@@ -1,4 +1,4 @@
-"""Which setpoints were sent lately, and for how long without a gap."""
+"""Recently sent setpoints, and the duration of their sending without a gap."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class SetpointMonitor:
     def __init__(self) -> None:
         self._first_and_last_s = (-math.inf, -math.inf)  # replaced as a whole, so that it is read as a whole
         self.recent: deque[tuple[float, Sent]] = deque(maxlen=_RECENT_COUNT)
-        """When the last ones were sent, and what they were."""
+        """Times and values of the last setpoints."""
 
     @property
     def last_s(self) -> float:
-        """When the last one was sent."""
+        """Time of the last setpoint."""
         return self._first_and_last_s[1]
 
     def on_sent(self, now_s: float, setpoint: Sent = None) -> None:

@@ -66,7 +66,7 @@ class TriggeredPhotos:
         self.missed_count = 0
         """Reports that were lost: by their numbers."""
         self.distance_m: float | None = None
-        """What was ordered last."""
+        """Distance in metres of the last order."""
         self._last: int | None = None
         self._waiting: list[_Awaited] = []
 
