@@ -55,7 +55,7 @@ class SafetyPilot(Protocol):
     """A simulated safety pilot, so that one person at a desk can fly a simulated vehicle (``--auto-arm``)."""
 
     def may_arm(self) -> bool:
-        """Whether the vehicle is known to be simulated, and is ready to be armed.
+        """Returns whether the vehicle is known to be simulated, and is ready to be armed.
 
         Raises:
             PermissionDeniedError: The vehicle is a real one, which a simulated pilot must never arm.

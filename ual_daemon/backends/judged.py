@@ -1,4 +1,4 @@
-"""By which snapshot the caller of a command has judged it, and so in which mode the autopilot was for him.
+"""The snapshot on which the caller based a command, and so the mode that the caller knew.
 
 Between that and the command the safety pilot may take over. What the backend has heard of that must not count as known
 to the caller, or the command would overrule the pilot.

@@ -1,4 +1,4 @@
-"""What a backend offers for what a UAV carries (gimbals, cameras, grippers, winches): nothing of it flies."""
+"""Payload services of a backend (gimbals, cameras, grippers, winches): nothing of it flies."""
 
 from __future__ import annotations
 

@@ -7,9 +7,10 @@ import socket
 import struct
 
 STALLED_S = 0.5
-"""So long after it has repeated what was not acknowledged, the system ends a connection (Linux): about 0.7 s after the
-last sign of life. A command that it holds would else be executed when the network is there again, however late. It
-takes TCP itself longer to recover from such an outage than to connect anew."""
+"""Seconds without an acknowledgement of repeated data after which the system ends a connection (Linux): about 0.7 s
+after the last sign of life. A command that it holds would else be executed when the network is there again, however
+late. It takes TCP itself longer to recover from such an outage than to connect anew.
+"""
 _USER_TIMEOUT = getattr(socket, "TCP_USER_TIMEOUT", None)
 _DISCARD = struct.pack("ii", 1, 0)
 """SO_LINGER: on, for 0 s."""

@@ -1,4 +1,4 @@
-"""What a backend offers for its cameras; see `ual_daemon.services.cameras`."""
+"""Interface of a backend's cameras; see `ual_daemon.services.cameras`."""
 
 from __future__ import annotations
 
@@ -68,15 +68,15 @@ class OfferedCamera(ABC):
     @property
     @abstractmethod
     def info(self) -> CameraInfo:
-        """What it is, and can do, as far as it has said so."""
+        """Identity and abilities of the camera, as far as it has reported them."""
 
     @abstractmethod
     def status(self) -> Future[CameraStatus]:
-        """What it does now."""
+        """Returns its present status."""
 
     @abstractmethod
     def photos(self, first: int) -> Sequence[TakenPhoto]:
-        """What was taken since the daemon was started, from a number on: the last 10,000 at most."""
+        """Returns the photos since the daemon was started, from a number on: the last 10,000 at most."""
 
     @abstractmethod
     def take_photo(self) -> Future[TakenPhoto]:

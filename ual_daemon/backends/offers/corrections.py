@@ -1,4 +1,4 @@
-"""What a backend offers for corrections of satellites (RTK); see `ual_daemon.services.corrections`."""
+"""Interface of a backend's corrections of satellites (RTK); see `ual_daemon.services.corrections`."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from ual_daemon import logs
 _log = logging.getLogger(__name__)
 
 MOST_WAITING_BYTES = 8192
-"""What waits beyond that is dropped, the oldest first: 8 s of a usual base station. Older corrections help nobody."""
+"""Most bytes that wait; beyond that the oldest are dropped: 8 s of a usual base station. Older corrections help
+nobody.
+"""
 SILENCE_S = 10.0
 """A sender from which nothing has come for so long loses its turn once another one asks for it."""
 
 
 class Injected(NamedTuple):
-    """What has become of the messages since the backend was made, and when the last one left (its own clock)."""
+    """Counts of the messages since the backend was made, and the time at which the last one left (its own clock)."""
 
     messages_count: int = 0
     bytes_count: int = 0
@@ -65,7 +67,7 @@ class WaitingCorrections:
 
     @property
     def bytes_count(self) -> int:
-        """How many bytes wait."""
+        """Bytes that wait."""
         return self._bytes_count
 
     def add(self, message: bytes) -> None:
@@ -121,12 +123,14 @@ class WaitingCorrections:
 
 
 def _is_told(before: int, after: int) -> bool:
-    """Whether the first, the second, the fourth, and so on, is among those: a slow link must not fill the log."""
+    """Returns whether the first, the second, the fourth, and so on, is among those: a slow link must not fill the
+    log.
+    """
     return after.bit_length() > before.bit_length()
 
 
 class Turn:
-    """Whose turn it is to send: one at a time, as two base stations must not be mixed. From any thread."""
+    """Turn to send: one sender at a time, as two base stations must not be mixed. From any thread."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.skipped_bytes_count = 0

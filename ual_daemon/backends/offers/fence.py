@@ -1,4 +1,4 @@
-"""What a backend offers for the autopilot's fence and rally points; see `ual_daemon.services.fence`."""
+"""Interface of a backend's fence and rally points; see `ual_daemon.services.fence`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class FenceSwitch(NamedTuple):
     least: int = 1
 
     def is_on(self, value: float) -> bool:
-        """Whether a value has the zones applied."""
+        """Returns whether a value has the zones applied."""
         return bool(int(value) & self.on) if self.is_bit else value >= self.least
 
     def switched(self, value: float, *, is_on: bool) -> float:

@@ -1,4 +1,4 @@
-"""What a backend offers for its gimbals; see `ual_daemon.services.gimbals`."""
+"""Interface of a backend's gimbals; see `ual_daemon.services.gimbals`."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from ual.gimbals import GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
 
 
 class GimbalAttitude(NamedTuple):
-    """Where a gimbal looks.
+    """Attitude of a gimbal.
 
     Attributes:
         orientation: x along its view, y left, z up.
         reference: In which axes that is: those of the body, level ones that turn with the nose, or those of the
             backend's local frame.
         time_s: When, by the backend's clock.
-
     """
 
     orientation: Quaternion
@@ -57,24 +56,26 @@ class OfferedGimbal(ABC):
     @property
     @abstractmethod
     def info(self) -> GimbalInfo:
-        """What it is, and can do, as far as it has said so. The `frame_id` is set above."""
+        """Identity and abilities of the gimbal, as far as it has reported them. The `frame_id` is set above."""
 
     @property
     @abstractmethod
     def place(self) -> Vector3:
-        """Where it is in the body; zeros where that is not known."""
+        """Position in the body; zeros where that is not known."""
 
     @abstractmethod
     def attitude(self) -> GimbalAttitude | None:
-        """Where it looks now; None where it has not said so lately."""
+        """Returns its present attitude; None where it has not reported one lately."""
 
     @abstractmethod
     def control(self) -> tuple[GimbalControl | None, str]:
-        """Which program on the link has the control of it: None where it does not say. In words, where one has it."""
+        """Returns the program on the link that has the control of it: None where it does not say. In words, where one
+        has it.
+        """
 
     @abstractmethod
     def problems(self) -> Sequence[str]:
-        """What is wrong with it, for people."""
+        """Returns its problems, human-readable."""
 
     @abstractmethod
     def set_angles(self, angles: GimbalAngles, reference: GimbalReference) -> Future[None]:

@@ -1,4 +1,4 @@
-"""What a backend offers for grippers, winches, servos and relays; see `ual_daemon.services.gripper`."""
+"""Interface of a backend's grippers, winches, servos and relays; see `ual_daemon.services.gripper`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ual.gripper import GripperState, WinchAction, WinchStatus
 
 
 class WinchOrder(NamedTuple):
-    """What a winch is to do; see `ual.interface.Gripper.order_winch`."""
+    """Order to a winch; see `ual.interface.Gripper.order_winch`."""
 
     action: WinchAction
     length_m: float | None = None
@@ -33,7 +33,7 @@ class ServoOrder(NamedTuple):
 
 
 class OfferedGripper(ABC):
-    """What one autopilot moves for its payload. From any thread; no method waits.
+    """Payload devices of one autopilot. From any thread; no method waits.
 
     Each future ends by itself, also where nothing answers. An order ends with its acknowledgement, or with a
     `RejectedByAutopilotError`, a `LinkLostError`, or a `NotSupportedError`. A `UalTimeoutError` says that it is not

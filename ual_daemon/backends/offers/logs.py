@@ -1,4 +1,4 @@
-"""What a backend offers for the logs of the autopilot; see `ual_daemon.services.logs`."""
+"""Interface of a backend for the logs of the autopilot; see `ual_daemon.services.logs`."""
 
 from __future__ import annotations
 

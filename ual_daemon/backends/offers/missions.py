@@ -1,4 +1,4 @@
-"""What a backend offers for missions that the autopilot flies by itself.
+"""Interface of a backend for missions that the autopilot flies by itself.
 
 See `ual_daemon.services.missions`.
 """
@@ -33,7 +33,7 @@ class KeptMission(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MissionReport:
-    """What the autopilot says of its mission, newest values.
+    """Report of the autopilot about its mission, newest values.
 
     Attributes:
         stage: How far it is.
@@ -44,7 +44,6 @@ class MissionReport:
         mission_id: Its own checksum of the mission; 0 where it tells none.
         reached_s: When it told what it reached last.
         changes: What else of it changes with the mission, such as its number of items: compared, and not read.
-
     """
 
     stage: MissionStage
@@ -57,13 +56,12 @@ class MissionReport:
 
 
 class OnItsOwn(NamedTuple):
-    """What the autopilot does by itself in a mission, by its parameters.
+    """Actions of the autopilot by itself in a mission, by its parameters.
 
     Attributes:
         link_loss: What it does once its ground station is lost; None for something else.
         link_loss_text: The same, human-readable, with the names of the parameters.
         begins_anew: Why it begins with the first item whenever it enters the mode of missions; empty if it goes on.
-
     """
 
     link_loss: LinkLossAction | None

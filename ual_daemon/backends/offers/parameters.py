@@ -1,4 +1,4 @@
-"""What a backend offers for the autopilot's parameters; see `ual_daemon.services.parameters`."""
+"""Interface of a backend for the autopilot's parameters; see `ual_daemon.services.parameters`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the link has been of late."""
+"""Recent quality of the link."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class LinkReport(NamedTuple):
-    """How the link to the autopilot has been of late; None for what a backend does not measure.
+    """Recent quality of the link to the autopilot; None for values that a backend does not measure.
 
     `rate_hz` is the autopilot's messages per second, `loss` the part of them that did not arrive (0 to 1), and
     `round_trip_s` the time of the newest request and answer. `lost_count` is how often the link was lost, and

@@ -1,4 +1,4 @@
-"""What the autopilot does: its mode, who flies in it, and why it was entered."""
+"""Mode of the autopilot, its controller, and the cause of its entry."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class LandedState(Enum):
 
 
 class Control(Enum):
-    """What controls the vehicle in the autopilot's present mode."""
+    """Controller of the vehicle in the autopilot's present mode."""
 
     REFERENCES = 1
     """The daemon's setpoints (PX4 OFFBOARD, ArduPilot GUIDED, ...)."""
@@ -30,20 +30,20 @@ class Control(Enum):
 
 
 class OnArming(Enum):
-    """What an autopilot does that is armed in a mode; the value is what people read of it, empty where it is safe."""
+    """Effect of arming an autopilot in a mode; the value is its text for users, empty where it is safe."""
 
     STANDS = ""
     """It stands until it is commanded, or until its sticks are moved."""
     REFUSES = "refuses"
     """It refuses to be armed."""
     MAY_FLY = "may start a flight"
-    """That depends on its parameters, or on a program that flies in this mode."""
+    """Dependent on its parameters, or on a program that flies in this mode."""
     FLIES = "starts a flight"
     """It takes off by itself."""
 
 
 class Cause(Enum):
-    """Who or what took the control from UAL, or holds it; the value is the metadata `by` of errors."""
+    """Cause that took the control from UAL, or holds it; the value is the metadata `by` of errors."""
 
     SAFETY_PILOT = "safety pilot"
     """A mode that is flown by sticks, or a mode that the transmitter's switch selected."""
@@ -118,12 +118,12 @@ class Mode:
 
     @property
     def text(self) -> str:
-        """What it is called where people read it."""
+        """Name for users."""
         return self.own_text or self.name
 
     @property
     def arming_starts(self) -> str:
-        """That whoever arms it starts a flight, human-readable; empty where arming starts nothing."""
+        """Warning that whoever arms it starts a flight, human-readable; empty where arming starts nothing."""
         if self.on_arming not in (OnArming.FLIES, OnArming.MAY_FLY):
             return ""
         return f"whoever arms it in mode {self.text} {self.on_arming.value}"

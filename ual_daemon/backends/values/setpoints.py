@@ -1,4 +1,4 @@
-"""What goes down to a backend."""
+"""Setpoints for a backend."""
 
 from __future__ import annotations
 

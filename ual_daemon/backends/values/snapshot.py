@@ -22,12 +22,14 @@ class Estimator:
     why: str = ""
 
     def is_regained_after(self, last: Sample[Estimator] | None) -> bool:
-        """Whether the last word was that the position is not good. Then a pose from before this one is not good."""
+        """Returns whether the last word was that the position is not good. Then a pose from before this one is not
+        good.
+        """
         return self.is_good and last is not None and not last.value.is_good
 
 
 class ControlState(NamedTuple):
-    """Who flies it: armed, on the ground or not, its mode, and what keeps UAL from flying.
+    """State of the control: armed, on the ground or not, its mode, and causes that keep UAL from flying.
 
     Attributes:
         armed: Whether it is armed.
@@ -37,7 +39,6 @@ class ControlState(NamedTuple):
         held_by: Who or what holds the control in the present mode, where that is not UAL. None where the backend cannot
             say: it is then taken for the safety pilot.
         other_sender: What shows that another program sends setpoints, too, human-readable; empty if nothing does.
-
     """
 
     armed: Sample[bool] | None = None
@@ -59,12 +60,14 @@ class ControlState(NamedTuple):
 
     @property
     def mode_text(self) -> str:
-        """What the mode is called where people read it; empty while it is not known."""
+        """Name of the mode for users; empty while it is not known."""
         return "" if self.mode is None else self.mode.value.text
 
     @property
     def arming_starts(self) -> str:
-        """That whoever arms it starts a flight, human-readable; empty where arming starts nothing, and once armed."""
+        """Warning that whoever arms it starts a flight, human-readable; empty where arming starts nothing, and once
+        armed.
+        """
         if self.mode is None or self.armed is None or self.armed.value:
             return ""
         return self.mode.value.arming_starts
@@ -83,7 +86,7 @@ class ControlState(NamedTuple):
 
 
 class MotionState(NamedTuple):
-    """Where it is and how it moves, by the autopilot's estimate, and whether that is good.
+    """Position and motion of the vehicle, by the autopilot's estimate, and the quality of that.
 
     Attributes:
         estimator: Whether the autopilot trusts its estimate.
@@ -94,7 +97,6 @@ class MotionState(NamedTuple):
         stamp_s: The autopilot's time of the pose as UTC since 1970.
         measured_s: The same on the autopilot's own clock (0: it does not say), of which only differences count. UTC is
             estimated, and is corrected when the delay of the link changes.
-
     """
 
     estimator: Sample[Estimator] | None = None
@@ -106,14 +108,13 @@ class MotionState(NamedTuple):
 
 
 class EarthReference(NamedTuple):
-    """How the local frame lies on Earth, and where home is. It seldom changes.
+    """Pose of the local frame on Earth, and the position of home. It seldom changes.
 
     Attributes:
         projection: Between local metres and Earth. None while it may be that of an earlier local frame.
         home_geo: Where home lies, if the autopilot says so; its altitude is the next one.
         home_altitude_amsl_m: What altitudes above home are relative to.
         geoid_separation_m: The height above the ellipsoid minus the height above mean sea level, at this place.
-
     """
 
     projection: Projection | None = None
@@ -141,7 +142,7 @@ class SevereText(NamedTuple):
 
 
 class Condition(NamedTuple):
-    """How the vehicle is, for people above all.
+    """Condition of the vehicle, above all for users.
 
     Attributes:
         battery: The one that the flight depends on.
@@ -152,7 +153,6 @@ class Condition(NamedTuple):
         batteries: All of them, by their ids, where the autopilot tells of each.
         severe_texts: What the autopilot has said of late that is critical or worse.
         aids: What else than satellites its sensors tell it about its place, human-readable; empty if nothing is known.
-
     """
 
     battery: Battery | None = None
@@ -166,7 +166,7 @@ class Condition(NamedTuple):
 
 
 class LinkState(NamedTuple):
-    """What is wrong with the link, and how often the autopilot has booted. It seldom changes.
+    """Trouble of the link, and the count of the autopilot's boots. It seldom changes.
 
     Attributes:
         trouble: What is wrong, or what is heard instead of the autopilot; empty while nothing is wrong. It ends the
@@ -178,7 +178,6 @@ class LinkState(NamedTuple):
             own, whose place on Earth only a projection of that boot says.
         boots_in_frame_count: Changes instead where the local frame is the same after the reboot, because something
             outside lays it (motion capture).
-
     """
 
     trouble: str = ""

@@ -1,4 +1,4 @@
-"""What a backend knows of its vehicle: what it takes, how it follows, and what it does without setpoints."""
+"""Description of a backend's vehicle: its setpoints, its response, and its behaviour without setpoints."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ual.types import Capability, Limits
 
 @dataclass(frozen=True, slots=True)
 class Freshness:
-    """How old a value may become, in seconds, before it is ignored. Depends on how often the autopilot sends it."""
+    """Ages of values, in seconds, from which they are ignored. Depends on how often the autopilot sends it."""
 
     link_s: float = 1.5
     pose_s: float = 1.0
@@ -22,7 +22,7 @@ class Freshness:
 
 
 class Takes(Flag):
-    """Which setpoints an autopilot takes. UAL sends no others."""
+    """Setpoints that an autopilot takes. UAL sends no others."""
 
     POSITION = auto()
     """Positions and headings."""
@@ -34,7 +34,7 @@ class Takes(Flag):
 
 
 class SetpointLoss(Enum):
-    """What the vehicle does when setpoints stop in the mode that takes them; the value is human-readable."""
+    """Behaviour of the vehicle when setpoints stop in the mode that takes them; the value is human-readable."""
 
     HOLDS = "holds its position"
     """By itself, or by a failsafe that ends in a safe mode (PX4, ArduPilot, the light simulation)."""
@@ -46,7 +46,7 @@ class SetpointLoss(Enum):
 
 
 class VelocityGains(NamedTuple):
-    """How UAL flies to a position with velocities alone.
+    """Gains with which UAL flies to a position with velocities alone.
 
     The velocity that is sent is that of the trajectory, plus `response_s` times its acceleration, plus `position_per_s`
     times the distance from it; the yaw rate likewise, without acceleration. `response_s` is the time in which the
@@ -60,7 +60,7 @@ class VelocityGains(NamedTuple):
 
 
 class VelocityResponse(NamedTuple):
-    """How the vehicle follows a step of a commanded velocity along one axis; see `ual_daemon.tracker.drift`.
+    """Response of the vehicle to a step of a commanded velocity along one axis; see `ual_daemon.tracker.drift`.
 
     It hears what is commanded through a low pass of `delay_s` (the link). It then accelerates by what is missing of
     the velocity over `time_s`, within its limits of acceleration and jerk. Its acceleration follows that through a low
@@ -78,7 +78,7 @@ class VelocityResponse(NamedTuple):
 
 
 class VelocityResponses(NamedTuple):
-    """How the vehicle follows velocities along its axes."""
+    """Responses of the vehicle to velocities along its axes."""
 
     horizontal: VelocityResponse = VelocityResponse()
     vertical: VelocityResponse = VelocityResponse()
@@ -86,7 +86,7 @@ class VelocityResponses(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class VehicleInfo:
-    """What a backend knows of its vehicle. Values may become known only once it is connected.
+    """Description of a backend's vehicle. Values may become known only once it is connected.
 
     Attributes:
         autopilot: The name of the autopilot.
@@ -120,7 +120,6 @@ class VehicleInfo:
             lead back inside. It follows velocities there (ArduPilot).
         applies_fence: Whether the autopilot applies a fence of its own; None where that is not known, or where UAL
             cannot upload one.
-
     """
 
     autopilot: str = ""
