@@ -1,4 +1,4 @@
-"""What extensions may send to a MAVLink autopilot, and what they may read from it."""
+"""Messages that extensions may send to a MAVLink autopilot, and those that they may read from it."""
 
 from __future__ import annotations
 

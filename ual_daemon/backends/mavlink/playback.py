@@ -59,13 +59,13 @@ class Playback:
 
     @property
     def info(self) -> VehicleInfo:
-        """What is known of the vehicle."""
+        """Description of the vehicle."""
         session = None if self._discovery is None else self._discovery.session
         return VehicleInfo() if session is None else session.info()
 
     @property
     def freshness(self) -> Freshness:
-        """How old the autopilot's values may become."""
+        """Ages that the autopilot's values may reach."""
         session = None if self._discovery is None else self._discovery.session
         return Dialect.freshness if session is None else session.freshness
 

@@ -1,1 +1,1 @@
-"""What PX4 and ArduPilot do differently: modes, limits, commands and setpoints of each, with units and axes."""
+"""Differences of PX4 and ArduPilot: modes, limits, commands and setpoints of each, with units and axes."""

@@ -1,4 +1,4 @@
-"""Where NED and ENU, FRD and FLU meet: MAVLink's axes to and from ours, and nothing else.
+"""Conversion between NED and ENU, FRD and FLU: MAVLink's axes to and from ours, and nothing else.
 
 MAVLink uses north-east-down outside and forward-right-down in the body; we use east-north-up and forward-left-up
 (REP 103). Both changes of axes are rotations by 180 degrees, so that the same formula serves both directions.

@@ -25,7 +25,7 @@ repetition may be on its way any more when the next one is sent: it waits until 
 
 
 class CommandLong(NamedTuple):
-    """What a COMMAND_LONG says: its id (MAV_CMD), and the first parameters; zeros follow."""
+    """Content of a COMMAND_LONG: its id (MAV_CMD), and the first parameters; zeros follow."""
 
     id: int
     params: tuple[float, ...] = ()

@@ -32,15 +32,15 @@ _NO_VEHICLES = frozenset(
         mavlink.MAV_TYPE_WINCH,
     }
 )
-"""What runs an autopilot's firmware or uses its component id, and is no vehicle."""
+"""Types that run an autopilot's firmware or use its component id, and are no vehicle."""
 
 
 _NO_FIRMWARE = frozenset({mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_RESERVED})
-"""What a heartbeat says of the autopilot without naming a firmware."""
+"""Autopilots of heartbeats that name no firmware."""
 
 
 class Kind(NamedTuple):
-    """What a heartbeat says of its sender: MAV_AUTOPILOT and MAV_TYPE."""
+    """Kind of a heartbeat's sender: MAV_AUTOPILOT and MAV_TYPE."""
 
     autopilot: int
     vehicle: int

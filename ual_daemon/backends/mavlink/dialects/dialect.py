@@ -1,4 +1,4 @@
-"""What one kind of autopilot does in its own way over MAVLink, behind one interface; chosen once, by its heartbeat."""
+"""Dialect of one kind of autopilot over MAVLink, behind one interface; chosen once, by its heartbeat."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Dialect(Autopilot):
     wanted_messages: tuple[int, ...] = ()
     """Messages that are needed once and sent only on request or on a change."""
     changing_messages: frozenset[int] = frozenset()
-    """Those of `wanted_messages` that are requested again now and then, as a lost change of them would matter."""
+    """Messages among `wanted_messages` that are requested again now and then, as a lost change of them would matter."""
 
     takes_plain_velocities = False
     """Whether `encode_setpoint` encodes a velocity without looking at anything else; see `SetpointEncoder.velocity`."""
@@ -48,9 +48,9 @@ class Dialect(Autopilot):
     replaced_answers: frozenset[tuple[int, int]] = frozenset()
     """Commands and their answers that mean: an order was replaced by a newer one (see `Verdict.REPLACED`)."""
     parameter_codec: ParameterCodec | None = None
-    """How values of parameters are sent; None where UAL neither reads nor writes them all."""
+    """Codec of parameters' values; None where UAL neither reads nor writes them all."""
     rates_beside_files = 1.0
-    """So many times its streams are asked for while it sends files in flight, as it then sends them less often."""
+    """Factor of the requested stream rates while it sends files in flight, as it then sends the streams less often."""
     has_descriptions = False
     """Whether it may have a file that describes its parameters."""
     packed_parameters = ""
@@ -67,7 +67,7 @@ class Dialect(Autopilot):
     gimbal_references: Mapping[float, GimbalReference] = MappingProxyType({})
     """... and for which kinds its attitude is in which axes, whatever its flags say."""
     lacking_gimbal_abilities: frozenset[GimbalAbility] = frozenset()
-    """What it says that its gimbals can do, and they do not."""
+    """Abilities that it reports of its gimbals, and that they do not have."""
 
     @abstractmethod
     def streams(self, pose_rate_hz: float) -> list[LongCommand]:

@@ -1,4 +1,4 @@
-"""How the value of a parameter stands in the four bytes that PARAM_VALUE and PARAM_SET have for it.
+"""Encoding of a parameter's value in the four bytes that PARAM_VALUE and PARAM_SET have for it.
 
 https://mavlink.io/en/services/parameter.html#parameter-encoding. The field is a float. PX4 puts the bytes of an integer
 there, ArduPilot the number.

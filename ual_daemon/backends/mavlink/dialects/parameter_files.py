@@ -1,4 +1,4 @@
-"""What autopilots have in files about their parameters: PX4's descriptions, and ArduPilot's packed list.
+"""Files of autopilots about their parameters: PX4's descriptions, and ArduPilot's packed list.
 
 https://mavlink.io/en/services/component_information.html; ArduPilot's libraries/AP_Filesystem/README.md.
 """
@@ -18,7 +18,7 @@ from ual.parameters.values import Description, Parameter, ParameterType
 MOST_BYTES = 16_000_000
 """A file may have so many once it is unpacked. PX4's has 0.7 MB."""
 MEMORY_BYTES = 100_000_000
-"""What unpacking may take: xz -9, by which PX4 packs, takes 66 MB."""
+"""Most memory of unpacking in bytes: xz -9, by which PX4 packs, takes 66 MB."""
 MOST_PARAMETERS = 10_000
 LONGEST_TEXT = 500
 _PARAMETERS_KIND = 1

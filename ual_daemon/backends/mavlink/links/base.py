@@ -37,7 +37,7 @@ def cannot_listen(endpoint: object, error: OSError) -> LinkError:
 
 
 class Transport(Protocol):
-    """What messages are received and sent through: a `Connection`."""
+    """Transport of messages in both directions: a `Connection`."""
 
     @property
     def is_stream(self) -> bool:

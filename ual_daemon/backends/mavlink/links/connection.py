@@ -17,7 +17,7 @@ _log = logging.getLogger(__name__)
 FIRST_PAUSE_S = 0.2
 LONGEST_PAUSE_S = 3.0
 MOST_DISCARDED = 512
-"""So many batches are discarded at most. No system keeps more: 4 MiB, or in small datagrams 32,768."""
+"""Most batches that are discarded. No system keeps more: 4 MiB, or in small datagrams 32,768."""
 SILENCE_S = 5.0
 """After a silence this long a connection counts as half-open: the other end is gone without having closed it. An
 autopilot sends a heartbeat each second."""
@@ -53,12 +53,12 @@ class Connection(Transport):
 
     @property
     def trouble(self) -> str:
-        """What is wrong with the link, human-readable; empty while nothing is."""
+        """Human-readable trouble of the link; empty while there is none."""
         return self._trouble or self._link.trouble
 
     @property
     def connections_count(self) -> int:
-        """How often there was a new other end."""
+        """Changes of the other end."""
         return self._link.connections_count
 
     @property

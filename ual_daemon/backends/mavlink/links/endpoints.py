@@ -72,7 +72,7 @@ Endpoint = UdpEndpoint | TcpEndpoint | SerialEndpoint
 
 
 class Place(NamedTuple):
-    """Where an autopilot is: the link, and its system id if the URL names one."""
+    """Place of an autopilot: the link, and its system id if the URL names one."""
 
     endpoint: Endpoint
     system_id: int | None

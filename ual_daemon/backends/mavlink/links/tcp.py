@@ -28,7 +28,9 @@ from ual_daemon.backends.mavlink.links.endpoints import TcpEndpoint
 _log = logging.getLogger(__name__)
 
 ROOMY_BYTES = 512
-"""So much may wait for its acknowledgement where there is room for what is not urgent: setpoints always do."""
+"""Bytes that may wait for their acknowledgement where there is room for messages that are not urgent: setpoints always
+do.
+"""
 HANDOVER_S = 1.5
 """A connection that is silent for this long is replaced by a new one: an autopilot sends a heartbeat each second."""
 

@@ -1,1 +1,1 @@
-"""What the mavlink backend offers beside flying: `ual_daemon.backends.offers` by the protocols."""
+"""Services of the mavlink backend beside flying: `ual_daemon.backends.offers` by the protocols."""

@@ -7,6 +7,6 @@ from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 
 def has_files(session: Session) -> bool:
-    """Whether the autopilot says that it has MAVFTP."""
+    """Returns whether the autopilot says that it has MAVFTP."""
     version = session.telemetry.version
     return version is not None and bool(version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_FTP)

@@ -26,7 +26,7 @@ SILENCE_S = 5.0
 _CHUNK = 1 << 16
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
 _MOST_MARKERS = 1000
-"""So many are looked at: 64 MiB of them would keep Python's lock for seconds, while something flies."""
+"""Most markers that are examined: 64 MiB of them would keep Python's lock for seconds, while something flies."""
 _STANDALONE = {0x01, *range(0xD0, 0xDA)}
 """Markers of a JPEG that have no length."""
 _FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
@@ -46,7 +46,7 @@ _PORTS = {"http": 80, "https": 443}
 
 
 class _Allowed(NamedTuple):
-    """What a setting allows: a host, or only one of its ports (0: any), and what is below a path."""
+    """Permission by a setting: a host, or only one of its ports (0: any), and everything below a path."""
 
     host: str
     port: int
@@ -62,7 +62,7 @@ class _Allowed(NamedTuple):
         return cls(host.strip("[]").lower(), int(port), f"/{path}")
 
     def has(self, host: str, port: int, path: str) -> bool:
-        """Whether an address is allowed. Where a path is said, nothing in it may lead out again."""
+        """Returns whether an address is allowed. Where a path is said, nothing in it may lead out again."""
         is_below = self.path == "/" or (
             (path == self.path or path.startswith(self.path.rstrip("/") + "/")) and _is_plain(path)
         )
@@ -85,7 +85,7 @@ class HttpPictures:
         self._worker = PictureWorker("http-pictures")
         self._lock = threading.Lock()
         self._exchange: _Exchange | None = None
-        """The one that was begun last."""
+        """Exchange that was begun last."""
         self._is_closed = False
 
     @property

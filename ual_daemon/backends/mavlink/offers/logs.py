@@ -29,7 +29,7 @@ T = TypeVar("T")
 _logger = logging.getLogger(__name__)
 
 DIRECTORIES = ("/fs/microsd/log", "/APM/LOGS", "log", "logs")
-"""Where logs are: PX4, ArduPilot, and the simulations of both."""
+"""Directories of logs: PX4, ArduPilot, and the simulations of both."""
 _NEWEST = "LASTLOG.TXT"
 """ArduPilot's file with the number of its newest log: after its largest number it begins again with 1."""
 _ENDINGS = (".ulg", ".ulge", ".bin", ".px4log")

@@ -26,16 +26,15 @@ PATIENCE_S = 5.0
 """For so long they are waited for: over a slow link they are there the next time."""
 READ_S = 600.0
 MOST_GENERAL, MOST_PARAMETERS = 100_000, 2_000_000
-"""So many bytes the two files may have."""
+"""Most bytes of the two files."""
 
 
 class ParameterDescriptions:
-    """Those of one session. From any thread.
+    """Descriptions of the parameters of one session. From any thread.
 
     Args:
         session: Whose parameters they are.
         post: Has something done on the thread that receives.
-
     """
 
     def __init__(self, session: Session, post: Callable[[Callable[[Discovery], None]], None]) -> None:

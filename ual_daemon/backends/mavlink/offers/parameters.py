@@ -24,7 +24,7 @@ from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 T = TypeVar("T")
 
 MOST_PACKED = 500_000
-"""So many bytes the packed list may have. ArduPilot's has 20,000."""
+"""Most bytes of the packed list. ArduPilot's has 20,000."""
 
 _log = logging.getLogger(__name__)
 

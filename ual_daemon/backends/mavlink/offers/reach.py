@@ -1,4 +1,4 @@
-"""How what is offered beside flying reaches the thread that receives."""
+"""Access of the services beside flying to the thread that receives."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ RETRY_S = 0.5
 TRIES_COUNT = 10
 """An order or a request is sent so often: on a link that loses 30 % each way, one in a thousand has no answer then."""
 BUSY_S = 12.0
-"""So long may an order be in progress, or a picture take, ..."""
+"""Seconds that an order may be in progress, or a picture may take, ..."""
 ASK_S = 1.5
 """... and after so long without the picture the camera is asked for it."""
 MOST_STREAMS = 16
@@ -42,7 +42,9 @@ _GOES_ON = (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
 
 
 class CameraLine(NamedTuple):
-    """What sends to one camera: a command, its parameters, and how often it was sent before. `name` is for people."""
+    """Line to one camera: it sends a command, its parameters, and the number of attempts before. `name` is for
+    people.
+    """
 
     command: Callable[[int, Sequence[float], int], object]
     name: str
@@ -257,9 +259,9 @@ class Streams(CameraExchange[list[VideoStream]]):
         self._found: dict[int, VideoStream] = {}
         self._count: int | None = None
         self._refused: set[bool] = set()
-        """Which commands it has refused: the older one (True), the one for any message (False)."""
+        """Commands that it has refused: the older one (True), the one for any message (False)."""
         self._is_older = False
-        """By which command it was asked last."""
+        """Command of the last request: the older one, or the one for any message."""
 
     @override
     def tick(self, now_s: float) -> None:

@@ -113,12 +113,12 @@ class CameraLink:
 
     @property
     def identity(self) -> Identity | None:
-        """What it is; None while that is not known."""
+        """Identity of the camera; None while that is not known."""
         return None if self._identities is None else self._identities.value
 
     @property
     def name(self) -> str:
-        """What it is, for people."""
+        """Human-readable name of the camera."""
         return f"camera {self.number}" if self.identity is None else f"camera {self.number} ({self.identity.name})"
 
     def info(self, now_s: float) -> CameraInfo:

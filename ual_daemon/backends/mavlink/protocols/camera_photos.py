@@ -30,7 +30,7 @@ class ReportedPhotos:
         """The time since boot, in ms, of the reports that have come last."""
         self._next: int | None = None
         self._missing: dict[int, tuple[int, float]] = {}
-        """How often each was requested, and when the next time is."""
+        """Requests of each missing photo, and the time of the next one."""
         self.lost_count = 0
 
     def is_new(self, index: int, boot_ms: int, now_s: float) -> bool:

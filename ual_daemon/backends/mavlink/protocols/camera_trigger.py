@@ -1,4 +1,4 @@
-"""What the autopilot says of the camera that it triggers itself, by a servo, a relay or a pin."""
+"""Reports of the autopilot about the camera that it triggers itself, by a servo, a relay or a pin."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class CameraTrigger(TriggeredPhotos):
 
     @property
     def handlers(self) -> dict[int, Handler]:
-        """What takes the messages of an id."""
+        """Handlers of messages, by id."""
         return {
             mavlink.MAVLINK_MSG_ID_CAMERA_FEEDBACK: lambda message, _: self._on_feedback(message),
             mavlink.MAVLINK_MSG_ID_CAMERA_TRIGGER: lambda message, _: self._on_kind(message, message.seq, None),

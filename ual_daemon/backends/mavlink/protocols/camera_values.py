@@ -1,4 +1,4 @@
-"""What the messages of a camera say, as values. What a camera cannot mean is left out, and noted in words.
+"""Messages of a camera as values. What a camera cannot mean is left out, and noted in words.
 
 https://mavlink.io/en/services/camera.html, version 2.
 """
@@ -40,7 +40,7 @@ LEAST_FREE_MIB = 1.0
 
 
 class Identity(NamedTuple):
-    """What a CAMERA_INFORMATION says. It is on the gimbal of this id; 0: on none."""
+    """Content of a CAMERA_INFORMATION. It is on the gimbal of this id; 0: on none."""
 
     name: str
     firmware_version: str

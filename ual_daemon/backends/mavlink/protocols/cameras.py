@@ -38,7 +38,7 @@ MESSAGE_IDS = frozenset(
         mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
     }
 )
-"""What is taken of them; everything else is not even decoded."""
+"""Messages of cameras that are taken; everything else is not even decoded."""
 
 
 class Cameras(Protocol):
@@ -52,7 +52,7 @@ class Cameras(Protocol):
     def __init__(self, send: Callable[[Message], object], may_be_flying: Callable[[], bool] = lambda: False) -> None:
         self.found: tuple[CameraLink, ...] = ()
         self.trigger = CameraTrigger()
-        """That of the autopilot itself."""
+        """Trigger of the autopilot itself."""
         self.first_number = 0
         """The number of the camera that is found first. Set by the backend."""
         self.look: Callable[[], Viewpoint] = Viewpoint
@@ -105,7 +105,9 @@ class Cameras(Protocol):
             camera.on_message(message, now_s, utc_now_s)
 
     def _is_sure(self, source: Source, now_s: float) -> bool:
-        """Whether a component has said twice that it is a camera: it keeps its number for good. Else it is asked."""
+        """Returns whether a component has said twice that it is a camera: it keeps its number for good. Else it is
+        asked.
+        """
         there = self._doubted.setdefault(source.component_id, Agreement(assumed=False, count=2, span_s=0.0))
         if there.note(True, now_s, is_flying=False):
             del self._doubted[source.component_id]

@@ -1,4 +1,4 @@
-"""Where the autopilot keeps what it tells about itself: COMPONENT_METADATA, which has to be requested.
+"""Location of the autopilot's metadata: COMPONENT_METADATA, which has to be requested.
 
 https://mavlink.io/en/services/component_information.html
 """
@@ -27,7 +27,7 @@ _ID = COMPONENT_METADATA_ID
 
 
 class Place(NamedTuple):
-    """Where the general file is, and its checksum."""
+    """Location of the general file, and its checksum."""
 
     uri: str
     crc: int

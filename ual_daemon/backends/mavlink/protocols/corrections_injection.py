@@ -26,15 +26,16 @@ MOST_PIECES = 4
 LONGEST_BYTES = MOST_PIECES * PIECE_BYTES
 AT_ONCE = 2
 PACE_S = 0.02
-"""So many pieces leave at once, and the next ones after so long: 18 kB/s. PX4 keeps 8 pieces for its receiver's driver,
-which looks each 50 ms."""
+"""Seconds between `AT_ONCE` pieces that leave together and the next ones: 18 kB/s. PX4 keeps 8 pieces for its
+receiver's driver, which looks each 50 ms.
+"""
 ASK_S = 10.0
-"""How often the messages with the base line are asked for while they do not come."""
+"""Seconds between two requests for the messages with the base line, while they do not come."""
 _BASELINES = (mavlink.MAVLINK_MSG_ID_GPS_RTK, mavlink.MAVLINK_MSG_ID_GPS2_RTK)
 
 
 class SeenCorrections(NamedTuple):
-    """How long ago the last message left, to 0.1 s, and the distance from the base station; None where not known."""
+    """Seconds since the last message left, to 0.1 s, and the distance from the base station; None where not known."""
 
     age_s: float | None = None
     baseline_m: float | None = None
@@ -58,7 +59,7 @@ class CorrectionsInjection(Protocol):
         self._waiting = WaitingCorrections(LONGEST_BYTES)
         self._message = b""
         self._pieces: list[tuple[int, bytes]] = []
-        """Those of `_message` that have not left, with their flags; the next one last."""
+        """Pieces of `_message` that have not left, with their flags; the next one last."""
         self._sequence = 0
         self._next_s = -math.inf
         self._target: Source | None = None
@@ -68,7 +69,7 @@ class CorrectionsInjection(Protocol):
 
     @property
     def counts(self) -> Injected:
-        """What has become of the messages."""
+        """Counts of the messages by their fate."""
         return self._waiting.counts
 
     @property

@@ -29,24 +29,25 @@ Steps = Generator[Step[Any], Any, T]
 """An exchange about files, step by step; each `yield` returns the result of the step, or raises its error."""
 
 FASTER_S = 2.0
-"""Where files slow the autopilot's streams, faster ones are asked for so long before a file is read in flight, ..."""
+"""Seconds before a file is read in flight for which faster streams are requested, where files slow them, ..."""
 AGAIN_S = 5.0
 """... and again as often, as a request may be lost."""
 SLOWED_S = 1.5
 """For so long after the last answer the streams may be slow."""
 USUAL_COUNT = 3
-"""So often the usual rates are asked for after that."""
+"""Requests for the usual rates after that."""
 IDLE_S = 2.0
 """After so long a file that is not read any more is closed."""
 BUSY_S = (0.5, 3.5, 11.0)
-"""When what is refused because another file is open is asked for again. Each request delays the moment at which the
-autopilot closes one that was left open: ArduPilot after 3 s without any, PX4 after 10 s."""
+"""Seconds after which a request is repeated that was refused because another file is open. Each request delays the
+moment at which the autopilot closes one that was left open: ArduPilot after 3 s without any, PX4 after 10 s.
+"""
 REOPENED_COUNT = 3
-"""So often a file may be closed by the autopilot while it is read."""
+"""Times that a file may be closed by the autopilot while it is read."""
 MOST_ENTRIES = 20_000
 MOST_WAITING = 100
 CHUNK = 32_768
-"""So much of a file is read in one step where all of it is wanted."""
+"""Bytes of a file that are read in one step where all of it is wanted."""
 _SESSION = 191
 """The session that is asked for. ArduPilot takes the client's, so that another program's is another one."""
 _BUSY = {Nak.FAIL, Nak.NO_SESSIONS_AVAILABLE, Nak.INVALID_SESSION}
@@ -54,7 +55,7 @@ _CLOSED = {Nak.INVALID_SESSION, Nak.FILE_NOT_FOUND}
 
 
 class Entry(NamedTuple):
-    """What is in a directory. `size` is None for a directory."""
+    """Entry of a directory. `size` is None for a directory."""
 
     name: str
     size: int | None
@@ -115,7 +116,7 @@ class _StreamRates:
 
     def __init__(self, speed_up: Callable[[float], object]) -> None:
         self.factor = 1.0
-        """How many times the streams are asked for; 1: files do not slow them."""
+        """Factor of the streams' requested rates; 1: files do not slow them."""
         self._speed_up = speed_up
         self._began_s: float | None = None
         self._slowed_s = 0.0

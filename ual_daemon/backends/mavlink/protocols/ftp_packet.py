@@ -1,4 +1,4 @@
-"""What is in a FILE_TRANSFER_PROTOCOL message: https://mavlink.io/en/services/ftp.html."""
+"""Content of a FILE_TRANSFER_PROTOCOL message: https://mavlink.io/en/services/ftp.html."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PAYLOAD = _HEADER.size + BLOCK
 
 
 class Opcode(IntEnum):
-    """What is requested, and the two answers. UAL has none that writes, removes or renames."""
+    """Opcodes of the requests, and the two answers. UAL has none that writes, removes or renames."""
 
     NONE = 0
     TERMINATE_SESSION = 1

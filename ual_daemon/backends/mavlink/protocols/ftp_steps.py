@@ -29,7 +29,7 @@ TRIES_COUNT = 10
 GIVE_UP_S = 15.0
 """After so long without a new block the reading of a file ends."""
 WINDOW = 4
-"""So many blocks are requested at once. ArduPilot queues 5 requests, and drops the others."""
+"""Blocks that are requested at once. ArduPilot queues 5 requests, and drops the others."""
 GENTLE_BYTES_S = 96_000.0
 """While armed no more than so many bytes a second are requested, and no more than half of what the link carries."""
 QUIET_S = 1.0
@@ -37,13 +37,13 @@ QUIET_S = 1.0
 BURST_LEAST = 8
 """... and worth while for so many blocks in a row."""
 MOST_BLOCKS = 2048
-"""So many blocks are kept that came ahead of their time: a burst of ArduPilot has 500, one of PX4 some 150."""
+"""Most blocks that are kept ahead of their time: a burst of ArduPilot has 500, one of PX4 some 150."""
 BURST_SEQUENCES = 1024
 """The sequence numbers that are a burst's. ArduPilot takes a request that has one of its answers for a repetition."""
 
 
 class FtpLink:
-    """What sends requests to the files of one autopilot, each with a sequence number of its own."""
+    """Link to the files of one autopilot, which sends requests, each with a sequence number of its own."""
 
     def __init__(self, send: Callable[[bytes], object], is_gentle: Callable[[], bool]) -> None:
         self._send = send
@@ -70,23 +70,23 @@ class OpenFile:
         self.size = size
         """As it was opened. Of ArduPilot's @PARAM files only a bound."""
         self.end: int | None = None
-        """Where it has turned out to end before that."""
+        """Offset at which the file has turned out to end before that."""
         self.blocks: dict[int, bytes] = {}
         self.burst: int | None = None
         """The sequence number of the burst that is under way."""
         self.burst_s = 0.0
-        """When its last block came."""
+        """Time of its last block."""
         self.is_burst_empty = False
         """Whether it has brought nothing new."""
         self.place = 0
-        """Where it is read."""
+        """Offset at which it is read."""
         self.has_bursts = True
         """Whether a burst still brings anything: none does at the end of a file whose size is not known."""
         self.used_s = 0.0
 
     @property
     def limit(self) -> int:
-        """Where it ends, as far as is known."""
+        """Offset of its end, as far as it is known."""
         return self.size if self.end is None else self.end
 
     def keep(self, offset: int, data: bytes, least: int) -> bool:
@@ -208,7 +208,7 @@ class Reading(Step[bytes]):
         """The blocks that are requested: sequence number, and when."""
         self._new_s = math.nan
         self._group_s: float | None = None
-        """When the group of blocks began that is under way, while it may be flying."""
+        """Time at which the present group of blocks began, while it may be flying."""
         self._next_s = -math.inf
         file.drop_before(offset)
 
@@ -326,7 +326,7 @@ class Reading(Step[bytes]):
 
 
 def _begins_run(missing: list[int]) -> bool:
-    """Whether so many blocks in a row are missing that a burst is worth while."""
+    """Returns whether so many blocks in a row are missing that a burst is worth while."""
     return len(missing) >= BURST_LEAST and missing[BURST_LEAST - 1] - missing[0] == (BURST_LEAST - 1) * BLOCK
 
 

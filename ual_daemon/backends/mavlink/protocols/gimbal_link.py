@@ -24,7 +24,7 @@ _log = logging.getLogger(__name__)
 LOST_S = 5.0
 """A gimbal that is silent for so long is not connected."""
 OLD_S = 1.0
-"""Where it looks is not known any more so long after it has said so, ..."""
+"""Seconds after a report for which a gimbal's attitude counts as known, ..."""
 ASK_S, LATER_ASK_S = 2.0, 10.0
 """... and then it is asked so often to say it: at first, and after `SOON_COUNT` times."""
 SOON_COUNT = 10
@@ -41,7 +41,7 @@ _UNCHANGED, _RELEASE = -1.0, -3.0
 
 
 class GimbalLine(NamedTuple):
-    """What reaches the manager of a gimbal.
+    """Line to the manager of a gimbal.
 
     Attributes:
         send: Sends a message.
@@ -49,7 +49,6 @@ class GimbalLine(NamedTuple):
         stream: Asks for a stream: of which message, and how often.
         read_kind: Asks for its kind.
         own_ids: Returns our system and component.
-
     """
 
     send: Callable[[Message], object]
@@ -81,7 +80,7 @@ class GimbalLink:
         self._line = line
         self.is_kind_known = is_kind_known
         self.meant: GimbalReference | None = None
-        """In which axes its attitude is, whatever its flags say. None: as they say."""
+        """Axes of its attitude, whatever its flags say. None: as they say."""
         self._controller: Source | None = None
         self._orders: dict[int, Order] = {}
         self._next: dict[int, Order] = {}
@@ -96,7 +95,7 @@ class GimbalLink:
 
     @property
     def identity(self) -> Identity | None:
-        """What it is; None while that is not known."""
+        """Identity of the gimbal; None while that is not known."""
         return None if self._identities is None else self._identities.value
 
     @property
@@ -106,7 +105,7 @@ class GimbalLink:
 
     @property
     def name(self) -> str:
-        """What it is, for people."""
+        """Human-readable name of the gimbal."""
         where = "the autopilot" if self.manager.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 else ""
         return f"gimbal {self.device_id} of {where or f'component {self.manager.component_id}'}"
 
@@ -128,7 +127,7 @@ class GimbalLink:
 
     @property
     def control(self) -> tuple[GimbalControl | None, str]:
-        """Which program has the control of it."""
+        """Program that has the control of the gimbal."""
         controller = self._controller
         if controller is None:
             return None, ""

@@ -29,7 +29,7 @@ _INFORMATION = mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION
 _STATUS = mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS
 _ATTITUDE = mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS
 MESSAGE_IDS = frozenset({_INFORMATION, _STATUS, _ATTITUDE})
-"""What is taken of any component of the vehicle's system, ..."""
+"""Messages that are taken of any component of the vehicle's system, ..."""
 COMPONENTS = frozenset(
     {
         mavlink.MAV_COMP_ID_GIMBAL,
@@ -39,7 +39,7 @@ COMPONENTS = frozenset(
 )
 """... and of these their heartbeats, too: they are asked whether they manage one. Others are found by their status."""
 FIRST_ASK_S = 3.0
-"""So long after it was heard first, a component is asked what it manages, ..."""
+"""Seconds after its first message at which a component is asked for its gimbals, ..."""
 ASK_S, ASKS_COUNT = 2.0, 12
 """... and again, so often: on a link that loses 30 % each way, one in 10,000 is not found then."""
 AUTOPILOT_ASKS_COUNT = 3
@@ -48,13 +48,13 @@ LARGEST_ATTACHED_ID = 6
 """Devices up to this id are attached to their manager; the id of another one is its component."""
 MOST_GIMBALS = 12
 MOST_DOUBTED = 32
-"""So many that have said once what they are, and are not sure to be there, are remembered."""
+"""Most gimbals that are remembered that have reported once, and are not sure to be there."""
 AGAIN_S = 0.5
-"""How often a manager whose word is doubted is asked again."""
+"""Seconds between two questions to a manager whose report is doubted."""
 
 
 class Means(NamedTuple):
-    """What the protocol needs of the session with the autopilot.
+    """Services of the session with the autopilot that the protocol needs.
 
     Attributes:
         send: Sends a message.
@@ -63,7 +63,6 @@ class Means(NamedTuple):
         own_ids: Returns our system and component.
         says_manager: Whether the autopilot says that it manages gimbals.
         is_flying: Whether the vehicle may be flying.
-
     """
 
     send: Callable[[Message], object]
@@ -75,7 +74,7 @@ class Means(NamedTuple):
 
 
 class _Asked(NamedTuple):
-    """How often a component was asked what it manages, and when it is asked next."""
+    """Questions to a component for its gimbals so far, and the time of the next one."""
 
     asks_count: int
     next_s: float
@@ -94,7 +93,7 @@ class Gimbals(Protocol):
         self._dialect: Dialect | None = None
         self._asked: dict[int, _Asked] = {}
         self._doubted: dict[tuple[Source, int], Agreement[bool]] = {}
-        """Those that have said once what they are."""
+        """Gimbals that have reported once."""
         self._next_again_s = -math.inf
 
     @property
@@ -138,7 +137,7 @@ class Gimbals(Protocol):
             each.tick(now_s)
 
     def is_wanted(self, component_id: int) -> bool:
-        """Whether the heartbeats of a component, and its answers, are worth decoding."""
+        """Returns whether the heartbeats of a component, and its answers, are worth decoding."""
         return component_id in COMPONENTS or any(each.manager.component_id == component_id for each in self.found)
 
     # --- What comes ---------------------------------------------------------------------------------------------------
@@ -229,7 +228,7 @@ class Gimbals(Protocol):
         return link
 
     def _has_kind(self, source: Source, device_id: int) -> bool:
-        """Whether a parameter of the autopilot says what the attitude of its own gimbal means."""
+        """Returns whether a parameter of the autopilot says what the attitude of its own gimbal means."""
         is_own = source == self._target and device_id <= LARGEST_ATTACHED_ID
         return is_own and self._dialect is not None and bool(self._dialect.gimbal_kind_parameter)
 

@@ -1,4 +1,4 @@
-"""What is awaited of an autopilot's gripper, winch, servos and relays, and what its texts say of its gripper."""
+"""Awaited reports of an autopilot's gripper, winch, servos and relays, and texts about its gripper."""
 
 from __future__ import annotations
 

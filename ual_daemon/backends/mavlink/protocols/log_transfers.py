@@ -37,10 +37,10 @@ IDLE_S = 2.0
 """After so long the autopilot is told that nothing is wanted any more."""
 MOST_LOGS = 2000
 COUNTS_COUNT = 4
-"""So many numbers of logs may be told while they are listed: one may be added."""
+"""Different counts of logs that may be reported while they are listed: one may be added."""
 MOST_WAITING = 100
 GENTLE_BLOCKS = 10
-"""So many blocks are requested at once while it may be flying, and then nothing for as long as they took."""
+"""Blocks that are requested at once while it may be flying; then nothing for as long as they took."""
 GENTLE_BYTES_S = 48_000.0
 _LAST = 0xFFFF
 
@@ -237,7 +237,7 @@ class LogTransfers(Protocol):
         self._waiting: deque[_LogExchange[Any]] = deque()
         self._running: _LogExchange[Any] | None = None
         self._used_s: float | None = None
-        """When data was read last; None once the autopilot was told that no more is wanted."""
+        """Time at which data was read last; None once the autopilot was told that no more is wanted."""
 
     @property
     @override

@@ -43,7 +43,7 @@ class MissionDownload(MissionExchange[MissionList]):
         self._opaque_id = 0
         self._items: list[MissionItem] = []
         self._tries_count = 0
-        """How often the item was requested that is awaited."""
+        """Requests for the awaited item so far."""
 
     @override
     def on_count(self, message: Message, now_s: float) -> None:

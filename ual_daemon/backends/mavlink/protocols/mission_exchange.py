@@ -1,4 +1,4 @@
-"""What the exchanges of the mission protocol have in common: patience, and another attempt where it was refused.
+"""Common part of the mission protocol's exchanges: patience, and another attempt where it was refused.
 
 Messages may be lost, doubled and late, and another station may have a transfer with the autopilot. So an answer that
 may pass is no end: the exchange pauses, and begins anew. PX4 ends a transfer after 5 s of silence, ArduPilot after 8 s.
@@ -23,13 +23,15 @@ T = TypeVar("T")
 RETRY_S = 0.6
 """After so long without an answer a message is sent again."""
 GIVE_UP_S = 15.0
-"""So long it may get no further: a transfer that another station has abandoned has ended by then."""
+"""Seconds without progress after which a transfer is given up; longer than another station's abandoned transfer
+lasts.
+"""
 PAUSE_S = 1.0
 """The time from a refusal that may pass to the next attempt. PX4 asks again for an item after 0.25 s, ArduPilot after
 1 s. A request that comes meanwhile is answered, and the transfer goes on."""
 ATTEMPTS_COUNT = 20
 LONGEST_S = 600.0
-"""So long it may take, whatever comes."""
+"""Seconds after which an exchange is given up in any case."""
 
 ACCEPTED, CANCELLED = mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_OPERATION_CANCELLED
 OUT_OF_SEQUENCE = mavlink.MAV_MISSION_INVALID_SEQUENCE
@@ -67,7 +69,7 @@ class MissionExchange(MissionTaker[T]):
         self._began_s: float | None = None
         self._next_s = 0.0
         self._further_s = 0.0
-        """When it last got further."""
+        """Time of its last progress."""
         self._attempts_count = 0
         self._is_paused = False
         self._last_result: int | None = None
@@ -112,7 +114,7 @@ class MissionExchange(MissionTaker[T]):
 
     @property
     def _pause_s(self) -> float:
-        """How long it waits until the next attempt."""
+        """Seconds until the next attempt."""
         return PAUSE_S
 
     @property

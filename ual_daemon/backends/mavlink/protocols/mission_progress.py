@@ -1,4 +1,4 @@
-"""How far the autopilot is with its mission, and which item is the current one.
+"""Progress of the autopilot's mission, and its current item.
 
 https://mavlink.io/en/services/mission.html#current-mission-item. MISSION_SET_CURRENT is used, not the command
 DO_SET_MISSION_CURRENT: PX4 1.17 does not have that one (navigator_main.cpp, Commander.cpp), and ArduPilot has both.
@@ -45,7 +45,7 @@ class Heard:
 
     @property
     def changes(self) -> tuple[int, int]:
-        """What tells a change of the mission beside its checksum."""
+        """Signs of a change of the mission, in addition to its checksum."""
         return self.total, self.texts_count
 
 

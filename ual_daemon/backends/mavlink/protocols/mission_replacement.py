@@ -40,7 +40,7 @@ class MissionReplacement(MissionTaker[MissionList]):
         self._differs = differs
         self._writes_count = 0
         self._result = ACCEPTED
-        """That of the last change."""
+        """Result of the last change."""
         self._part: MissionTaker[Any] = self._change()
 
     @override

@@ -87,7 +87,7 @@ class MissionTransfers(Protocol):
             self._running.taker.tick(now_s)
 
     def changes_count(self, kind: MissionType) -> int:
-        """How often a list was to be changed by a transfer that has ended, well or not."""
+        """Returns the number of transfers that were to change a list and have ended, well or not."""
         return self._changes[kind]
 
     def download(self, kind: MissionType, future: Future[MissionList], most_items: int = MOST_ITEMS) -> None:

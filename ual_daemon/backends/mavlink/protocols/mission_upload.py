@@ -28,7 +28,7 @@ from ual_daemon.backends.offers.parameters import Refusal
 
 NO_SPACE = mavlink.MAV_MISSION_NO_SPACE
 FULL_COUNT = 5
-"""So many times in turn, one each `PAUSE_S`, no room is taken for a boot. ArduPilot boots in 2 s."""
+"""Consecutive refusals for lack of room, one each `PAUSE_S`, that count as a boot's. ArduPilot boots in 2 s."""
 
 
 class MissionChange(MissionExchange[int]):
@@ -117,7 +117,7 @@ class MissionUpload(MissionChange):
         self._furthest: int | None = None
         """The last item that was asked for in any attempt; None before the first."""
         self._full_count = 0
-        """How often in turn it was answered to the number of items that there is no room for them."""
+        """Consecutive answers to the number of items that there is no room for them."""
 
     @override
     def on_request(self, message: Message, now_s: float) -> None:
@@ -142,7 +142,7 @@ class MissionUpload(MissionChange):
             self.fail(self._rejected(result))
 
     def _may_boot(self) -> bool:
-        """Whether the autopilot may have no room only because it boots: it has not opened its storage yet."""
+        """Returns whether the autopilot may have no room only because it boots: it has not opened its storage yet."""
         if self._at is not None:
             return False
         self._full_count += not self._is_paused

@@ -43,7 +43,7 @@ LONGEST_LIST_S = 600.0
 MOST_PARAMETERS = 10_000
 """ArduPilot has 1,400, PX4 1,000."""
 RESTARTS_COUNT = 3
-"""So often the number of parameters may change while they are listed: ArduPilot has more once a sensor is on."""
+"""Times that the number of parameters may change while they are listed: ArduPilot has more once a sensor is on."""
 
 
 class Received(NamedTuple):
@@ -56,7 +56,8 @@ class Received(NamedTuple):
 
 
 class Requests(NamedTuple):
-    """What sends requests to one autopilot: of a name, of an index, of all, and of a write.
+    """Requests to one autopilot: of a name, of an index, of all, and of a write. `explain` takes the error of an
+    exchange that was not answered, its name, and the time. It returns the error with its meaning.
 
     `explain` takes the error of an exchange that was not answered, its name, and the time. It returns what that means.
     """
@@ -132,7 +133,7 @@ class _OfName(ParameterExchange[Parameter]):
 
     @abstractmethod
     def _unanswered(self) -> UalError:
-        """What it means that nothing was answered."""
+        """Returns the error of a request without an answer."""
 
 
 class Reading(_OfName):
@@ -227,11 +228,11 @@ class Listing(ParameterExchange[list[Parameter]]):
         super().__init__(future, requests)
         self._found: dict[int, Received] = {}
         self._asked_s: dict[int, float] = {}
-        """When a missing one was requested last."""
+        """Times of the last requests for missing parameters."""
         self._count: int | None = None
         self._began_s: float | None = None
         self._new_s = 0.0
-        """When the last new value came."""
+        """Time of the last new value."""
         self._next_s = 0.0
         self._is_filling = False
         self._restarts_count = 0

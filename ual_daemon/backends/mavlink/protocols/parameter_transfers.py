@@ -56,7 +56,7 @@ class ParameterTransfers(Protocol):
         self._codec: ParameterCodec | None = None
         self._name = ""
         self._names: frozenset[str] = frozenset()
-        """Those of the last list; empty while there was none."""
+        """Names of the last list; empty while there was none."""
         self._waiting: deque[ParameterExchange[Parameter]] = deque()
         self._single: ParameterExchange[Parameter] | None = None
         self._listing: Listing | None = None
@@ -94,7 +94,7 @@ class ParameterTransfers(Protocol):
             self._single = followed
 
     def becomes(self, system_id: int) -> bool:
-        """Whether the autopilot becomes this system by a value that UAL has written."""
+        """Returns whether the autopilot becomes this system by a value that UAL has written."""
         return system_id == self._new_id
 
     @staticmethod

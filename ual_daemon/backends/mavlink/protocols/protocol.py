@@ -1,4 +1,4 @@
-"""What a protocol beside flying is to the session: it gets an autopilot, messages and ticks."""
+"""Interface between the session and a protocol beside flying: it gets an autopilot, messages and ticks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Protocol(ABC):
     @property
     @abstractmethod
     def handlers(self) -> Mapping[int, Handler]:
-        """What takes the messages of an id. They do not change."""
+        """Handlers of messages, by id. They do not change."""
 
     @property
     def is_urgent(self) -> bool:

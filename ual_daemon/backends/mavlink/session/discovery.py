@@ -35,7 +35,7 @@ from ual_daemon.backends.mavlink.wire.untaken import LASTS_S
 _log = logging.getLogger(__name__)
 
 _MOST_OTHERS = 8
-"""So many other autopilots, and so many reasons why nothing is taken, are named in the log."""
+"""Most other autopilots, and most reasons why nothing is taken, that are named in the log."""
 ODD_WAIT_S = 1.5
 """An autopilot with odd ids (system 0, or not component 1) is taken once none with usual ids has been heard for so long
 beside it. A heartbeat comes each second."""
@@ -236,7 +236,7 @@ class Discovery(Selector):
             self.protocols.gimbals.on_component(source, message, now_s)
 
     def _is_odd(self, source: Source) -> bool:
-        """Whether it has ids that an autopilot seldom has, and that were not chosen."""
+        """Returns whether it has ids that an autopilot seldom has, and that were not chosen."""
         is_usual = source.component_id == _AUTOPILOT or self._settings.autopilot_component_id is not None
         return source.system_id == ALL_SYSTEMS or not is_usual
 

@@ -15,8 +15,9 @@ from ual_daemon.backends.mavlink.session.conversions import degrees
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 5.0, 160.0
 """The time from a download that failed to the next one. It doubles each time: an autopilot need not answer at all."""
 POLL_S = 30.0
-"""How often it is downloaded anew while the autopilot is disarmed: a ground station may upload another one. In flight
-the link is left to what flies; ArduPilot tells of another one by itself (`Autopilot.zones_parameter`)."""
+"""Seconds between two downloads while the autopilot is disarmed: a ground station may upload another fence. In flight
+the link is left to what flies; ArduPilot tells of another one by itself (`Autopilot.zones_parameter`).
+"""
 MAX_ITEMS = 500
 """More items are not read: the geometry of so many circles takes 0.25 s. ArduPilot keeps 84 on a Pixhawk
 (AC_PolyFence_loader::max_items), PX4 64 (DM_KEY_FENCE_POINTS_MAX)."""
@@ -47,7 +48,7 @@ class FenceDownload:
         self._on_failed = on_failed
         self._running: Future[MissionList] | None = None
         self._next_s = -math.inf
-        """When the next download begins."""
+        """Time at which the next download begins."""
         self._pause_s = FIRST_PAUSE_S
         self._is_wanted = True
         self._was_armed: bool | None = None
@@ -86,7 +87,7 @@ class FenceDownload:
         return is_told or self._changes_count != before[0]
 
     def _needs_poll(self, is_armed: bool | None) -> bool:
-        """Whether a pause has ended by a new download: while disarmed, or because the last one failed."""
+        """Returns whether a pause has ended by a new download: while disarmed, or because the last one failed."""
         is_known = self._read_id != 0 and self._read_id == self._told_id
         return self._pause_s > FIRST_PAUSE_S or not (is_armed or is_known)
 

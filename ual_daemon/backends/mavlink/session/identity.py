@@ -60,7 +60,7 @@ class Identity:
 
     @property
     def kind(self) -> Kind:
-        """What it is, by its heartbeats."""
+        """Kind of the vehicle, by its heartbeats."""
         return self._kind.value
 
     @property

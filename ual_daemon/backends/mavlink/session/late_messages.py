@@ -1,4 +1,4 @@
-"""Which of the messages that the state needs are late, so that each is requested by itself. Pure logic."""
+"""Late messages among those that the state needs, so that each is requested by itself. Pure logic."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from ual_daemon.backends.values import NEVER_S
 LATE_SHARE = 0.4
 """A message is late once this part of its time has passed: what it said is believed for the whole of it."""
 REQUEST_S = 0.1
-"""How often late messages are requested. On a link that loses 40 % each way, 14 requests bring one back in 99.9 %."""
+"""Seconds between two requests for late messages. On a link that loses 40 % each way, 14 requests bring one back in
+99.9 %.
+"""
 HEARD_S = 0.5
 """Nothing is requested from an autopilot of which nothing was heard for so long: its link is silent."""
 

@@ -1,4 +1,4 @@
-"""What the autopilot calls the modes that have no name here: those that other programs and scripts add. Pure logic."""
+"""Names by the autopilot of modes without a name here: those that other programs and scripts add. Pure logic."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ual_daemon.backends.values import Mode
 
 REQUEST_S = 2.0
 MOST_REQUESTS = 5
-"""So often the names are requested, at this interval: an older autopilot has none."""
+"""Most requests for the names, at this interval: an older autopilot has none."""
 MOST_NAMES = 64
 LONGEST_NAME = 35
 """As AVAILABLE_MODES has it."""

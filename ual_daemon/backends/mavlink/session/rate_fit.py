@@ -16,7 +16,7 @@ HELPS, HELPS_LOSS = 1.25, 0.67
 """A try has helped if the part that arrives has grown by this factor at least, or the part that is lost has fallen by
 the second one. Where messages are lost at random, both vary by a few percent."""
 RETRY_S = 60.0
-"""How long after a try that did not help the next one comes; this doubles each time."""
+"""Seconds between a try that did not help and the next one; this doubles each time."""
 LOW_LOSS, GROW_S = 0.05, 60.0
 """Below this loss for so long, more is asked for again, while it is disarmed; this doubles each time, too."""
 MOST = 4

@@ -1,4 +1,6 @@
-"""What the backend's thread does: receives, has the engine's loop publish snapshots, and keeps what is known of it."""
+"""Work of the backend's thread: it receives, has the engine's loop publish snapshots, and keeps the vehicle's
+description.
+"""
 
 from __future__ import annotations
 

@@ -67,22 +67,24 @@ _log = logging.getLogger(__name__)
 OLD_EVENT_S = 1.0
 """An event of PX4 that is this much older than the newest time since boot is a repetition."""
 HOME_REQUEST_S = 0.2
-"""How often home is requested while the one of the present arming is not known, or while it moves."""
+"""Seconds between two requests for home while the one of the present arming is not known, or while it moves."""
 STREAMLESS_S = 10.0
-"""How often everything is requested anew from an autopilot that is heard, but does not stream any more."""
+"""Seconds between two requests for everything from an autopilot that is heard, but does not stream any more."""
 
 QUATERNION_S = 3.0
 """After so long without a quaternion the attitude is taken from the angles that many autopilots send."""
 UNUSED_RATE_HZ = 1.0
-"""How often a message that UAL does not use may come on a link that is overrun. Others on the link may use it."""
+"""Rate in Hz at which a message that UAL does not use may come on a link that is overrun. Others on the link may use
+it.
+"""
 PACE_S = 0.1
 """The interval of requests that leave whatever the answers are."""
 ALL_SYSTEMS = 0
 """The system id that addresses every vehicle: nothing is sent to it."""
 VERSION_S = 0.5
-"""How often the version is requested while it is doubted."""
+"""Seconds between two requests for the version while it is doubted."""
 ORIGIN_S = 0.5
-"""How often the origin of the local frame is requested while it is doubted."""
+"""Seconds between two requests for the origin of the local frame while it is doubted."""
 
 
 class _Info(NamedTuple):
@@ -155,7 +157,7 @@ class Session:
         self._unused_ids: set[int] = set()
         """Of messages that are not used, and came while the link lost much."""
         self._paced: deque[Message] = deque()
-        """What leaves one message at a time, as a slow link would lose it otherwise."""
+        """Messages that leave one at a time, as a slow link would lose them otherwise."""
         self._next_paced_s = -math.inf
         self._began_s: float | None = None
         self._setup = self._new_setup()
@@ -183,7 +185,7 @@ class Session:
         self._next_own_heartbeat_s = -math.inf
         self._next_home_request_s = -math.inf
         self._unlearned_s: tuple[float, float] | None = None
-        """When the newest position came that the feed-forward has not taken yet, by our clock and the autopilot's."""
+        """Time of the newest position that the feed-forward has not taken yet, by our clock and the autopilot's."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
             **{each: self._for_us(handler) for each, handler in self._protocols.handlers.items()},
             mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
@@ -203,7 +205,7 @@ class Session:
             mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self._on_parameter,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target,
         }
-        """What follows from a message, after `telemetry` has taken its values."""
+        """Handlers of messages, which are called after `telemetry` has taken their values."""
         self._own_decoded_ids = frozenset(self.telemetry.decoded_ids | self._handlers.keys())
 
     @property
@@ -390,7 +392,7 @@ class Session:
 
     @property
     def label(self) -> str:
-        """What it is, human-readable."""
+        """Human-readable name of the autopilot."""
         return f"{self.dialect.name} (system {self.system_id})"
 
     def judge_simulation(self) -> SimulationVerdict:
@@ -509,7 +511,7 @@ class Session:
         self._feed_forward.learn(autopilot_s, pose.value, velocity.value.linear)
 
     def _has_stopped_streaming(self, now_s: float) -> bool:
-        """Whether it is heard, but does not send the requested attitude any more, as after a short reboot."""
+        """Returns whether it is heard, but does not send the requested attitude any more, as after a short reboot."""
         heard_s, attitude_s = self.telemetry.heard_s, self.telemetry.attitude_time_s
         if heard_s is None or attitude_s is None or now_s < self._next_setup_s:
             return False
@@ -632,7 +634,7 @@ class Session:
 
     @property
     def _position_rate_hz(self) -> float:
-        """How often the position is asked for."""
+        """Requested rate of the position."""
         return max(LEAST_RATE_HZ, self._pose_rate_hz * self._fit.share)
 
     def _streams(self) -> list[LongCommand]:
@@ -648,7 +650,7 @@ class Session:
 
     @property
     def note(self) -> str:
-        """What is unusual about the link, human-readable: it loses much, or less is asked for; empty if nothing is."""
+        """Human-readable peculiarities of the link: it loses much, or less is requested; empty if there are none."""
         fit, text = self._fit, []
         if fit.is_high:
             text.append(f"the link loses {fit.loss * 10.0:.0f}0 % of its messages")
@@ -659,7 +661,7 @@ class Session:
 
     @property
     def refused(self) -> str:
-        """Which requests for streams were refused, human-readable, and why it may not hear them; empty if none was."""
+        """Human-readable list of refused requests for streams, and why it may not hear them; empty if none was."""
         refused = ", ".join(f"{name} ({result})" for name, result in self._setup.refused.items())
         return f"{refused}; it {KEY_MISSING}" if refused and self._signs and not self._has_key else refused
 
@@ -730,7 +732,7 @@ _VERDICTS = {
     mavlink.MAV_RESULT_ACCEPTED: Verdict.ACCEPTED,
     mavlink.MAV_RESULT_IN_PROGRESS: Verdict.IN_PROGRESS,
 }
-"""What the results of COMMAND_ACK mean; all others refuse."""
+"""Meaning of COMMAND_ACK's results; all others refuse."""
 
 
 def _result_name(result: int) -> str:

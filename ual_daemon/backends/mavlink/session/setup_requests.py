@@ -32,7 +32,7 @@ On a bad link one that comes twice can be taken for that of another request, so 
 
 
 class SetupRequests:
-    """What is requested from an autopilot that was found, or that has booted.
+    """Requests to an autopilot that was found, or that has booted.
 
     Not thread-safe: belongs to the thread that receives.
     """
@@ -152,7 +152,7 @@ class SetupRequests:
             self._request_group(group, rate_hz)
 
     def _flows(self, command: LongCommand) -> bool:
-        """Whether the requested stream came in the last round, or need not come."""
+        """Returns whether the requested stream came in the last round, or need not come."""
         message_id, interval_us = round(command.request.params[0]), command.request.params[1]
         if message_id in self._dialect.optional_messages:
             return True
@@ -166,7 +166,7 @@ class SetupRequests:
         return self._telemetry.message_counts[message_id] - self._counts_before_round[message_id]
 
     def _has_dropped(self, command: LongCommand, now_s: float) -> bool:
-        """Whether the stream came far more slowly in the last round than it did before."""
+        """Returns whether the stream came far more slowly in the last round than it did before."""
         message_id = round(command.request.params[0])
         if self._round_s <= 0.0 or message_id in self._dialect.sparse_messages:
             return False
@@ -186,5 +186,5 @@ class SetupRequests:
 
 
 def _is_answered(future: Future[None] | None) -> bool:
-    """Whether a request was accepted or refused, and not given up."""
+    """Returns whether a request was accepted or refused, and not given up."""
     return future is not None and future.done() and not isinstance(future.exception(), UalTimeoutError)

@@ -15,9 +15,9 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 _log = logging.getLogger(__name__)
 
 ASK_S = 0.5
-"""How often a parameter that only planes have is read again while it is not sure that it is there."""
+"""Seconds between two reads of a parameter that only planes have, while it is not sure that it is there."""
 SEEN_S, ENDS_S = 2.0, 10.0
-"""How often it is read while the verdict stands, and after how long without an answer that ends."""
+"""Seconds between two reads while the verdict stands, and seconds without an answer after which that ends."""
 _DISGUISED = "it calls itself a multirotor, but says that it is a VTOL"
 
 
@@ -46,7 +46,9 @@ class Shape:
 
     @property
     def doubt(self) -> str:
-        """What is told in flight, human-readable: from the landing on it is only watched; empty if nothing is."""
+        """Human-readable doubt that is reported in flight: from the landing on it is only watched; empty if there is
+        none.
+        """
         return _DISGUISED if self._state.pending or self._parameter.pending else ""
 
     def on_vtol_state(self, state: int, now_s: float) -> None:

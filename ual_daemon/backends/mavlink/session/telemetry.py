@@ -61,7 +61,7 @@ OLDEST_S = 3.0
 
 
 class _Home(NamedTuple):
-    """Where home is: its place on Earth may not be known."""
+    """Position of home: its latitude and longitude may not be known."""
 
     altitude_amsl_m: float
     place: GeoPoint | None
@@ -80,7 +80,7 @@ class Telemetry:
         self.plausibility = Plausibility()
         self._clock_offset = ClockOffset()
         self.heard_s: float | None = None
-        """When its last frame came."""
+        """Time of its last frame."""
         self._sequence = SequenceUnwrapper(LATE_S)
         self._stamp_s = self._measured_s = 0.0
         readings = self._readings = Readings()
@@ -99,7 +99,7 @@ class Telemetry:
         self._position_geo: Reading[GeoPoint] = readings.add(Lasts.SEEN, limit_s=GEO_LIMIT_S)
         self._home: Reading[_Home] = readings.add(Lasts.BOOT)
         self.origin = LocalOrigin()
-        """Where its local frame is on Earth."""
+        """Position of its local frame on Earth."""
         self.home_watch = HomeWatch()
         """Whether home is to be requested, as it is elsewhere now."""
         self._geoid_separation_m: float | None = None
@@ -125,7 +125,7 @@ class Telemetry:
         self.reports_readiness = False
         """Whether it says so: some autopilots do not have the bit."""
         self.parameters: dict[str, float] = {}
-        """Those of `Dialect.parameters` that it has sent."""
+        """Parameters of `Dialect.parameters` that it has sent."""
         self.changed_parameter = ""
         """The name of one that has come with another value than before, so that it should be read again."""
         self.fence = FenceReader(dialect, self.parameters, awaits_zones=dialect.has_zones)
@@ -133,7 +133,7 @@ class Telemetry:
         self._condition = Condition()
         self._link = LinkState()
         self.message_counts: Counter[int] = Counter()
-        """How many messages of each id came since it booted."""
+        """Messages of each id that came since it booted."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._on_mode,
@@ -223,7 +223,7 @@ class Telemetry:
 
     @property
     def attitude_time_s(self) -> float | None:
-        """When the newest attitude came."""
+        """Time of the newest attitude."""
         attitude = self._attitude.sample
         return None if attitude is None else attitude.time_s
 

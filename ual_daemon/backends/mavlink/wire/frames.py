@@ -40,10 +40,11 @@ _BEGINNING = _beginning()
 CREDIT_PER_BYTE = 4
 """Each byte that is passed over or read pays for this much work on beginnings that turn out to be false."""
 LARGEST_CREDIT = 4096
-"""So much work may be saved up: for 14 false beginnings of the largest frame in a row."""
+"""Most saved-up work: for 14 false beginnings of the largest frame in a row."""
 WORK_PER_S = 400_000
-"""So much of this work is done in a second at most: what a line of 921,600 baud pays for that carries damaged frames
-only. A byte that is searched counts as 1. A flood must not take the thread from flying."""
+"""Most work per second: a line of 921,600 baud that carries damaged frames only pays this. A byte that is searched
+counts as 1. A flood must not take the thread from flying.
+"""
 SAVED_S = 0.25
 """The work of so long may be saved up."""
 MOST_SOURCES = 8
@@ -53,7 +54,7 @@ _LOOK = 48
 
 
 class Source(NamedTuple):
-    """Who sends: a component of a system."""
+    """Sender of a message: a component of a system."""
 
     system_id: int
     component_id: int
@@ -73,7 +74,7 @@ class Frame(NamedTuple):
 
     @property
     def source(self) -> Source:
-        """Who sent it."""
+        """Sender of the frame."""
         return Source(self.system_id, self.component_id)
 
 
@@ -322,7 +323,7 @@ def _piece(frame: bytes) -> Piece:
 
 
 def _begins_whole(datagram: bytes) -> bool:
-    """Whether a datagram begins with a whole frame."""
+    """Returns whether a datagram begins with a whole frame."""
     size = _whole_at(datagram, 0)
     return bool(size) and _frame(datagram[:size]) is not None
 

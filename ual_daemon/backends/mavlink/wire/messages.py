@@ -27,8 +27,9 @@ EVENT_ID = 410
 _MAGIC = bytes((MAGIC_V2,))
 _Target = mavlink.MAVLink_set_position_target_local_ned_message
 _TARGET = struct.Struct("<BBBBBBHBI11fHBBB")
-"""What follows the magic: payload length, incompatible and compatible flags, sequence, system, component, message id
-(24 bits); then the payload in its order on the wire, largest fields first."""
+"""Header after the magic: payload length, incompatible and compatible flags, sequence, system, component, message id
+(24 bits); then the payload in its order on the wire, largest fields first.
+"""
 _TARGET_SIZE = 53
 _TARGET_ID, _TARGET_EXTRA = _Target.id, _Target.crc_extra
 _TARGET_SEED = bytes((_TARGET_EXTRA,))

@@ -18,12 +18,12 @@ _log = logging.getLogger(__name__)
 PEER_SILENCE_S = 0.5
 """Another host takes our peer's place once that is silent for this long: before the link counts as lost."""
 _MOST_LOGGED = 32
-"""So many different troubles are logged, each once."""
+"""Most different troubles that are logged, each once."""
 _ID_AT = 7
-"""Where a frame of MAVLink 2 has the id of its message: 24 bits."""
+"""Offset of the message's id in a frame of MAVLink 2: 24 bits."""
 _GARBAGE = "bytes that are no MAVLink (another baud rate or protocol?)"
 INCOMPLETE_FRAME_S = 0.5
-"""What begins like a frame and is not completed within this time is not a frame."""
+"""Seconds after which bytes that begin like a frame and are not completed count as no frame."""
 
 
 class MessageHandler(Protocol):
@@ -46,7 +46,7 @@ class Selector(Protocol):
     """Selects the autopilot whose messages are received."""
 
     def is_wanted(self, source: Source, heartbeat: Message) -> bool:
-        """Whether who sends a heartbeat may be selected at all."""
+        """Returns whether who sends a heartbeat may be selected at all."""
 
     def on_heartbeat(
         self, source: Source, heartbeat: Message, address: Address | None, now_s: float
@@ -54,16 +54,16 @@ class Selector(Protocol):
         """Takes a wanted heartbeat while none is selected. Returns the handler that selects who sent it."""
 
     def is_stray(self, now_s: float) -> bool:
-        """Whether the selected one was heard once, and then no more: another one may be selected instead."""
+        """Returns whether the selected one was heard once, and then no more: another one may be selected instead."""
 
     def on_other_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> None:
         """Takes note of any other heartbeat."""
 
     def is_successor(self, source: Source, now_s: float) -> bool:
-        """Whether who sends another heartbeat is the selected autopilot, which has got another system id."""
+        """Returns whether who sends another heartbeat is the selected autopilot, which has got another system id."""
 
     def is_component_wanted(self, frame: Frame) -> bool:
-        """Whether a frame of another component of the selected autopilot's system is worth decoding."""
+        """Returns whether a frame of another component of the selected autopilot's system is worth decoding."""
 
     def on_component(self, source: Source, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a wanted message of such a component."""
@@ -108,7 +108,7 @@ class Receiver:
 
     @property
     def corrupt_count(self) -> int:
-        """How often bytes between frames belonged to none, or a frame could not be decoded."""
+        """Times that bytes between frames belonged to none, or a frame could not be decoded."""
         return self._reader.corrupt_count + self._undecodable_count
 
     def receive(self, data: bytes, address: Address | None, now_s: float, utc_now_s: float) -> None:
@@ -231,7 +231,7 @@ class Receiver:
             self._selector.on_component(frame.source, self._codec.decode(frame), now_s, utc_now_s)
 
     def _is_stranger(self, frame: Frame, address: Address | None, now_s: float) -> bool:
-        """Whether a frame of our autopilot comes from a host that is not our peer's, while that is heard."""
+        """Returns whether a frame of our autopilot comes from a host that is not our peer's, while that is heard."""
         peer = self._link.peer
         if address is None or peer is None or address[0] == peer[0] or self._signer is not None:
             return False
@@ -261,7 +261,7 @@ class Receiver:
         return handler
 
     def _is_accepted(self, frame: Frame, address: Address | None, now_s: float) -> bool:
-        """Whether its signature is right, where one is required."""
+        """Returns whether its signature is right, where one is required."""
         if self._signer is None:
             if frame.is_signed:
                 self._log_once(f"system {frame.system_id} {KEY_MISSING}")

@@ -26,7 +26,9 @@ _log = logging.getLogger(__name__)
 WAIT_S = 0.05
 """The longest interval between two looks at the link."""
 QUEUE_BYTES = 1 << 18
-"""So much may wait for the thread of one vehicle; more is dropped, as a system drops what overflows a socket."""
+"""Bytes that may wait for the thread of one vehicle; more is dropped, as a system drops data that overflows a
+socket.
+"""
 
 
 class SharedLink:
@@ -169,7 +171,7 @@ class VehicleLink(Link):
     def __init__(self, shared: SharedLink, system_id: int) -> None:
         self.system_id = system_id
         self.link_trouble = ""
-        """What is wrong with the shared link."""
+        """Trouble of the shared link."""
         self._trouble = ""
         self._shared = shared
         self._reading: _Reading | None = None
@@ -256,7 +258,7 @@ class VehicleLink(Link):
     @property
     @override
     def peer(self) -> Address | None:
-        """Where this vehicle was heard; else where the link leads."""
+        """Address from which this vehicle was heard; else the address to which the link leads."""
         reading = self._reading
         if reading is None:
             return None

@@ -27,7 +27,7 @@ _UNITS_PER_S = 100_000
 OLDEST_S = 60.0
 """A new sender's clock may be at most this much behind ours."""
 MOST_SENDERS = 64
-"""So many senders (a component of a system, on one of its links) are remembered. A vehicle has a few."""
+"""Most senders (a component of a system, on one of its links) that are remembered. A vehicle has a few."""
 _LARGEST_FILE = 4096
 _FORMS = (b"hex", b"raw")
 
@@ -163,7 +163,8 @@ class Signer:
         return Verdict.GOOD
 
     def _has_room(self) -> bool:
-        """Whether one more sender can be remembered. Forgets the one heard least lately, if it has fallen silent.
+        """Returns whether one more sender can be remembered. Forgets the one heard least lately, if it has fallen
+        silent.
 
         One that is heard is never forgotten: others with this key, whose clocks are ahead, could shut it out.
         """

@@ -1,4 +1,4 @@
-"""What is received and not taken, and why, human-readable. Pure logic: callers pass the time."""
+"""Messages that are received and not taken, and the reasons, human-readable. Pure logic: callers pass the time."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from dataclasses import dataclass
 RECENT_S = 5.0
 """Only what came within this time is told: everything that speaks MAVLink sends a heartbeat each second."""
 LASTS_S = 2.0
-"""What has come for less than this is not worth a line of the log: the autopilot's heartbeat may come next."""
+"""Seconds for which messages must have come before they are worth a line of the log: the autopilot's heartbeat may come
+next.
+"""
 MOST_NOTES = 16
-"""So much is remembered; what came least lately gives way."""
+"""Most notes that are remembered; a new note replaces the one whose messages came least lately."""
 MOST_TOLD = 3
-"""So much is told at once."""
+"""Most notes that are reported at once."""
 
 
 @dataclass(slots=True)
