@@ -140,7 +140,7 @@ def painters_take_their_turn() -> Iterator[None]:
 
 
 _STAYS = ("listening", "metrics")
-"""What a daemon says once and remains: to wait for it again is no mistake."""
+"""Lines that a daemon logs once and that stay valid: to wait for one again is no mistake."""
 
 
 class DaemonProcess:
@@ -182,7 +182,7 @@ class DaemonProcess:
 
     @property
     def address(self) -> str:
-        """Where it listens (the first address), once it does."""
+        """First address of the daemon, once it listens."""
         return str(self.wait_for("listening")["addresses"]).split()[0]
 
     def wait_for(self, event: str, after: dict[str, Any] | None = None, **fields: object) -> dict[str, Any]:
@@ -266,7 +266,9 @@ class DaemonProcess:
 
 
 def daemon_environment(runtime_dir: Path) -> dict[str, str]:
-    """That of this process without its settings of UAL, for daemons that register in the directory."""
+    """Returns the environment of this process without its settings of UAL, for daemons that register in the
+    directory.
+    """
     environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
     return {**environment, discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)}
 

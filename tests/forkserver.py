@@ -81,7 +81,7 @@ def start(flags: Sequence[str], environment: Mapping[str, str]) -> ForkedProcess
 
 
 def can_fork(environment: Mapping[str, str]) -> bool:
-    """Whether a daemon with this environment is as one that is forked off this process' server."""
+    """Returns whether a daemon with this environment is as one that is forked off this process' server."""
     return sys.platform == "linux" and _of_start(environment) == _of_start(os.environ) == _FIRST_ENVIRONMENT
 
 
@@ -90,7 +90,7 @@ def _of_start(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 _FIRST_ENVIRONMENT = _of_start(os.environ)
-"""That of this process, before any test has changed it."""
+"""Environment of this process, before any test has changed it."""
 
 
 class _Server(NamedTuple):

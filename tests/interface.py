@@ -99,7 +99,7 @@ def _of_class(owner: type) -> str:
 
 
 def _is_public(base: type) -> bool:
-    """Whether programs may ask for a base: no base that only shares code."""
+    """Returns whether programs may ask for a base: no base that only shares code."""
     return base.__module__.startswith("ual") and "._" not in base.__module__ and not base.__name__.startswith("_")
 
 

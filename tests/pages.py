@@ -1,4 +1,4 @@
-"""What the pages (the .md files) of this repository name, and whether it exists. Each check returns the mistakes."""
+"""Names in the pages (the .md files) of this repository, and whether each exists. Each check returns the mistakes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FINDERS = (_POOL.FindMessageTypeByName, _POOL.FindServiceByName, _POOL.FindMeth
 _NOT_OURS = {".git", ".venv", "node_modules", "build", "dist", "target", "gen", "bin"}
 """Folders of what is installed or generated."""
 _MADE = {"tools/bin", "tools/bin/grpcurl", "tools/node_modules"}
-"""What `make` creates."""
+"""Files that `make` creates."""
 _FOREIGN = {"grpc/_server.py", "px4_sitl"}
 """Files and make targets of other projects."""
 

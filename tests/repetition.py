@@ -1,4 +1,4 @@
-"""Which tests prove again what another one proves. `make test` leaves them out, `make test-all` runs them.
+"""Tests that prove again what another one proves. `make test` leaves them out, `make test-all` runs them.
 
 The rules stand here alone: no test is marked by hand.
 """
@@ -29,7 +29,7 @@ WHOLE = {
     "tests/ual/test_conformance.py": ("over_class", "over_tcp"),
     "tests/ual_daemon/backends/mavlink/test_autopilot_conformance.py": ("px4",),
 }
-"""Where all checks run: on the light UAV, both ways in, and over one autopilot."""
+"""Files in which all checks run: on the light UAV, both ways in, and over one autopilot."""
 _ABOVE_BACKENDS = {"dry_runs", "missions", "paths", "refusals", "tasks"}
 """The checks, by module, of what the daemon does above all backends: over another backend it is the same code."""
 _OF_TRAJECTORIES = {
@@ -76,15 +76,15 @@ BOTH_ALIKE = (
     "tests/ual_daemon/backends/mavros/",
     "tests/ual_tools/rtcm/",
 )
-"""Where two autopilots fly the same code of UAL: one of them does in `make test`."""
+"""Files in which two autopilots fly the same code of UAL: one of them does in `make test`."""
 WHERE_ASKED = (_MAVLINK,)
-"""Where both fly if the test itself asks which it is, and then at the first of several moments."""
+"""Folders in which both fly if the test itself asks which it is, and then at the first of several moments."""
 _NAMES = {"ArduPilot", "Px4", "ardupilot", "px4", "kind"}
 """Names by which a test asks."""
 
 
 def repeats(item: Any) -> bool:
-    """Whether another test fails where this one does."""
+    """Returns whether another test fails where this one does."""
     path = item.nodeid.partition("::")[0]
     if item.nodeid.startswith(tuple(PROGRAMS)):
         return True
@@ -109,7 +109,7 @@ def _is_ardupilot(value: object) -> bool:
 
 
 def _is_first(item: Any, name: str) -> bool:
-    """Whether a parameter has the first of its values. The indices of pytest count all tests of a function."""
+    """Returns whether a parameter has the first of its values. The indices of pytest count all tests of a function."""
     value = item.callspec.params[name]
     for mark in item.iter_markers("parametrize"):
         names = [each.strip() for each in mark.args[0].split(",")] if isinstance(mark.args[0], str) else mark.args[0]
@@ -128,7 +128,7 @@ def _plain(values: Any, *, is_one: bool) -> Any:
 
 
 def asks_which(code: CodeType) -> bool:
-    """Whether a function, or one within it, reads a name or a text that tells the autopilots apart."""
+    """Returns whether a function, or one within it, reads a name or a text that tells the autopilots apart."""
     inner = [each for each in code.co_consts if isinstance(each, CodeType)]
     read = {each.argval for each in dis.get_instructions(code) if not each.opname.startswith("STORE")}
     return any(isinstance(each, str) and each in _NAMES for each in read) or any(map(asks_which, inner))

@@ -40,7 +40,7 @@ _SECTION = re.compile(r"\s*(?:Args|Raises|Returns|Yields|Attributes|Note|Example
 _ARGUMENT = re.compile(r"\s*\*{0,2}[\w.,`* ]{1,60}: ")
 _WORD = re.compile(r"\w")
 _BLOCKS = ("body", "orelse", "handlers", "finalbody", "cases")
-"""Where statements stand within a statement."""
+"""Attributes with the statements within a statement."""
 _COMMENTS = re.compile(r"(?:^[ \t]*#.*\n?)+|#.*", re.MULTILINE)
 _COMMENTED_OUT = re.compile(r"\s*(?:noqa|type: ignore|fmt: |mypy: |!)")
 
@@ -53,7 +53,7 @@ class Sentence(NamedTuple):
 
     @property
     def words_count(self) -> int:
-        """How many words it has."""
+        """Number of its words."""
         return sum(bool(_WORD.search(word)) for word in self.text.split())
 
 
@@ -98,7 +98,7 @@ def of_file(path: Path) -> list[Sentence]:
 
 
 def _has_long_comment(text: str) -> bool:
-    """Whether a comment, or what looks like one, is long enough for a long sentence."""
+    """Returns whether a comment, or what looks like one, is long enough for a long sentence."""
     return any(len(block[0].split()) > MOST_WORDS for block in _COMMENTS.finditer(text))
 
 

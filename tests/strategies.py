@@ -1,4 +1,4 @@
-"""What hypothesis draws values of the interface from."""
+"""Strategies of hypothesis for values of the interface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What our packages import is what they ask for: another package's own dependency may be gone in its next version."""
+"""Imports of our packages are their declared dependencies: another package's own dependency may be gone in its next
+version.
+"""
 
 from __future__ import annotations
 

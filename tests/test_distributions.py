@@ -62,7 +62,7 @@ def test_the_daemon_does_not_ask_for_the_tools() -> None:
 
 
 def required(project: str) -> set[str]:
-    """What pip installs with the distribution, without extras."""
+    """Returns the packages that pip installs with the distribution, without extras."""
     core = ProjectMetadata(str(ROOT / project), PluginManager()).core
     return {Requirement(each).name for each in core.dependencies}
 

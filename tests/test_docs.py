@@ -198,7 +198,9 @@ for flags in json.load(sys.stdin):
 
 
 def refused_configurations(calls: Sequence[Sequence[str]]) -> list[str]:
-    """What `ual-daemon` says of the flags that it does not accept. All in one process, since imports take long."""
+    """Returns the errors of `ual-daemon` about flags that it does not accept. All in one process, since imports take
+    long.
+    """
     environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
     done = subprocess.run(
         [sys.executable, "-c", PRINT_CONFIGURATIONS],

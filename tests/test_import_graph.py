@@ -1,4 +1,4 @@
-"""What the packages import of each other, functions and type checks included: no circles, and nothing private."""
+"""Imports of the packages from each other, functions and type checks included: no circles, and nothing private."""
 
 from __future__ import annotations
 

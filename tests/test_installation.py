@@ -1,4 +1,4 @@
-"""What `make` installs: one set of versions for everything, and what is imported compiled."""
+"""Installation by `make`: one set of versions for everything, and imported modules compiled."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def is_meant(requirement: Requirement, python: str) -> bool:
 
 
 def asked_for() -> Iterator[Requirement]:
-    """What the distributions ask for, with every extra, and what the benchmarks do."""
+    """Yields the requirements of the distributions, with every extra, and those of the benchmarks."""
     for project in (".", "clients/python", "clients/python/ual_tools"):
         core = ProjectMetadata(str(ROOT / project), PluginManager()).core
         yield from map(Requirement, core.dependencies)
@@ -55,7 +55,7 @@ def test_the_lock_has_a_version_of_each_package_that_is_asked_for(python: str) -
 
 
 def commands_of(*targets: str, venv: str = "build/nowhere") -> list[str]:
-    """What `make` would run."""
+    """Returns the commands that `make` would run."""
     command = ["make", "--dry-run", "--always-make", f"VENV={venv}", *targets]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60.0)
     return done.stdout.splitlines()
@@ -92,7 +92,7 @@ print(json.dumps([sorted(sources), [name for name, file in sources.items() if no
 
 
 def test_a_start_compiles_nothing_that_the_installation_could_have(tmp_path: Path) -> None:
-    """Where Python may write no compiled modules, a start used to compile pymavlink's dialect: 0.5 s and 90 MiB."""
+    """A start used to compile pymavlink's dialect where Python may write no compiled modules: 0.5 s and 90 MiB."""
     [compile_used] = [line for line in commands_of("install", venv=sys.prefix) if "compile_used" in line]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
     environment |= {"PYTHONPYCACHEPREFIX": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}

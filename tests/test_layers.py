@@ -55,7 +55,7 @@ def add(directory: Path, room: str, line: str) -> None:
 
 @pytest.fixture(scope="module")
 def broken(tmp_path_factory: pytest.TempPathFactory) -> subprocess.CompletedProcess[str]:
-    """What the linter says of a copy in which each room imports one that it may not."""
+    """Output of the linter about a copy in which each room imports one that it may not."""
     copy = copy_to(tmp_path_factory.mktemp("broken"))
     for room, other in FORBIDDEN:
         add(copy, room, f"import ual_daemon.{other}")

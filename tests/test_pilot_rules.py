@@ -47,7 +47,7 @@ ALLOWED = {
 }
 """Files with something alike that is no rule of the pilot's, and what it is about."""
 BESIDE_FLYING = ("offers/", "mavlink/offers/", "mavlink/protocols/", "mavros/offers/")
-"""What is exchanged there moves no UAV: it is asked for again, or not waited for any more, as its protocol says."""
+"""Folders whose exchanges move no UAV: each is repeated, or given up, as its protocol says."""
 
 
 def _found(path: Path) -> list[str]:

@@ -1,4 +1,4 @@
-"""What `make release` checks, and what the beginning of a version writes."""
+"""Checks of `make release`, and the files that the beginning of a version writes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `make test` leaves out, and that its workers share no flight: rules which fail silently."""
+"""Tests that `make test` leaves out, and workers that share no flight: rules which fail silently."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""How much a velocity setpoint crosses from the class to the wire, as docs/concepts/inside-the-daemon.md says."""
+"""Functions and files that a velocity setpoint crosses from the class to the wire, as
+docs/concepts/inside-the-daemon.md says.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,7 @@ def crossed(uav: UAL) -> set[tuple[str, str]]:
 
 
 def said(words: str) -> tuple[int, int]:
-    """How many functions and files the architecture says, where it has these words."""
+    """Returns the numbers of functions and files in the architecture, where it has these words."""
     page = " ".join((ROOT / "docs" / "concepts" / "inside-the-daemon.md").read_text(encoding="utf-8").split())
     found = re.search(rf"{words} (\d+) functions in (\d+) files", page)
     assert found is not None, words

@@ -1,4 +1,4 @@
-"""What a wait of the tests says when it was in vain, and that no test makes one by hand."""
+"""Messages of a wait of the tests that was in vain; no test makes a wait by hand."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ual.types import State, Telemetry
 pytest_plugins = ["pytester"]
 TESTS = Path(__file__).parent
 REAL = ("sitl", "campaign", "simulators")
-"""What flies in real time by purpose: real autopilots, and what makes and judges their flights."""
+"""Folders that fly in real time by purpose: real autopilots, and the programs that make and judge their flights."""
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter"}
 BY_THE_CLOCK = {
     "clients/ros2/test_independent_stacks.py": "a stamp is of this day",
@@ -35,7 +35,7 @@ BY_THE_CLOCK = {
     "ual_daemon/test_threads.py": "the stress lasts as long as is asked for",
     "ual_tools/view/test_view_browser.py": "the page says it before its limit",
 }
-"""Where a condition may look at the clock of the computer, and why."""
+"""Tests whose condition may look at the clock of the computer, and the reason."""
 
 
 class Grounded:

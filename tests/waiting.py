@@ -19,7 +19,7 @@ from ual.types import State, Telemetry
 
 T = TypeVar("T")
 LIMIT_S = 240.0
-"""How long anything may take before a test gives up. A minute of a stepped simulation may take several on a busy
+"""Seconds that anything may take before a test gives up. A minute of a stepped simulation may take several on a busy
 machine. Shorter than pytest's own limit, which does not say what was waited for.
 """
 _PAUSE_S = 0.005
@@ -67,7 +67,7 @@ def _pause() -> float:
 
 
 def is_at_work(thread: threading.Thread) -> bool:
-    """Whether a thread has something to do, though a busy computer may give it no processor.
+    """Returns whether a thread has something to do, though a busy computer may give it no processor.
 
     It has not while it waits for another thread, a process or a descriptor, or between two looks of `until`. It has
     from the moment at which the other thread has notified it, or the next look is due.
@@ -135,7 +135,7 @@ def until_state(uav: Watched, *states: State, limit_s: float = LIMIT_S) -> None:
 
 
 class _Wait:
-    """What is waited for, and for how long."""
+    """Awaited condition, and the duration of the wait."""
 
     def __init__(
         self, condition: Callable[[], object], what: str, seen: Callable[[], object] | None, limit_s: float

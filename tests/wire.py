@@ -92,7 +92,7 @@ def _pool(files: Iterable[descriptor_pb2.FileDescriptorProto]) -> DescriptorPool
 
 
 def _has(pool: DescriptorPool, service: str) -> bool:
-    """Whether a contract has a service: the baseline lacks those that are newer."""
+    """Returns whether a contract has a service: the baseline lacks those that are newer."""
     try:
         pool.FindServiceByName(service)  # type: ignore[no-untyped-call]
     except KeyError:
@@ -108,7 +108,7 @@ def read_records(service: str) -> list[Record]:
 
 
 def problem_of(record: Record, pool: DescriptorPool) -> str:
-    """What the contract makes of a record that it should not; empty when all is well."""
+    """Returns the violation of a record by the contract; empty when all is well."""
     try:
         message_class = message_factory.GetMessageClass(pool.FindMessageTypeByName(record.message))  # type: ignore[no-untyped-call]
     except KeyError:
@@ -198,7 +198,7 @@ def _recorded_fields(records: list[Record], method: str, descriptor: Descriptor)
 
 
 def _is_opaque(field: FieldDescriptor) -> bool:
-    """Whether JSON holds the field as one value."""
+    """Returns whether JSON holds the field as one value."""
     if field.message_type is None:
         return True
     return field.message_type.full_name in _WELL_KNOWN or field.message_type.GetOptions().map_entry

@@ -20,7 +20,7 @@ from tests.sitl.troubles import TROUBLES, changed
 
 _CLIMB_TIMES = 60
 _BLIND_S = 7.0
-"""So long both autopilots fly on without GPS until they act (PX4 5.8 s)."""
+"""Seconds for which both autopilots fly on without GPS until they act (PX4 5.8 s)."""
 _ON_LINE: dict[str, Callable[[float], dict[str, float | bool]]] = {
     "loss": lambda strength: {"loss": 0.05 + 0.25 * strength},
     "delay": lambda strength: {"delay_s": 0.3 * strength, "jitter_s": 0.1},

@@ -14,12 +14,12 @@ from tests.campaign.record import DAEMON_STARTED, Located, Place, Record, Value
 FENCE_M = 1.0
 """A fence bounds references: the vehicle may deviate by so much, and by the error of its estimate."""
 KNOWN_S = 1.0
-"""So long after the daemon could know of a bound it may still fly by the one before, and then brake."""
+"""Seconds after the daemon could know of a bound for which it may still fly by the one before, and then brake."""
 _BRAKING_M_S2 = 1.5
 _ABOVE_M_S, _ABOVE_RATIO = 0.4, 1.15
-"""How much faster than its reference a vehicle may be that makes up for a lag."""
+"""Excess of speed over the reference, in m/s and as a factor, of a vehicle that makes up for a lag."""
 _PACED_S = 1.0
-"""So long before and after a time the simulator's clock is compared with the computer's."""
+"""Seconds before and after a time for which the simulator's clock is compared with the computer's."""
 _ESTIMATED_S = 0.25
 _HOME_MOVED_M = 0.3
 _CIRCLE = 2
@@ -118,7 +118,7 @@ def autopilot_fences(record: Record) -> list[Circle]:
 
 
 def is_near_autopilot_fence(circles: Sequence[Circle], each: Located, near_m: float) -> bool:
-    """Whether it was nearer than that to the autopilot's own fence, or beyond."""
+    """Returns whether it was nearer than that to the autopilot's own fence, or beyond."""
     circle = next(iter(newest(circles, each.time_s, each.time_s)), None)
     if circle is None or circle.radius_m is None or circle.home is None:
         return False
@@ -153,7 +153,7 @@ def _limits(record: Record, *, is_task: bool) -> list[Limit]:
 
 
 def _heard_s(record: Record) -> list[float]:
-    """When something of it became known, or was forgotten."""
+    """Returns the times at which something of it became known, or was forgotten."""
     events: list[Value | Located] = [*record.values, *record.told_homes]
     started = [life.time_s for life in record.lives if life.what == DAEMON_STARTED]
     return sorted([each.time_s for each in events] + started)
@@ -167,7 +167,7 @@ def _values(record: Record, time_s: float) -> dict[str, float]:
 
 
 def at(truth: Sequence[Located], time_s: float) -> Located:
-    """Where it was then, or at the nearest time of which that is known."""
+    """Returns the position then, or at the nearest time of which it is known."""
     index = bisect.bisect_left(truth, time_s, key=lambda each: each.time_s)
     return min(truth[max(0, index - 1) : index + 1], key=lambda each: abs(each.time_s - time_s))
 
@@ -181,13 +181,13 @@ def speed_m_s(each: Located) -> float:
 
 
 def _estimated_m_s(record: Record, time_s: float) -> float:
-    """How fast the autopilot took itself to be over ground, by its places: PX4's estimate is off after a turn."""
+    """Returns the speed over ground by the autopilot's estimated positions: PX4's own estimate is off after a turn."""
     then, now = (nearest(record.estimate, time_s + off_s) for off_s in (-_ESTIMATED_S, _ESTIMATED_S))
     return math.inf if then is None or now is None else math.dist(then[:2], now[:2]) / (2.0 * _ESTIMATED_S)
 
 
 def _pace(truth: Sequence[Located], time_s: float) -> float:
-    """How much of a second passed in the simulator in one of the computer, around a time; 1 at most.
+    """Returns the simulated seconds that passed in one second of the computer, around a time; 1 at most.
 
     The daemon's references go by the computer's clock, and the truth's velocity by the simulator's, which falls behind
     on a busy computer. Their ratio is that of the way made to the way that the velocities of the truth would have made.

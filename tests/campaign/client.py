@@ -38,7 +38,7 @@ def main() -> None:
 
 
 class _Count:
-    """How many setpoints of a stream were accepted."""
+    """Accepted setpoints of a stream."""
 
     value = 0
 

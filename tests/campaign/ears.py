@@ -62,9 +62,11 @@ _HARMLESS = frozenset(
         412,  # REQUEST_EVENT
     }
 )
-"""What a daemon may send unasked; all other messages may move the vehicle or change it."""
+"""Messages that a daemon may send unasked; all other messages may move the vehicle or change it."""
 _FTP_OPCODE_AT = 6
-"""Where it is in FILE_TRANSFER_PROTOCOL: after network, system, component, the number of two bytes, and session."""
+"""Offset of the opcode in FILE_TRANSFER_PROTOCOL: after network, system, component, the number of two bytes, and
+session.
+"""
 _READING = frozenset({0, 1, 2, 3, 4, 5, 14, 15})
 """The opcodes of file transfers that only read: a download that was begun goes on whoever flies."""
 _ASKING = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE})
@@ -98,7 +100,7 @@ class Ears:
         """Forgets a half frame: the connection is a new one."""
         self._newest_event_ms = 0
         self._own_ids = (0, 0)
-        """Those of the daemon."""
+        """Ids of the daemon."""
         self._sequence = SequenceUnwrapper(_LATE_S)
         self._newest: dict[str, int] = {}
         self._local: Place | None = None
@@ -138,7 +140,7 @@ class Ears:
                 continue
 
     def _is_newest(self, what: str) -> bool:
-        """Whether the frame that came last was not sent before another that told this."""
+        """Returns whether the frame that came last was not sent before another that told this."""
         is_newest = self._sequence.value > self._newest.get(what, self._sequence.value - 1)
         if is_newest:
             self._newest[what] = self._sequence.value

@@ -1,4 +1,4 @@
-"""What follows from the record of a flight for several rules: what was known, asked, taken, and how wrong it was."""
+"""Evidence from the record of a flight for several rules: known, requested and taken values, and their errors."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tests.campaign.places import distance_m
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Located, Place, Record, Sent, Told
 
 NOTICED_S = 0.1
-"""So long after it was told the daemon may still send what was under way."""
+"""Seconds after a report within which the daemon may still send messages that were under way."""
 STATE_S = 0.5
 """By then the state that is told must be true."""
 OWN_S = 8.0
 """A mode that follows an order of the daemon within this time is its own."""
 WAKE_S = 0.3
-"""So long a daemon that was stopped, or starved, takes until it has read what has come meanwhile."""
+"""Seconds after which a daemon that was stopped, or starved, has read the messages of the meantime."""
 UNKNOWN_M = 0.5
 """The error of an estimate that is not known at a time."""
 ENTERS = frozenset({"recover", "land", "rtl", "take_off", "arm", "mission"})
@@ -44,7 +44,7 @@ REFUSED = frozenset(
 )
 """So ended, a call has begun nothing. (LINK_LOST and UNAVAILABLE may come in the middle: see `begins`.)"""
 FLOWN_S = 0.5
-"""So long after its last setpoint a vehicle is flown by it."""
+"""Seconds after its last setpoint for which a vehicle is flown by it."""
 TASKS = frozenset({"take_off", "land", "rtl", "go_to", "go_to_geo", "go_above_home", "path", "mission"})
 _GOING_ON = ("CLIENT_KILLED", "TIMEOUT")
 """So ended, a task goes on: its client has only stopped waiting for it."""
@@ -60,9 +60,9 @@ class Case:
         self.record = record
         self.modes = BY_AUTOPILOT[record.autopilot]
         self.changes = known(record.told)
-        """What the autopilot has told."""
+        """Reports of the autopilot."""
         self.taken_s = _take_overs(record, self.changes, self.modes)
-        """When something else took the vehicle."""
+        """Times at which something else took the vehicle."""
         self.disarmed_s = [
             after.time_s for before, after in pairwise(self.changes) if before.armed and after.armed is False
         ]
@@ -83,7 +83,7 @@ class Breach:
 
 @dataclass(frozen=True)
 class Known:
-    """What the daemon could know of the autopilot from a time on."""
+    """Knowledge that the daemon could have of the autopilot from a time on."""
 
     time_s: float
     armed: bool | None
@@ -119,7 +119,7 @@ def between(changes: Sequence[Known], since_s: float, until_s: float) -> Iterato
 
 
 def known_since_s(record: Record, time_s: float, allowed_s: float) -> float:
-    """When the daemon must have read what it shows at a time: earlier where it was stopped or starved meanwhile.
+    """Returns the time of the data that the daemon shows at a time: earlier where it was stopped or starved meanwhile.
 
     A starvation that lasts is noted in pieces, which follow each other.
     """
@@ -134,7 +134,7 @@ def known_since_s(record: Record, time_s: float, allowed_s: float) -> float:
 
 
 def begins(call: Called) -> bool:
-    """Whether the call may have begun something. One that took a while before the link was lost may have."""
+    """Returns whether the call may have begun something. One that took a while before the link was lost may have."""
     if call.accepted_count:
         return True
     if call.outcome in ("LINK_LOST", "UNAVAILABLE"):
@@ -167,7 +167,8 @@ def _own_modes(record: Record, modes: Modes, time_s: float) -> set[int]:
 
 
 def _take_overs(record: Record, changes: Sequence[Known], modes: Modes) -> list[float]:
-    """When the daemon was told that something else has taken the armed vehicle out of a mode of ours.
+    """Returns the times at which the daemon was told that something else has taken the armed vehicle out of a mode of
+    ours.
 
     From one mode of others to another nothing is taken: a failsafe first holds, then returns.
     """
@@ -195,7 +196,8 @@ def allowed_from_s(case: Case, sent: Sent) -> float:
 
 
 def flown(case: Case) -> Iterator[tuple[Located, float]]:
-    """Where the vehicle was while the daemon's setpoints flew it; and since when they had, without a pause.
+    """Yields the positions of the vehicle while the daemon's setpoints flew it; and since when they had, without a
+    pause.
 
     Where its daemon is gone an autopilot flies on by itself: ArduCopter follows the last velocity for 3 s.
     """
@@ -211,12 +213,12 @@ def flown(case: Case) -> Iterator[tuple[Located, float]]:
 
 
 def is_befallen(record: Record, kinds: Collection[str], since_s: float, until_s: float) -> bool:
-    """Whether one of these faults was under way at some time in between."""
+    """Returns whether one of these faults was under way at some time in between."""
     return any(each.kind in kinds and each.began_s <= until_s and each.ended_s >= since_s for each in record.troubles)
 
 
 def estimate_error_m(record: Record, time_s: float) -> float:
-    """How wrong the autopilot's own estimate was: UAL can be no better."""
+    """Returns the error of the autopilot's own estimate: UAL can be no better."""
     estimate, truth = nearest(record.estimate, time_s), nearest(record.truth, time_s)
     return UNKNOWN_M if estimate is None or truth is None else distance_m(estimate, truth)
 

@@ -43,7 +43,7 @@ _LIES_S, _STILL_M_S = 1.0, 0.3
 _ARMED_S = 8.0
 """The longest time from an order to its arming."""
 _HEARS_S = 2.5
-"""So long a daemon that was started needs until it has heard everything once."""
+"""Seconds that a daemon that was started needs until it has heard everything once."""
 _BROKEN_OFF = ("DAEMON_UNREACHABLE", "LINK_LOST")
 _OWN_CLIMB_S = 8.0
 """ArduCopter's own take-off goes on where its daemon is gone; so long after the call it has lifted off."""
@@ -90,7 +90,9 @@ def follows(case: Case) -> Iterator[Breach]:
 
 
 def nothing_is_cried_wolf(case: Case) -> Iterator[Breach]:
-    """That it does not follow is told only where something has befallen the vehicle, or it does not by the truth."""
+    """Yields reports that it does not follow without cause: nothing has befallen the vehicle, and it follows by the
+    truth.
+    """
     record, was_told = case.record, True  # what is told at the begin is of the flight before
     found = strays(case)
     for said in record.said:
@@ -107,7 +109,7 @@ def _is_so(record: Record, found: Sequence[Stray], time_s: float) -> bool:
 
 
 def _has_no_witness(record: Record, stray: Stray) -> bool:
-    """Whether it was over before the daemon that runs since had heard everything once."""
+    """Returns whether it was over before the daemon that runs since had heard everything once."""
     return any(
         stray.began_s - TOLD_S < life.time_s and stray.ended_s <= life.time_s + _HEARS_S
         for life in record.lives
@@ -121,7 +123,7 @@ def strays(case: Case) -> list[Stray]:
 
 
 def _is_told(record: Record, since_s: float, until_s: float) -> bool:
-    """Whether some state says so, or that nothing is known."""
+    """Returns whether some state says so, or that nothing is known."""
     return any(
         since_s - _FARTHER_S <= said.time_s <= until_s
         and (said.state == "UNINITIALIZED" or any(words in said.reason for words in _SAYS_SO))
@@ -130,7 +132,7 @@ def _is_told(record: Record, since_s: float, until_s: float) -> bool:
 
 
 def _released_s(case: Case, stray: Stray) -> float:
-    """When a new motion may be accepted again: recovered, by somebody who asked for it, or it lies disarmed."""
+    """Returns the time from which a new motion may be accepted again: recovered, on request, or it lies disarmed."""
     times = [
         call.ended_s
         for call in case.record.called
@@ -198,7 +200,9 @@ def _besides(case: Case) -> Iterator[Stray]:
 
 
 def _is_held(case: Case, sent: Sent) -> bool:
-    """Whether it is to take off and has not lifted off: the rule `way` says how long its task may take to tell."""
+    """Returns whether it is to take off and has not lifted off: the rule `way` says how long its task may take to
+    tell.
+    """
     is_taking_off = any(
         call.name == "take_off" and call.began_s <= sent.time_s <= until_s(call) for call in case.record.called
     )
@@ -228,7 +232,7 @@ def _offs(case: Case) -> Iterator[Stray]:
 
 
 def _is_judged(case: Case, sent: Sent, kinds: Sequence[str]) -> bool:
-    """Whether the autopilot followed setpoints then, and nothing but the vehicle was disturbed."""
+    """Returns whether the autopilot followed setpoints then, and nothing but the vehicle was disturbed."""
     if is_befallen(case.record, (*DISTURBING, *kinds), sent.time_s - WAKE_S - TOLD_S, sent.time_s):
         return False
     now = list(between(case.changes, sent.time_s - TOLD_S, sent.time_s))
@@ -292,13 +296,15 @@ def _is_armed_by_somebody(record: Record, time_s: float) -> bool:
 
 
 def _bounces(case: Case, lay_s: float, time_s: float) -> bool:
-    """Whether the autopilot's own landing lifts it, which goes on: its motors were weak, and it made up for that."""
+    """Returns whether the autopilot's own landing lifts it, which goes on: its motors were weak, and it made up for
+    that.
+    """
     is_landing = all(each.mode in case.modes.lands for each in between(case.changes, lay_s - _LIES_S, time_s))
     return is_landing and not any(lay_s - _LIES_S <= sent.time_s <= time_s for sent in case.record.sent)
 
 
 def _is_lifted_by_somebody(case: Case, lay_s: float, time_s: float) -> bool:
-    """Whether a command goes on, or was done, since it lay for the last time, or something else flies it."""
+    """Returns whether a command goes on, or was done, since it lay for the last time, or something else flies it."""
     record = case.record
     if is_befallen(record, _STRANGERS, lay_s - TOLD_S, time_s) or any(order.what == "fly" for order in record.orders):
         return True
@@ -316,15 +322,15 @@ def _is_lifted_by_somebody(case: Case, lay_s: float, time_s: float) -> bool:
 
 
 def _is_returning(case: Case, lay_s: float, time_s: float) -> bool:
-    """Whether its own fence was narrower than where it stood: ArduCopter, armed, lifts off to return."""
+    """Returns whether its own fence was narrower than where it stood: ArduCopter, armed, lifts off to return."""
     is_fenced = is_befallen(case.record, ("fence", "wide_fence"), lay_s - TOLD_S, time_s)
     now = list(between(case.changes, time_s, time_s))
     return is_fenced and bool(now) and now[-1].mode == case.modes.returns
 
 
 def _is_left_to_itself(record: Record, lay_s: float, time_s: float) -> bool:
-    """Whether its daemon was killed before it lay, and none has sent anything since but a landing: its autopilot
-    follows what that daemon has asked last.
+    """Returns whether its daemon was killed before it lay, and none has sent anything since but a landing: its
+    autopilot follows what that daemon has asked last.
     """
     killed_s = [life.time_s for life in record.lives if life.what == DAEMON_KILLED and life.time_s <= lay_s]
     landings = [call for call in record.called if call.name == "land"]

@@ -66,7 +66,7 @@ _UNPLACED_S = 2.5
 """The autopilot tells once a second whether it is sure of its position."""
 _PAUSE_S = 0.8
 _ALONE_S = 10.0
-"""So long after its daemon was killed a vehicle may be where that has not led it."""
+"""Seconds after its daemon was killed for which a vehicle may be elsewhere than the daemon has led it."""
 ENDED_S = 1.0
 """By then a task has ended whose vehicle was taken."""
 _TAKERS = {
@@ -219,7 +219,7 @@ def _is_disturbed(record: Record, time_s: float) -> bool:
 
 
 def _has_just_begun(record: Record, time_s: float) -> bool:
-    """Whether the daemon has started within the last seconds: it must hear everything first."""
+    """Returns whether the daemon has started within the last seconds: it must hear everything first."""
     return any(life.what == DAEMON_STARTED and 0.0 <= time_s - life.time_s < 5.0 for life in record.lives)
 
 
@@ -228,7 +228,7 @@ def _was_starved(record: Record, time_s: float) -> bool:
 
 
 def _was_silent(times: Sequence[float], time_s: float) -> bool:
-    """Whether the autopilot itself paused within the last seconds."""
+    """Returns whether the autopilot itself paused within the last seconds."""
     begin, end = bisect.bisect_left(times, time_s - DISTURBED_S), bisect.bisect_right(times, time_s)
     recent = [*times[max(0, begin - 1) : end], time_s]
     return any(after - before > _PAUSE_S for before, after in pairwise(recent))
@@ -258,13 +258,15 @@ def who_took_it_is_told(case: Case) -> Iterator[Breach]:
 
 
 def _takers(record: Record, time_s: float) -> set[str]:
-    """Who or what can have taken the vehicle, in the words of UAL; empty where the link may have lost the reason."""
+    """Returns the possible takers of the vehicle, in the words of UAL; empty where the link may have lost the
+    reason.
+    """
     active = {each.kind for each in record.troubles if each.began_s <= time_s <= each.ended_s + DISTURBED_S}
     return set() if active & set(DISTURBING) else {name for kind in active & set(_TAKERS) for name in _TAKERS[kind]}
 
 
 def goals_are_reached(case: Case) -> Iterator[Breach]:
-    """Where a goal was reported as reached the vehicle was there, by the simulator's truth."""
+    """Yields goals that were reported as reached although the vehicle was not there, by the simulator's truth."""
     for call, missed_m, allowed_m in misses_m(case.record):
         if missed_m > allowed_m:
             text = f"{call.name} to {place_text(call.goal)} was reported as done {missed_m:.2f} m from it"
@@ -272,7 +274,9 @@ def goals_are_reached(case: Case) -> Iterator[Breach]:
 
 
 def misses_m(record: Record) -> Iterator[tuple[Called, float, float]]:
-    """How far from its goal the vehicle was, by the truth, when it was reported as reached; and how far it may be."""
+    """Yields the distance of the vehicle from its goal, by the truth, when it was reported as reached; and the allowed
+    distance.
+    """
     for call in record.called:
         goal = _goal_on_earth(record, call)
         if call.outcome or goal is None:
@@ -305,7 +309,7 @@ def _above_home(record: Record, call: Called, goal: Place) -> Place | None:
 
 
 def the_ground_is_reached(case: Case) -> Iterator[Breach]:
-    """Where a landing was reported as done the vehicle stood on the ground."""
+    """Yields landings that were reported as done although the vehicle did not stand on the ground."""
     record = case.record
     ground_m = min((each.place[2] for each in record.truth), default=0.0)
     for call in record.called:
@@ -335,7 +339,7 @@ def inside_the_fence(case: Case) -> Iterator[Breach]:
 
 
 def _was_left_alone(record: Record, time_s: float) -> bool:
-    """Whether the daemon before was killed shortly before."""
+    """Returns whether the daemon before was killed shortly before."""
     return any(life.what == DAEMON_KILLED and 0.0 < time_s - life.time_s < _ALONE_S for life in record.lives)
 
 

@@ -75,7 +75,7 @@ def a_velocity_leads_straight(case: Case) -> Iterator[Breach]:
 
 
 def asides_m(case: Case) -> Iterator[tuple[Called, float, float]]:
-    """How far beside its line each velocity led at worst, and how far it may there."""
+    """Yields the largest and the allowed distance from the line of each velocity."""
     record = case.record
     for call in record.called:
         places = list(_on_the_line(case, call))
@@ -90,7 +90,7 @@ def asides_m(case: Case) -> Iterator[tuple[Called, float, float]]:
 
 
 def _on_the_line(case: Case, call: Called) -> Iterator[Located]:
-    """Where it was while the velocity flew it, far from fences; nothing where something else may have led it aside."""
+    """Yields positions while the velocity flew it, far from fences; none where something else may have led it aside."""
     record = case.record
     if call.velocity is None or math.hypot(*call.velocity[:2]) < _SLOWEST_M_S:
         return
@@ -122,14 +122,14 @@ def _is_near_a_fence(record: Record, place: Place) -> bool:
 
 
 def _aside_m(call: Called, begin: Place, place: Place) -> float:
-    """How far to the left of the line from `begin`."""
+    """Returns the distance to the left of the line from `begin`."""
     assert call.velocity is not None
     east, north, _ = call.velocity
     return (east * (place[1] - begin[1]) - north * (place[0] - begin[0])) / math.hypot(east, north)
 
 
 def _error_m(record: Record, call: Called, begin: Located, each: Located) -> float:
-    """How far the autopilot's own estimate has gone aside since then."""
+    """Returns the drift of the autopilot's own estimate to the side since then."""
     then, now = nearest(record.estimate, begin.time_s), nearest(record.estimate, each.time_s)
     if then is None or now is None:
         return math.inf

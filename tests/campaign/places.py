@@ -1,4 +1,4 @@
-"""Where things are on Earth, in metres: the judge's own arithmetic, good to a centimetre within 100 m."""
+"""Positions on Earth, in metres: the judge's own arithmetic, good to a centimetre within 100 m."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _EQUATOR_M, _ECCENTRICITY_2 = 6378137.0, 6.69437999014e-3
 
 @dataclass(frozen=True)
 class Origin:
-    """Where the simulator starts: degrees, and metres above mean sea level."""
+    """Origin of the simulator: degrees, and metres above mean sea level."""
 
     latitude_deg: float
     longitude_deg: float

@@ -1,4 +1,4 @@
-"""What one flight does and what befalls it: all of it follows from the seed."""
+"""Plan of one flight and of its faults: all of it follows from the seed."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ _KINDS = {
     "station_parameter": 2,
     "station_reboot": 1,
 }
-"""How often each is chosen, relative to the others."""
+"""Relative frequency of each kind of fault."""
 _GROUND_ONLY = frozenset({"reboot"})
 _IN_FLIGHT = frozenset({"pilot", "fence", "ekf"})
 _IN_MOTION = frozenset({"limits", "wide_fence", "home", "origin", "station"})
@@ -90,7 +90,7 @@ _OF_VEHICLE = frozenset(
 )
 _OF_MISSION = ("station_upload", "station_clear", "station_jump", "cut")
 _WITH_MISSION = 25
-"""How often each of these is chosen, in a flight that has a mission."""
+"""Relative frequency of each kind, in a flight that has a mission."""
 _BY_STATION = frozenset({"station_parameter", "station_reboot"})
 _FOREIGN = 0.08
 _NO_FAULT = 0.1
@@ -109,7 +109,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Fault:
-    """What befalls the flight, `delay_s` after the step of this number begins. `strength` is 0 to 1."""
+    """Fault of the flight, `delay_s` after the step of this number begins. `strength` is 0 to 1."""
 
     kind: str
     step: int

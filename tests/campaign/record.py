@@ -1,4 +1,4 @@
-"""What is known of a flight afterwards: bytes on the wire, what the daemon said, calls, faults, the truth.
+"""Record of a flight: bytes on the wire, reports of the daemon, calls, faults, the truth.
 
 All times are seconds of the computer's monotonic clock; places are metres east, north and up of the simulator's start.
 """
@@ -16,7 +16,7 @@ DAEMON_STARTED, DAEMON_KILLED = "started", "killed"
 
 @dataclass(frozen=True)
 class Told:
-    """What has come to the daemon from the autopilot; None: this message does not say it."""
+    """Message from the autopilot to the daemon; None: this message does not contain it."""
 
     time_s: float
     armed: bool | None = None
@@ -28,7 +28,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Sent:
-    """What the daemon has sent that may move or change the vehicle: ``setpoint``, ``mode``, ``arm``, ``take_off``, …"""
+    """Message of the daemon that may move or change the vehicle: ``setpoint``, ``mode``, ``arm``, ``take_off``, …"""
 
     time_s: float
     what: str
@@ -68,7 +68,7 @@ class Called:
     is_above_home: bool = False
     """Whether `goal` has its height above the autopilot's home."""
     text: str = ""
-    """What the error says."""
+    """Text of the error."""
     height_m: float | None = None
     """Of a take-off: what was asked."""
     goals: tuple[Place, ...] = ()
@@ -77,7 +77,7 @@ class Called:
 
 @dataclass(frozen=True)
 class Located:
-    """Where the vehicle was: by the simulator's truth, or by the autopilot's estimate."""
+    """Position of the vehicle: by the simulator's truth, or by the autopilot's estimate."""
 
     time_s: float
     place: Place
@@ -136,7 +136,7 @@ class Record:
     autopilot: str
     fence_m: tuple[float, float] | None = None
     anchor: Place | None = None
-    """Where home was by the truth when it was last set before this flight, and how wrong the estimate was then."""
+    """Position of home by the truth when it was last set before this flight, and the error of the estimate then."""
     anchor_error_m: float = 0.0
     told: list[Told] = field(default_factory=list)
     sent: list[Sent] = field(default_factory=list)
@@ -148,17 +148,17 @@ class Record:
     lives: list[Life] = field(default_factory=list)
     values: list[Value] = field(default_factory=list)
     told_homes: list[Located] = field(default_factory=list)
-    """Where the autopilot's home is, as it reached the daemon."""
+    """Positions of the autopilot's home, as they reached the daemon."""
     homes: list[Located] = field(default_factory=list)
-    """Where it is, as the autopilot told it on another link, several times a second."""
+    """Positions of home, as the autopilot reported them on another link, several times a second."""
     texts: list[Text] = field(default_factory=list)
-    """Those of severity 0 to 2."""
+    """Texts of severity 0 to 2."""
     healths: list[Text] = field(default_factory=list)
     """The failing checks that a subscriber was told, and the failsafe, when they changed."""
     missions: list[Value] = field(default_factory=list)
     """The autopilot's words of its mission as they reached the daemon: its checksum, or its number of items."""
     uploaded: list[Value] = field(default_factory=list)
-    """When the autopilot told the daemon that a mission had come as a whole, or was removed."""
+    """Times at which the autopilot told the daemon that a mission had come as a whole, or was removed."""
     orders: list[Order] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
     """The faults that did not come about, and why."""

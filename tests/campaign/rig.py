@@ -75,7 +75,7 @@ _NO_RESET = 42651
 
 @dataclass(frozen=True)
 class Options:
-    """What a campaign flies."""
+    """Vehicle and links of a campaign."""
 
     autopilot: str
     url: str
@@ -214,7 +214,7 @@ class Rig:
             self._places = [] if outcome else places
 
     def _goals(self, action: int, time_s: float) -> tuple[Place, ...]:
-        """Where the mission leads that was begun then: its heights count from the autopilot's home."""
+        """Returns the goals of the mission that was begun then: its heights count from the autopilot's home."""
         homes = [each.place[2] for each in self.record.homes if each.time_s <= time_s]
         if action == ABORT or not homes:
             return ()
@@ -313,21 +313,21 @@ class Rig:
             self.wait_for(lambda: estimate_error_m(self.record, time.monotonic()) < _SURE_M, "the estimate", _SURE_S)
 
     def is_up(self) -> bool:
-        """Whether it is high enough to have ended its take-off."""
+        """Returns whether it is high enough to have ended its take-off."""
         return self.truth.place is not None and self.truth.place[2] > _UP_M
 
     def is_down(self) -> bool:
-        """Whether it is where it stood when the flight began, by the truth."""
+        """Returns whether it is where it stood when the flight began, by the truth."""
         truth = self.record.truth
         return bool(truth) and truth[-1].place[2] - truth[0].place[2] < _DOWN_M
 
     def has_sunk(self) -> bool:
-        """Whether it was below the ground, which PX4's simulator does not always have."""
+        """Returns whether it was below the ground, which PX4's simulator does not always have."""
         heights_m = [each.place[2] for each in self.record.truth]
         return bool(heights_m) and heights_m[0] - min(heights_m) > _SUNK_M
 
     def is_astray(self) -> bool:
-        """Whether it stands where a flight cannot begin: somebody else has flown it there."""
+        """Returns whether it stands where a flight cannot begin: somebody else has flown it there."""
         place = self.truth.place or (0.0, 0.0, 0.0)
         return max(abs(place[0]), abs(place[1])) > AREA_M + _ASTRAY_M
 

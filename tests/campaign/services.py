@@ -15,7 +15,7 @@ from tests.campaign.record import Called, Record
 CHANGES = ("upload", "clear")
 """Acts of another station on the mission."""
 PASSED_M = 3.0
-"""How near a waypoint is passed: both autopilots' radius of 2 m, and what UAL may overshoot."""
+"""Distance in metres at which a waypoint counts as passed: both autopilots' radius of 2 m, and the overshoot of UAL."""
 _CLIMBED_M = 1.0
 _LANDED_S = 2.0
 _STARVED_S = 0.5
@@ -34,7 +34,8 @@ _OVER = {
 
 
 def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
-    """Where another station replaces or clears the mission that flies, its task ends within a second and says so.
+    """Yields tasks that do not end within a second, or without the reason, where another station replaces or clears the
+    flying mission.
 
     The second begins when the autopilot has told it.
     """
@@ -59,7 +60,9 @@ def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
 
 
 def _told_s(record: Record, since_s: float) -> float:
-    """When a state said that another station has brought its mission: a client may sleep in a pause meanwhile."""
+    """Returns the time at which a state said that another station has brought its mission: a client may sleep in a
+    pause meanwhile.
+    """
     return min(
         (said.time_s for said in record.said if said.time_s > since_s and _BROUGHT in said.reason), default=math.inf
     )
@@ -125,7 +128,7 @@ def _comes_again(record: Record, words: str, since_s: float) -> bool:
 
 
 def _is_unheard(record: Record, time_s: float) -> bool:
-    """Whether the daemon, or the subscriber, did not run then."""
+    """Returns whether the daemon, or the subscriber, did not run then."""
     return is_befallen(record, ("kill_daemon", "reboot"), time_s - _LANDED_S, time_s) or not any(
         time_s - TOLD_S <= said.time_s for said in record.said
     )

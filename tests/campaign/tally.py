@@ -1,4 +1,4 @@
-"""How much the judge had to look at: a campaign that flew nothing breaks no rule either."""
+"""Tally of the judge's evidence: a campaign that flew nothing breaks no rule either."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ _BEGUN_S = 0.5
 
 
 def words_are_true(case: Case) -> Iterator[Breach]:
-    """What is told of the flight, and of what took it, is true; one stay in a mode of others has one cause."""
+    """Yields untrue reports about the flight and its takers; one stay in a mode of others has one cause."""
     yield from _commanded(case)
     yield from _possible(case)
     yield from _one_name(case)
@@ -94,7 +94,7 @@ def _others(record: Record) -> Iterator[Breach]:
 
 
 def _is_a_stations(record: Record, case: Case, time_s: float) -> bool:
-    """Whether a ground station's order changed the mode last, and no failsafe can have."""
+    """Returns whether a ground station's order changed the mode last, and no failsafe can have."""
     orders = [each.began_s for each in record.troubles if each.kind == "station" and each.began_s < time_s]
     changes = [each.time_s for each in _modes(case) if each.time_s <= time_s]
     if not orders or not changes or not 0.0 <= changes[-1] - orders[-1] < _SHOWN_S:
@@ -121,7 +121,7 @@ def _one_name(case: Case) -> Iterator[Breach]:
 
 
 def _modes(case: Case) -> Iterator[Known]:
-    """What was known when the mode had changed."""
+    """Yields the knowledge at each change of the mode."""
     before = None
     for each in case.changes:
         if each.mode != before:

@@ -29,7 +29,7 @@ def commands_of_the_page() -> list[tuple[str, str]]:
 
 
 def is_as_shown(answer: str, shown: str) -> bool:
-    """Whether an answer is what the page shows; its … stands for anything."""
+    """Returns whether an answer is what the page shows; its … stands for anything."""
     pattern = ".*".join(re.escape(piece) for piece in shown.strip().split("…"))
     return re.fullmatch(pattern, answer.strip(), re.DOTALL) is not None
 

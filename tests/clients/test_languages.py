@@ -22,7 +22,7 @@ from ual_tools.access import certificates
 BUILD_LIMIT_S = 1200.0
 MISSION_LIMIT_S = 120.0
 SHOW_WHO_CALLS = ("go", "typescript")
-"""Whose missions take --tls-ca, --token-file and --lease."""
+"""Languages whose missions take --tls-ca, --token-file and --lease."""
 
 pytestmark = [
     pytest.mark.skipif(

@@ -1,4 +1,4 @@
-"""What is said of the languages of `clients/`, whether the machine has them or not."""
+"""Reports about the languages of `clients/`, whether the machine has them or not."""
 
 from __future__ import annotations
 

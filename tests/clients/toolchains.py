@@ -28,11 +28,11 @@ class Language:
     needed: tuple[str, ...]
     """Programs that build and run it."""
     get: str
-    """How to get what is missing."""
+    """Installation of missing tools."""
     build: tuple[tuple[str, ...], ...]
     """Commands, run in the folder: those of its README."""
     mission: tuple[str, ...]
-    """What flies, run in the folder; without a wrapper between us and it, so that Ctrl-C reaches it."""
+    """Command that flies, run in the folder; without a wrapper between us and it, so that Ctrl-C reaches it."""
     has_libraries: Callable[[], bool] = lambda: True
     """Whether the machine has what the build does not fetch by itself."""
 

@@ -215,7 +215,7 @@ exec unshare --user --map-user=10001 --map-group=10001 -- "$@"
 
 
 def can_confine() -> bool:
-    """Whether this computer lets a test confine a process: root in a sandbox may not."""
+    """Returns whether this computer lets a test confine a process: root in a sandbox may not."""
     probe = ["unshare", "--mount", "bash", "-c", CONFINE, "confine", "true"]
     return shutil.which("unshare") is not None and subprocess.run(probe, capture_output=True).returncode == 0
 

@@ -1,4 +1,4 @@
-"""What deploy/monitoring has, as the real Prometheus judges it: its configuration, its rules, its dashboard."""
+"""Content of deploy/monitoring, as the real Prometheus judges it: its configuration, its rules, its dashboard."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ CAUSES: dict[str, tuple[dict[str, str], Sequence[str]]] = {
     "UalRecordingEnded": ({f"ual_recorder_running{{{PROCESS}}}": "1x118 0x62"}, ()),
     "UalRecordingLoses": ({f"ual_recorder_lost_entries_total{{{PROCESS}}}": "3x100 4x80"}, ()),
 }
-"""What each alert is for, and which others fire at the same time, after two minutes."""
+"""Cause of each alert, and the others that fire at the same time, after two minutes."""
 
 
 GONE = {
@@ -180,7 +180,7 @@ class Prometheus:
         self._url = f"http://127.0.0.1:{port}/api/v1/query"
 
     def ask(self, query: str) -> list[dict[str, Any]]:
-        """What a query finds."""
+        """Returns the result of a query."""
         url = f"{self._url}?{urllib.parse.urlencode({'query': query})}"
         with urllib.request.urlopen(url, timeout=LIMIT_S) as answer:
             found = json.load(answer)
@@ -189,7 +189,7 @@ class Prometheus:
         return result
 
     def wait_for(self, query: str) -> list[dict[str, Any]]:
-        """What a query finds, once it finds anything."""
+        """Returns the result of a query, once there is any."""
         return until(lambda: self._tried(query), query)
 
     def _tried(self, query: str) -> list[dict[str, Any]]:

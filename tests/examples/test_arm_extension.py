@@ -113,7 +113,7 @@ REACHED = "Joints(shoulder_rad=0.5, elbow_rad=-1.0, is_moving=False)"
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the package is installed."""
+    """Folder in which the package is installed."""
     return install("arm_extension", tmp_path_factory.mktemp("arm"))
 
 

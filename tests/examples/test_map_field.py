@@ -25,10 +25,10 @@ from ual_daemon.geodesy import EllipsoidProjection
 
 ORIGIN = (40.0, -3.7, 600.0)
 LENGTH_M = float(os.environ.get("SURVEY_LENGTH_M", "15"))
-"""How long lanes are: 110 m lead to over a thousand pictures."""
+"""Length of the lanes in metres: 110 m lead to over a thousand pictures."""
 LEAST_COUNT = 9.2 * LENGTH_M
 LATE_M = 0.3
-"""How far a picture may be from its place."""
+"""Most distance in metres of a picture from its planned position."""
 
 
 def from_line_m(place: tuple[float, float], begin: tuple[float, float], end: tuple[float, float]) -> float:
@@ -39,7 +39,7 @@ def from_line_m(place: tuple[float, float], begin: tuple[float, float], end: tup
 
 
 def place_of(file: Path) -> Vector3:
-    """Where a file says that its picture was taken, in the frame of its UAV."""
+    """Returns the position at which the picture was taken, by its file, in the frame of its UAV."""
     with file.open("rb") as opened:
         tags: dict[str, Any] = exifread.process_file(opened, details=False)
     latitude, longitude = (_degrees(tags, name) for name in ("Latitude", "Longitude"))

@@ -78,7 +78,7 @@ with UAL(LockstepHover(BackendOptions("uav_1"), 5.0), allow_arming=True) as uav:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the package is installed."""
+    """Folder in which the package is installed."""
     return install("third_party_backend", tmp_path_factory.mktemp("hover"))
 
 

@@ -63,7 +63,7 @@ class Program:
 
 
 def is_running(program: Program) -> bool:
-    """Whether it runs still, a little later."""
+    """Returns whether it runs still, a little later."""
     try:
         program.process.wait(0.05)
     except subprocess.TimeoutExpired:
@@ -72,7 +72,7 @@ def is_running(program: Program) -> bool:
 
 
 class Watch:
-    """Where UAVs are in map, as an observer sees them."""
+    """Positions of UAVs in map, as an observer sees them."""
 
     def __init__(self, uavs: Sequence[ual.Uav]) -> None:
         self.newest: dict[str, ual.Vector3] = {}
@@ -115,12 +115,14 @@ def start_armed(start_daemon: StartDaemon, ns: str = "uav_1") -> DaemonProcess:
 
 
 def nearest_m(watch: Watch) -> float:
-    """How near two of them came, along the ground."""
+    """Returns the least distance between two of them, along the ground."""
     return min(_nearest_m(a, b) for a, b in itertools.combinations(watch.tracks.values(), 2))
 
 
 def _nearest_m(track: list[tuple[float, ual.Vector3]], other: list[tuple[float, ual.Vector3]]) -> float:
-    """How near two came at the same time: a busy computer may show the samples of one later than those of the other."""
+    """Returns the least distance of two at the same time: a busy computer may show the samples of one later than those
+    of the other.
+    """
     nearest, i = math.inf, 0
     for (begin_s, begin), (end_s, end) in itertools.pairwise(track):
         while i < len(other) and other[i][0] < begin_s:

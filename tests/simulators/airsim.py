@@ -37,7 +37,7 @@ class Vehicle:
     wall_north_m: float = math.inf
     body: Body = field(default_factory=Body)
     is_armed: bool = True
-    """What the firmware believes; the motors may run all the same."""
+    """Belief of the firmware; the motors may run all the same."""
     has_api_control: bool = False
     rc: dict[str, Any] = field(default_factory=dict)
     allows_api: bool = True
@@ -197,7 +197,7 @@ def vector(values: Vector) -> dict[str, float]:
 
 
 _NO_COLLISION = {"has_collided": False, "time_stamp": 0, "normal": vector((0.0, 0.0, 0.0)), "object_name": ""}
-"""What ``getMultirotorState`` always says of collisions."""
+"""Constant answer of ``getMultirotorState`` about collisions."""
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> dict[str, float]:

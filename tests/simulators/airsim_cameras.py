@@ -42,14 +42,14 @@ class CrashedError(Exception):
 
 
 class Server(Protocol):
-    """What the cameras need of the simulator."""
+    """Parts of the simulator that the cameras need."""
 
     vehicles: dict[str, Vehicle]
     epoch_s: float
 
 
 class AirsimCameras:
-    """What they answer. `settings` are those of settings.json."""
+    """Cameras of the simulator. `settings` are those of settings.json."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
@@ -58,7 +58,7 @@ class AirsimCameras:
         self.renders = True
         """False: each request of pictures waits for ever, and holds a thread."""
         self.refusal = ""
-        """What an exception says that all requests of pictures throw; empty: they throw none."""
+        """Text of an exception that all requests of pictures throw; empty: they throw none."""
         self.message = ""
         """Why a picture is empty; empty: it is not."""
         self.is_of_microsoft = False
@@ -141,7 +141,7 @@ def _threw(method: str, text: str) -> RefusedError:
 
 
 def _enu(vehicle: Vehicle) -> Pose:
-    """Where a vehicle is: east, north, up."""
+    """Returns the pose of a vehicle: east, north, up."""
     north, east, down = vehicle.body.position
     roll, pitch = vehicle.body.tilt
     turn = Quaternion.from_euler(roll, -pitch, math.pi / 2.0 - vehicle.body.yaw_rad)

@@ -27,7 +27,7 @@ EPOCH_S = 1_700_000_000.0
 _SPARE_WORKERS = 4
 _POLLED = ("getMultirotorState", "getRotorStates", "isApiControlEnabled", "simGetCollisionInfo")
 _OFTEN = (*_POLLED, "moveByVelocity", "moveByRC")
-"""What is called so often that it is not noted."""
+"""Calls that are too frequent to be noted."""
 
 
 class Peer:
@@ -85,7 +85,7 @@ class AirsimServer:
             "simGetCameraInfo": self.cameras.get_camera_info,
         }
         self.forgets_count = 0
-        """So many of the next velocities it never answers."""
+        """Number of the next velocities that it never answers."""
         self._unrendered: list[tuple[Peer, int, list[Any]]] = []
         self._paused_moves: list[Callable[[], None]] = []
         self._pending = 0
@@ -102,7 +102,7 @@ class AirsimServer:
 
     @property
     def pending_count(self) -> int:
-        """How many calls last."""
+        """Calls under way."""
         return self._pending
 
     @property

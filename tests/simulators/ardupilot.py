@@ -31,7 +31,7 @@ MODES = {
     BRAKE: "BRAKE",
 }
 _BOOT_S = 1.4
-"""How long it says that it boots."""
+"""Seconds of its boot."""
 _BY_STICKS = frozenset({STABILIZE, ALT_HOLD, LOITER, POSHOLD})
 _NEEDS_POSITION = frozenset({GUIDED, LOITER, RTL, POSHOLD, BRAKE})
 _NOT_ARMABLE = frozenset({AUTO, RTL, LAND, BRAKE})
@@ -144,7 +144,7 @@ class ArduPilot(Autopilot):
         self.has_rangefinder = False
         """Whether it uses a rangefinder, up to `RANGEFINDER_MAX_M`: a take-off then counts from the ground below."""
         self.takeoff_error_m = 0.0
-        """How much higher a take-off leads than commanded."""
+        """Metres by which a take-off leads higher than commanded."""
         rates_hz = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0, mavlink.MAVLINK_MSG_ID_TIMESYNC: 0.1}
         super().__init__(
             [Channel(port, rates_hz) for port in ([links] if isinstance(links, Port) else links)],
@@ -333,7 +333,7 @@ class ArduPilot(Autopilot):
             self.say("Auto mission changed, restarted command")
 
     def _begins_with_take_off(self) -> bool:
-        """Whether the first item that moves it is a take-off."""
+        """Returns whether the first item that moves it is a take-off."""
         moving = (each.command for each in self.missions.lists[0][1:] if each.command <= NAV_LAST)
         return bool(next(moving, 0) == mavlink.MAV_CMD_NAV_TAKEOFF)
 
@@ -589,7 +589,7 @@ class ArduPilot(Autopilot):
                 self.mission.landed()
 
     def _lifts(self) -> bool:
-        """Whether it leaves the ground: by a take-off or by the throttle. A velocity setpoint is not enough."""
+        """Returns whether it leaves the ground: by a take-off or by the throttle. A velocity setpoint is not enough."""
         if self.is_taking_off and self._takeoff is not None:
             return self.now_s - self._takeoff[1] >= _TAKEOFF_LIFTS_S
         if self.mode == AUTO:
@@ -601,7 +601,7 @@ class ArduPilot(Autopilot):
         return down is not None and down < self.position[2] - 0.5
 
     def _returns(self) -> bool:
-        """Whether it flies home: in its mode for that, or by an item of its mission, in AUTO."""
+        """Returns whether it flies home: in its mode for that, or by an item of its mission, in AUTO."""
         return self.mode == RTL or (self.mode == AUTO and self._auto_command() == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
 
     def _lands_in_auto(self) -> bool:

@@ -89,30 +89,30 @@ class Autopilot(ABC):
         self.projection = projection
         self.noise = random.Random(seed)
         self._booted_at: Vector = (0.0, 0.0, start[2])
-        """Where it stands in its local frame after a reboot."""
+        """Position in its local frame after a reboot."""
         self.body = Body(position=start, ground_z_m=start[2])
         self.origin: Vector = ZERO
-        """Where the estimator's origin is on the ground, from where it was at first."""
+        """Position of the estimator's origin on the ground, from its first one."""
         self.estimate_error: Vector = ZERO
-        """How far the estimate is off, as `jump` left it."""
+        """Error of the estimate, as `jump` left it."""
         self.heading_error_rad = 0.0
-        """How far its estimate of the heading, which `body` has, is off, as `jump_heading` left it."""
+        """Error of its estimate of the heading, which `body` has, as `jump_heading` left it."""
         self.velocity_error: Vector = ZERO
-        """How wrong its estimate of the velocity is, beside a position that is right: PX4's is, for seconds."""
+        """Error of its estimate of the velocity, beside a position that is right: PX4 has it for seconds."""
         self.resets_count = 0
-        """How often the estimator was reset, as PX4 counts it."""
+        """Resets of the estimator, as PX4 counts them."""
         self.has_satellites = True
         """Whether it knows where it is on Earth; without (indoors), another sensor keeps its position good."""
         self.wander = Wander(wander_m, self.noise)
         self.is_gps_good = True
         self.external_pose_s = -math.inf
-        """When the last pose came from outside that it uses."""
+        """Time of the last external pose that it uses."""
         self.external_poses: list[Message] = []
         """All poses from outside for it, used or not."""
         self.arm_refusal = ""
         """Why it cannot be armed; empty if it can."""
         self.failing_sensors = 0
-        """Those of SYS_STATUS (MAV_SYS_STATUS) that are not healthy."""
+        """Sensors of SYS_STATUS (MAV_SYS_STATUS) that are not healthy."""
         self.batteries = [(0, 0, 90)]
         """The id, the MAV_BATTERY_FUNCTION and the charge (in percent) of each."""
         self.said = ""
@@ -136,7 +136,7 @@ class Autopilot(ABC):
         self.trigger: Trigger | None = None
         """Its camera."""
         self.receiver = SatelliteReceiver()
-        """What its satellite receiver is given."""
+        """Data that its satellite receiver is given."""
         self._handlers: dict[int, Callable[[Message, Sender], None]] = {
             mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self._on_command_long,
             mavlink.MAVLINK_MSG_ID_COMMAND_INT: self._on_command_int,
@@ -261,7 +261,7 @@ class Autopilot(ABC):
 
     @property
     def true_heading_rad(self) -> float:
-        """Where its nose really points."""
+        """True heading of its nose."""
         return wrap(self.body.yaw_rad - self.heading_error_rad)
 
     @abstractmethod
@@ -317,7 +317,7 @@ class Autopilot(ABC):
 
     @property
     def place(self) -> Vector:
-        """Where it really is, from where its origin was at first."""
+        """True position, from its first origin."""
         return plus(self.body.position, self.origin)
 
     @property
@@ -335,7 +335,7 @@ class Autopilot(ABC):
 
     @property
     def unaided_s(self) -> float:
-        """How long it has had neither; negative while it has GPS."""
+        """Seconds without GPS and external poses; negative while it has GPS."""
         return self.now_s - max(self.gps_lost_s, self.external_pose_s)
 
     @property
@@ -438,7 +438,7 @@ class Autopilot(ABC):
             self.estimate_error = minus((message.x, message.y, message.z), plus(self.body.position, (dx, dy, dz)))
 
     def uses(self, message: Message) -> bool:
-        """Whether it is set up to use a pose from outside, and this is one as it takes them."""
+        """Returns whether it is set up to use a pose from outside, and this is one as it takes them."""
         return False
 
     @abstractmethod
@@ -621,7 +621,7 @@ class Autopilot(ABC):
     # Its mission
 
     mission: MissionFlight
-    """What it flies of its mission; made at each boot."""
+    """Flight of its mission; made at each boot."""
 
     def _new_mission(self, first: int) -> MissionFlight:
         found = MissionFlight(lambda: self.missions.lists[MISSION], first, self._mission_place, self._on_reached)

@@ -61,7 +61,7 @@ class Channel:
         return found
 
     def has_ground_station(self, now_s: float) -> bool:
-        """Whether a ground station's heartbeat comes on this link."""
+        """Returns whether a ground station's heartbeat comes on this link."""
         return now_s - self._ground_station_s <= _GROUND_STATION_S
 
     def send(self, message: Message, now_s: float) -> None:

@@ -14,7 +14,7 @@ from ual_daemon.backends.values import Freshness
 from ual_daemon.program.main import main
 
 PATIENCE_S = 60.0
-"""How old what an autopilot said may become for `PatientBackend`."""
+"""Age in seconds that reports of an autopilot may reach for `PatientBackend`."""
 _BACKENDS = (EntryPoint("patient_mavlink", "tests.simulators.daemon:PatientBackend", registry.GROUP),)
 
 

@@ -107,11 +107,11 @@ class GimbalModule:
         return {"/psdk_ros2/gimbal_rotation": ("psdk_interfaces/GimbalRotation", self._rotate)}
 
     def angles(self) -> Message:
-        """What is published of its angles."""
+        """Returns the published angles."""
         return {"vector": {"x": self.roll_rad, "y": self.pitch_rad, "z": self.yaw_rad}}
 
     def status(self) -> Message:
-        """What is published of its flags."""
+        """Returns the published flags."""
         flags = ("roll_limited", "yaw_limited", "calibrating", "gyro_falut", "fw_updating")
         limited = int(self.is_pitch_limited)
         return {"mount_status": int(self.is_mounted), "pitch_limited": limited, **dict.fromkeys(flags, 0)}

@@ -32,7 +32,7 @@ class OneThreadBridge(Bridge):
 
     @property
     def waiting_count(self) -> int:
-        """How many calls wait for the thread."""
+        """Calls that wait for the thread."""
         return len(self._waiting)
 
     @override

@@ -41,11 +41,11 @@ class FileStore:
         """All requests of MAVFTP, in order."""
         self.log_requests: list[Message] = []
         self.per_step = 5
-        """So many blocks stream at each step."""
+        """Blocks that stream at each step."""
         self.said: list[str] = []
-        """What it has said, as STATUSTEXT."""
+        """Its messages, as STATUSTEXT."""
         self.sent_s = -math.inf
-        """When it has answered last."""
+        """Time of its last answer."""
         self._is_px4 = is_px4
         self._is_armed = is_armed
         self._path: str | None = None
@@ -65,7 +65,7 @@ class FileStore:
 
     @property
     def directory(self) -> str:
-        """Where its logs are."""
+        """Directory of its logs."""
         return "/fs/microsd/log" if self._is_px4 else "/APM/LOGS"
 
     @property

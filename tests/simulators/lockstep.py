@@ -27,7 +27,7 @@ POSE_RATE_HZ = 25.0
 ADDRESS = ("127.0.0.1", 14580)
 _BEGIN_UTC_S = 1.8e9
 _BATCH = 64
-"""So many datagrams are received at once."""
+"""Datagrams that are received at once."""
 
 
 class LockstepBackend(MavlinkBackend):

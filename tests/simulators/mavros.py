@@ -34,14 +34,14 @@ from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, 
 
 BEGIN_UTC_S = 1.8e9
 EGM96_M = 47.9
-"""What it adds to altitudes above mean sea level: its model is not the receiver's."""
+"""Metres that it adds to altitudes above mean sea level: its model is not the receiver's."""
 CONNECTION_TIMEOUT_S, ACK_TIMEOUT_S = 10.0, 5.0
 _HEARTBEAT_S, _TIMESYNC_S = 1.0, 0.1
 _ACK_STEPS = 4
 """An autopilot of these tests answers within so many steps, or not at all."""
 _EVENT = 410
 LISTS_S = 15.0
-"""So long after it has found the autopilot it reads the lists by itself."""
+"""Seconds after it has found the autopilot until it reads the lists by itself."""
 
 _PX4_MODES = {
     "MANUAL": (1, 0),
@@ -128,7 +128,7 @@ class Mavros:
             "GIMBAL_DEVICE_ATTITUDE_STATUS": self._gimbal,
         }
         self.server: dict[str, float] = {}
-        """What it has put on the parameter server of ROS 1, which outlives it."""
+        """Values that it has put on the parameter server of ROS 1, which outlives it."""
         for name in ("COUNT", "ITEM_INT", "REQUEST_INT", "REQUEST", "ACK", "CURRENT", "ITEM_REACHED"):
             self._handlers[f"MISSION_{name}"] = self._mission_message
         self.latched: dict[str, Message] = {}

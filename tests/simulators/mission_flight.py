@@ -1,4 +1,4 @@
-"""How a simulated autopilot flies the items of its mission, by itself. The physics are those of `Autopilot`.
+"""Flight of a simulated autopilot through the items of its mission, by itself. The physics are those of `Autopilot`.
 
 PX4 counts its items from 0 and has no home among them; ArduPilot's item 0 is home.
 """
@@ -40,9 +40,9 @@ class MissionFlight:
         self.state = NONE
         self.speed_m_s: float | None = None
         self.hold: Vector = (0.0, 0.0, 0.0)
-        """Where it stays while no item leads elsewhere."""
+        """Position at which it stays while no item leads elsewhere."""
         self.begins_count = 0
-        """How often it was begun since it was new."""
+        """Times that it was begun since it was new."""
         self._jumps: Counter[int] = Counter()
         self._since_s: float | None = None
 
@@ -125,7 +125,7 @@ class MissionFlight:
         return self.state == ACTIVE and self.item is not None and self.item.command == TAKEOFF
 
     def is_landing(self, position: Vector) -> bool:
-        """Whether it is over the place where it lands."""
+        """Returns whether it is over the place where it lands."""
         item = self.item
         if self.state != ACTIVE or item is None or item.command != LAND:
             return False

@@ -56,7 +56,7 @@ _COPTERS_COMMANDS = frozenset(
         2001,
     }
 )
-"""What ArduCopter takes into a mission (AP_Mission::mavlink_int_to_mission_cmd), as far as tests send it."""
+"""Commands that ArduCopter takes into a mission (AP_Mission::mavlink_int_to_mission_cmd), as far as tests send them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class MissionStore(ABC):
     """Keeps the lists, and answers. Calls `on_fence` after a change of the fence."""
 
     most: Mapping[int, int]
-    """How many items each list may have."""
+    """Most items of each list."""
 
     def __init__(self, on_fence: Callable[[], None]) -> None:
         self._on_fence = on_fence
@@ -94,9 +94,9 @@ class MissionStore(ABC):
         self.withheld: set[int] = set()
         """The numbers of items that are never sent."""
         self.downloads_count = 0
-        """How often all items were read to the end."""
+        """Reads of all items to the end."""
         self.uploads_count = 0
-        """How often a list was changed."""
+        """Changes of a list."""
         self.on_taken: Callable[[int, int], None] = lambda _kind, _seq: None
         """Called with the list and the number of each item that was taken from an upload."""
 
@@ -506,7 +506,7 @@ class ArduPilotStore(MissionStore):
 
 
 def _is_whole(items: Sequence[MissionItem]) -> bool:
-    """Whether each polygon has its corners."""
+    """Returns whether each polygon has its corners."""
     at = 0
     while at < len(items):
         count = int(items[at].param1) if items[at].command in _POLYGONS else 1

@@ -1,4 +1,4 @@
-"""What simulated autopilots have in files about their parameters: PX4's descriptions, and ArduPilot's packed list."""
+"""Files of simulated autopilots about their parameters: PX4's descriptions, and ArduPilot's packed list."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class Agility:
 
 @dataclass(slots=True)
 class Body:
-    """Where the vehicle is and how it moves, on a flat ground at height `ground_z_m`."""
+    """Position and motion of the vehicle, on a flat ground at height `ground_z_m`."""
 
     position: Vector = ZERO
     velocity: Vector = ZERO

@@ -53,20 +53,22 @@ _STANDARD_MODE = {POSCTL: 1, ALTCTL: 4, RTL: 5, LAND: 7, TAKEOFF: 8}
 STREAM_LOST_S = 0.2
 """The time from the last usable setpoint until it leaves OFFBOARD, beyond COM_OF_LOSS_T."""
 _STREAM_FRESH_S = 0.5
-"""How old a setpoint may be for OFFBOARD to be entered."""
+"""Most age in seconds of a setpoint for OFFBOARD to be entered."""
 _SPOOL_UP_S = 1.0
 _TAKEOFF_SHOWN_S = 1.75
 """The time from arming until an automatic take-off is reported as TAKEOFF, and the thrust begins to rise."""
 _TAKEOFF_REACHED_M, _TAKEOFF_SHARE = 0.4, 0.8
-"""How close to its height an automatic take-off ends, and which part of MPC_TKO_SPEED it really climbs with."""
+"""Metres below its height at which an automatic take-off ends, and the part of MPC_TKO_SPEED with which it really
+climbs.
+"""
 _OFFBOARD_FLIES_S = 2.0
 """The time from arming until it reports IN_AIR in OFFBOARD, whatever it does."""
 _OFFBOARD_ENTERED_S = 0.4
 """The same, from entering OFFBOARD."""
 _RAMP_S = 1.8
-"""How long the thrust rises before the vehicle leaves the ground."""
+"""Seconds for which the thrust rises before the vehicle leaves the ground."""
 _HOVERS_M = 0.12
-"""How high it hovers where its take-off was held too late, as measured."""
+"""Height in metres at which it hovers where its take-off was held too late, as measured."""
 _LANDED_S = 3.0
 """The time from the touch-down until it reports ON_GROUND."""
 _LANDED_DISARM_S = 2.0
@@ -98,15 +100,16 @@ _FAILSAFE_EVENTS = {
         (event_id("commander_failsafe_enter_generic"), 0x42, bytes.fromhex("0000060006000000")),
     ),
 }
-"""What triggers a failsafe, its Hold, and what follows that after 5 s, as recorded."""
+"""Events that trigger a failsafe, its Hold, and the events that follow after 5 s, as recorded."""
 _NO_POSITION = (event_id("check_modes_local_pos"), 0x22, bytes.fromhex("ffffffff00000000"))
 """By its source."""
 _FAILSAFE_HOLD_S = 5.0
 _FAILSAFE = (0x01C2DC72, 0x42, b"\x00\x06\x00\x03")
 _ARMING_DENIED = (event_id("commander_arm_denied_resolve_failures"), 0x22, b"")
 _UNKNOWN = {8: (b"\xa0\x89\x3f" + bytes(17) + b"\x01", 117), 380: (bytes(4) + b"\xff" * 16, 232), 411: (b"\x02", 106)}
-"""What pymavlink does not know and PX4 sends: LINK_NODE_STATUS, TIME_ESTIMATE_TO_TARGET, CURRENT_EVENT_SEQUENCE; with
-the seeds of their checksums."""
+"""Messages that PX4 sends and pymavlink does not know: LINK_NODE_STATUS, TIME_ESTIMATE_TO_TARGET,
+CURRENT_EVENT_SEQUENCE; with the seeds of their checksums.
+"""
 _FAILING = {"rc": mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER, "battery": mavlink.MAV_SYS_STATUS_SENSOR_BATTERY}
 """The sensors of SYS_STATUS that fail with it; PX4's fence has none."""
 _STATUS_S = 0.5
@@ -157,9 +160,9 @@ _UNREAD = frozenset(
         mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
     }
 )
-"""What comes often and the daemon does not read: half of all that a PX4 sends."""
+"""Messages that come often and the daemon does not read: half of all that a PX4 sends."""
 _TERSE_RATES_HZ = {mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0}
-"""What comes more often than it is needed, and how often instead."""
+"""Messages that come more often than needed, and their rates instead."""
 _OTHER_RATES_HZ = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
 _GROUND_STATION_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,

@@ -49,11 +49,11 @@ class Node(Protocol):
 
     @property
     def topics(self) -> Mapping[str, str]:
-        """What it publishes: types by topic."""
+        """Published topics: types by topic."""
 
     @property
     def subscriptions(self) -> Mapping[str, tuple[str, Callable[[Message], None]]]:
-        """What it subscribes to: type and callback by topic."""
+        """Subscribed topics: type and callback by topic."""
 
     @property
     def services(self) -> Mapping[str, Service]:
@@ -69,7 +69,7 @@ class RefusedError(Exception):
 
 @dataclass
 class Faults:
-    """What is wrong with the bridge. Delays apply to what is published to clients; jitter lets messages overtake."""
+    """Faults of the bridge. Delays apply to what is published to clients; jitter lets messages overtake."""
 
     has_master: bool = True
     silent_topics: set[str] = field(default_factory=set)
@@ -117,7 +117,7 @@ class Bridge:
         self._unanswered: list[tuple[Session, Message, Later]] = []
         """Calls whose services wait for something."""
         self.published: list[tuple[float, str, Message]] = []
-        """What clients have published, with its time."""
+        """Messages that clients have published, with their times."""
         self.noise = random.Random(1)
 
     def connect(self) -> Session:
@@ -247,7 +247,7 @@ class Session:
         self._held_up: deque[Message] = deque()
         self.out: deque[str | bytes] = deque()
         self.operations: list[str] = []
-        """What was asked for, for tests."""
+        """Requested operations, for tests."""
 
     def receive(self, text: str | bytes) -> None:
         """Takes an operation."""
@@ -381,7 +381,7 @@ class Session:
 
 
 def _has_null(value: Any) -> bool:
-    """Whether arguments have null for a number, which rosbridge_suite refuses."""
+    """Returns whether arguments have null for a number, which rosbridge_suite refuses."""
     if isinstance(value, Mapping):
         return any(map(_has_null, value.values()))
     return any(map(_has_null, value)) if isinstance(value, list) else value is None
@@ -406,7 +406,9 @@ def json_ready(value: Any) -> Any:
 
 
 def _fails_in_cbor(message: Message) -> bool:
-    """Whether rosbridge_suite drops it: it encodes no arrays of a fixed length (here: tuples), and none of texts."""
+    """Returns whether rosbridge_suite drops it: it encodes no arrays of a fixed length (here: tuples), and none of
+    texts.
+    """
     return any(isinstance(each, tuple) or (isinstance(each, list) and "" in each) for each in message.values())
 
 

@@ -15,7 +15,7 @@ _LATE_S = 0.3
 
 
 class Stepped(Protocol):
-    """What has a time of its own."""
+    """Vehicle with a time of its own."""
 
     def step(self) -> None:
         """Advances it by `STEP_S`."""

@@ -1,4 +1,4 @@
-"""What autopilots give their satellite receiver of GPS_RTCM_DATA, each as its own source does it."""
+"""Data of GPS_RTCM_DATA that autopilots give their satellite receiver, each as its own source does it."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def simulator(request: pytest.FixtureRequest) -> Simulator:
 
 @pytest.fixture(scope="session")
 def url(simulator: Simulator) -> str:
-    """Where the autopilot's link for the companion computer is."""
+    """Address of the autopilot's link for the companion computer."""
     return simulator.url()
 
 

@@ -48,7 +48,7 @@ class Outside:
 
     @property
     def pose(self) -> Pose:
-        """Where it really is."""
+        """True pose."""
         assert self._newest is not None
         return self._newest.pose
 

@@ -1,4 +1,4 @@
-"""Which real autopilots can be flown, and what is to be expected of each in its simulator."""
+"""Real autopilots that can be flown, and their expected behaviour in their simulators."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ class Simulator:
     estimate_m_s: float
 
     def url(self) -> str:
-        """Where its link for the companion computer is; skips the test if there is none."""
+        """Returns the address of its link for the companion computer; skips the test if there is none."""
         return _variable(self.url_variable, f"no {self.autopilot}", self.url_example)
 
     def pilot_url(self) -> str:
-        """Where its safety pilot's link is; skips the test if there is none."""
+        """Returns the address of its safety pilot's link; skips the test if there is none."""
         return _variable(self.pilot_variable, f"no safety pilot of a {self.autopilot}", self.pilot_example)
 
 

@@ -43,7 +43,8 @@ NOT_HERE = {
     *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
-"""What may be skipped: its daemon may arm, it takes no poses, and its limit of 5 m/s needs more room than there is.
+"""Checks that may be skipped: its daemon may arm, it takes no poses, and its limit of 5 m/s needs more room than there
+is.
 
 A simulator without a renderer has no pictures: see `test_pictures_come_or_it_is_told_why_not`.
 """

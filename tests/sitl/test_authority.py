@@ -1,4 +1,4 @@
-"""Who may fly, on real autopilots in simulation: a ground station's flight, the pilot's ground, failsafes."""
+"""Authority to fly, on real autopilots in simulation: a ground station's flight, the pilot's ground, failsafes."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ SLOW_M_S = 2.5
 """Slow enough that a check may fly it to its limit."""
 ONLY_SLOW = "scales_a_velocity_down"
 WITHOUT_PILOT = ("arms_and_disarms", "ground_commands_are_refused_in_flight", ONLY_SLOW, "lands")
-"""What is flown by a daemon that may arm: what needs it, what it answers otherwise, and a landing."""
+"""Checks for a daemon that may arm: those that need it, those that it answers otherwise, and a landing."""
 WITH_PILOT = [check for check in conformance.CHECKS if Need.ARMING not in check.needs and check.name != ONLY_SLOW]
 OF_WHAT_MAY_BE_ABSENT = WITHOUT_CAMERAS | WITHOUT_GRIPPER | WITHOUT_LOGS
 """A simulator carries what its version has."""

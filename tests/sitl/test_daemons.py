@@ -29,7 +29,7 @@ COUNT_VARIABLE = "UAL_TEST_PX4_COUNT"
 KNOWN_S = 2.0
 """By then a daemon that is started in flight must know the state."""
 DEAD_S = (0.0, 1.5, 4.0)
-"""How long there is no daemon: PX4 leaves OFFBOARD after 1 s, ArduPilot stops after 3."""
+"""Seconds without a daemon: PX4 leaves OFFBOARD after 1 s, ArduPilot stops after 3."""
 PILOT_HEARS_S = 2.0
 """By then the pilot has heard of a mode, of which PX4 tells him once a second: it may just be leaving OFFBOARD."""
 
@@ -83,7 +83,7 @@ def test_a_daemon_that_is_killed_in_flight_is_followed_by_one_that_tells_the_tru
 
 
 def _is_told(pilot: Transmitter, simulator: Simulator, is_ours: bool) -> bool:
-    """Whether the pilot has heard that it flies by references, or that it does not."""
+    """Returns whether the pilot has heard that it flies by references, or that it does not."""
     return (pilot.mode == simulator.references_mode) is is_ours
 
 

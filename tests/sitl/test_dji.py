@@ -62,7 +62,9 @@ NOT_HERE = {
     *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
-"""What may be skipped: it may arm, authority is obtained and never given, and dji_osdk_ros does not know the geoid."""
+"""Checks that may be skipped: it may arm, authority is obtained and never given, and dji_osdk_ros does not know the
+geoid.
+"""
 
 
 class Served(NamedTuple):

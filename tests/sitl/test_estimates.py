@@ -24,8 +24,10 @@ SET_ATTITUDE = 620
 """MAV_CMD_EXTERNAL_ATTITUDE_ESTIMATE: PX4 resets its heading to the third parameter."""
 RESET_DEG = 30.0
 WATCHED_S = 0.8
-"""Where a reset is not followed PX4 turns by most of it in so long. Later its magnetometer pulls the estimate back by
-itself, and the nose follows the estimate, which nothing can tell from a turn: by 0.1 to 0.9 rad in three flights."""
+"""Seconds within which PX4 turns by most of a reset that is not followed. Later its magnetometer pulls the estimate
+back by itself, and the nose follows the estimate, which nothing can tell from a turn: by 0.1 to 0.9 rad in three
+flights.
+"""
 WANDERS_RAD = 0.2
 """The heading of its simulator wanders by half of this; without UAL's care it turned by 0.64 rad."""
 
@@ -34,7 +36,7 @@ Nose = Callable[[], float]
 
 @pytest.fixture
 def nose(pilot: Transmitter) -> Nose:
-    """Where the nose really points, to the right from north."""
+    """True heading of the nose, to the right from north."""
     if not isinstance(pilot, SafetyPilot):
         pytest.skip("a PX4: ArduCopter takes no heading from outside")
     seen: list[float] = []
@@ -55,7 +57,7 @@ def reset_heading(flight: Flight) -> None:
 
 
 def turned_rad(nose: Nose, from_rad: float) -> float:
-    """How far the nose turns away within some time."""
+    """Returns the largest turn of the nose within some time."""
     until_s, most_rad = time.monotonic() + WATCHED_S, 0.0
     while time.monotonic() < until_s:
         time.sleep(0.05)

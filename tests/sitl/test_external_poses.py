@@ -94,7 +94,7 @@ def fly_without_gps(flight: Flight, source: Outside, simulator: Simulator, groun
 
 
 def off_m(flight: Flight, source: Outside) -> float:
-    """How far the estimate is from where it really is."""
+    """Returns the distance of the estimate from the true position."""
     return (flight.position() - source.pose.position).norm()
 
 

@@ -24,7 +24,9 @@ TAKEN_S = 0.5
 LOST_S = 2.0
 """Within this a silence is a lost link, and a link that is back shows how the UAV is."""
 WATCHED_S = 2.0
-"""That nothing is sent shows only in time. PX4 would go back into OFFBOARD by itself within the first second."""
+"""Seconds of watching: only time shows that nothing is sent. PX4 would go back into OFFBOARD by itself within the first
+second.
+"""
 
 
 def test_a_whole_flight(flight: Flight, simulator: Simulator) -> None:

@@ -1,4 +1,4 @@
-"""What a UAV carries, on real autopilots in simulation. Nothing flies."""
+"""Payload of a UAV, on real autopilots in simulation. Nothing flies."""
 
 from __future__ import annotations
 

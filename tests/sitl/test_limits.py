@@ -1,4 +1,4 @@
-"""What keeps a real autopilot within what was asked and what it allows itself: take-off height, its own fence."""
+"""Bounds of a real autopilot, by the request and by its own limits: take-off height, its own fence."""
 
 from __future__ import annotations
 
@@ -115,7 +115,9 @@ READ_S = 40.0
 
 @pytest.fixture
 def building(flight: Flight, uav: UAL, simulator: Simulator) -> Iterator[Vector3]:
-    """Where it stands, with a polygon to stay out of beside it and a circle around it, uploaded by a ground station."""
+    """Position of the UAV, with a polygon to stay out of beside it and a circle around it, uploaded by a ground
+    station.
+    """
     snapshot = backend_of(uav).snapshot
     flight.wait_for(
         lambda: snapshot().earth.projection is not None and snapshot().motion.pose is not None, "its place on Earth"

@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 IDLE_ID = 192
 """The component that the second daemon is."""
 WATCHED_S = 3.0
-"""That nothing is sent, or no mode comes back, shows only in time."""
+"""Seconds of watching: only time shows that nothing is sent, or no mode comes back."""
 RATE_S = 3.0
 HEALED_S = 40.0
 """Rates that a ground station lowered are noticed after some seconds, and asked for again at most every 10 s."""
@@ -109,7 +109,7 @@ def test_a_second_idle_daemon_behind_the_same_router_leaves_the_others_go_to_alo
 
 
 def lowered(simulator: Simulator, system_id: int) -> Message:
-    """What a ground station asks for on the daemon's link: 4 positions a second."""
+    """Returns the request of a ground station on the daemon's link: 4 positions a second."""
     if simulator.autopilot == "ArduPilot":
         return mavlink.MAVLink_request_data_stream_message(system_id, 1, mavlink.MAV_DATA_STREAM_ALL, 4, 1)
     interval = (float(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED), 250_000.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -117,7 +117,7 @@ def lowered(simulator: Simulator, system_id: int) -> Message:
 
 
 def rate_hz(wiretap: Wiretap) -> float:
-    """How many setpoints it sends a second."""
+    """Returns the setpoints that it sends a second."""
     since_s = time.monotonic()
     time.sleep(RATE_S)
     return wiretap.setpoints(since_s) / RATE_S

@@ -80,7 +80,7 @@ def flown(uav: ual.Uav) -> Iterator[Flight]:
 
 
 def place(uav: ual.Uav) -> Vector3:
-    """Where the autopilot itself says that it is on Earth, from the first place: east, north, up."""
+    """Returns the autopilot's own position on Earth, from the first one: east, north, up."""
     point = uav.telemetry().position_geo
     assert point is not None
     assert point.altitude_amsl_m is not None

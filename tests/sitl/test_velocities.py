@@ -21,7 +21,7 @@ BESIDE_M = 0.3
 """PX4 slid by up to 2.3 m when a velocity followed a held position. Its held position moves by 0.2 to 0.3 m as well."""
 MADE = 0.05
 ANSWER_S = 0.9
-"""How far behind a commanded velocity it may be: by its delay and its time constant."""
+"""Seconds by which it may be behind a commanded velocity: by its delay and its time constant."""
 SPEED_M_S = 1.0
 
 

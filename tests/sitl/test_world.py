@@ -1,4 +1,4 @@
-"""What changes in flight around a real autopilot in simulation: fences, limits, home, and who flies it.
+"""Changes in flight around a real autopilot in simulation: fences, limits, home, and its controller.
 
 A ground station changes it on its own link. UAL fits what it flies, stops before it, or ends it with a reason.
 """

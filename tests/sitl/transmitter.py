@@ -1,4 +1,4 @@
-"""What the safety pilots of all simulators have in common: a ground station's link, by which they see and command."""
+"""Common part of the safety pilots of all simulators: a ground station's link, by which they see and command."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SEND_AGAIN_S = 1.5
 
 @dataclass(frozen=True)
 class Sticks:
-    """Where the pilot holds them, -1 to 1; 0 is the middle."""
+    """Positions of the sticks, -1 to 1; 0 is the middle."""
 
     forward: float = 0.0
     right: float = 0.0
@@ -38,7 +38,7 @@ class Transmitter(ABC):
     sticks_s: float
     heard_messages: frozenset[int]
     home_items_count = 0
-    """How many items its missions have that stand for its home."""
+    """Items of its missions that stand for its home."""
 
     def __init__(self, link: socket.socket, system_id: int) -> None:
         self._link = link

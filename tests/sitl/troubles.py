@@ -1,4 +1,4 @@
-"""What goes wrong on real autopilots in simulation, so that their own failsafes set in: by their parameters."""
+"""Troubles of real autopilots in simulation, so that their own failsafes set in: by their parameters."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ TROUBLES: Mapping[str, Mapping[str, tuple[Change, ...]]] = {
 }
 """By the autopilot, and by the cause that UAL must name."""
 CAUSES = ("battery failsafe", "rc failsafe", "fence")
-"""Those after which the autopilot flies on by itself."""
+"""Causes after which the autopilot flies on by itself."""
 
 
 @contextmanager

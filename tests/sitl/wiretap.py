@@ -99,8 +99,8 @@ class Wiretap:
         self._injected.append(self._injector.encode(message))
 
     def setpoints(self, since_s: float, until_s: float = math.inf, *, component_id: int | None = None) -> int:
-        """How many setpoints were sent in between (monotonic clock), by the time that the daemon wrote into them; with
-        `component_id` by this daemon only.
+        """Returns the number of setpoints sent in between (monotonic clock), by the time that the daemon wrote into
+        them; with `component_id` by this daemon only.
         """
         with self._lock:
             sent_ms = [
@@ -111,7 +111,7 @@ class Wiretap:
         return sum(int(since_s * 1000.0) < each_ms <= until_s * 1000.0 for each_ms in sent_ms)
 
     def orders(self, since_s: float, *, component_id: int | None = None) -> list[str]:
-        """What the autopilot was told to do since then: commands, modes and parameters, but not what it was asked."""
+        """Returns the orders to the autopilot since then: commands, modes and parameters, but not questions."""
         with self._lock:
             messages = [
                 heard.message
@@ -206,5 +206,5 @@ class Wiretap:
 
 
 def _wait_s(*ways: Way) -> float:
-    """How long to wait for more, before what is under way is looked at."""
+    """Returns the seconds to wait for more, before messages under way are looked at."""
     return 0.1 if all(way.is_empty for way in ways) else 0.002

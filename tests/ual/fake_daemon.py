@@ -76,7 +76,7 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
                 yield response
 
     def script(self) -> queue.Queue[pb.StreamTelemetryResponse]:
-        """What it sends from now on: samples as they are put."""
+        """Returns the queue of samples to send from now on."""
         source: queue.Queue[pb.StreamTelemetryResponse] = queue.Queue()
 
         def telemetry() -> Iterator[pb.StreamTelemetryResponse | None]:
@@ -103,7 +103,7 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
 
 
 def sample(sequence: int, missed_count: int = 0) -> pb.StreamTelemetryResponse:
-    """What it may send."""
+    """Returns a sample to send."""
     telemetry = pb.Telemetry(state=pb.STATE_FLYING_AUTO, sequence=sequence)
     return pb.StreamTelemetryResponse(telemetry=telemetry, missed_count=missed_count)
 

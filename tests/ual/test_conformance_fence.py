@@ -20,7 +20,7 @@ TOLERANCES = replace(Tolerances.of_simulation(), patience=1.0)
 
 
 class Fence:
-    """That of a UAV that does as it must, but for what a test changes."""
+    """Fence of a UAV that does as it must, but for what a test changes."""
 
     def __init__(self, uav: UAL) -> None:
         self._uav = uav

@@ -142,7 +142,9 @@ def drifts_after_an_abort(sabotaged: Sabotaged) -> None:
 
 
 def repeating(sabotaged: Sabotaged) -> list[TwistStamped | Twist]:
-    """What is put there last is flown, again and again: simulated time then passes only between two of them."""
+    """Returns a list whose last element is flown, again and again: simulated time then passes only between two of
+    them.
+    """
     given: list[TwistStamped | Twist] = []
     is_over = threading.Event()
     simulation = sabotaged.uav.simulation

@@ -23,7 +23,7 @@ TOLERANCES = replace(Tolerances.of_simulation(), patience=1.0)
 
 
 class Parameters:
-    """Those of a UAV that does as it must, but for what a test changes."""
+    """Parameters of a UAV that does as it must, but for what a test changes."""
 
     def __init__(self, uav: UAL) -> None:
         self._uav = uav

@@ -30,7 +30,7 @@ TOLERANCES = replace(Tolerances.of_simulation(), patience=1.0)
 
 
 class Mission:
-    """That of a UAV that does as it must on the ground, but for what a test changes."""
+    """Mission of a UAV that does as it must on the ground, but for what a test changes."""
 
     def __init__(self) -> None:
         self.kept = StoredMission(())
@@ -74,7 +74,7 @@ class Mission:
 
 
 class Logs:
-    """Those of a UAV that does as it must, but for what a test changes."""
+    """Logs of a UAV that does as it must, but for what a test changes."""
 
     content = bytes(range(256)) * 3
 
@@ -98,7 +98,7 @@ class Logs:
 
 
 class Corrections:
-    """Those of a UAV that does as it must, but for what a test changes."""
+    """Corrections of a UAV that does as it must, but for what a test changes."""
 
     def __init__(self) -> None:
         self.now = CorrectionsStatus()

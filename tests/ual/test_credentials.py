@@ -1,4 +1,4 @@
-"""What a client shows a daemon of who it is."""
+"""Credentials that a client shows a daemon."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `make clients` writes is what is committed, and holds for what `ual.interface` says."""
+"""Output of `make clients`: it is committed, and holds for `ual.interface`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ BY_HAND = {
     "simulation",
     *(each.module for each in parts(compiled()) if not each.bound),
 }
-"""What is more than one call, or another thing for asyncio."""
+"""Members that are more than one call, or another thing for asyncio."""
 
 
 def load() -> ModuleType:

@@ -1,4 +1,4 @@
-"""What Python prints of a UAV, a task and a subscription: what it is, without asking the daemon."""
+"""Texts of Python for a UAV, a task and a subscription: their names, without a question to the daemon."""
 
 from __future__ import annotations
 

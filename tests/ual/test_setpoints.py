@@ -231,7 +231,7 @@ def test_after_ctrl_c_within_grpc_a_call_goes_over_a_new_channel(
 
 
 class State:
-    """What gRPC's call notes of itself."""
+    """Notes of gRPC's call about itself."""
 
     def __init__(self) -> None:
         self.condition = threading.Condition()

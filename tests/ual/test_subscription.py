@@ -247,7 +247,7 @@ def test_what_is_refused_to_one_can_be_asked_again(daemon: FakeDaemon, uav: ual.
 def open_streams(
     daemon: FakeDaemon, first: pb.StreamTelemetryResponse
 ) -> list[queue.Queue[pb.StreamTelemetryResponse]]:
-    """What each stream sends, from the first sample on; grows with each that is opened."""
+    """Returns the queue of samples of each stream, from the first sample on; grows with each stream that is opened."""
     streams: list[queue.Queue[pb.StreamTelemetryResponse]] = []
 
     def telemetry() -> Iterator[pb.StreamTelemetryResponse | None]:

@@ -46,7 +46,7 @@ NOT_OF_A_TEAM = {
     "extension",
     *(each.module for each in parts(compiled()) if not each.bound),
 }
-"""What makes sense for one UAV only: `team["uav_1"]` is one."""
+"""Members that make sense for one UAV only: `team["uav_1"]` is one."""
 
 
 @pytest.mark.parametrize(("team", "uav"), [(ual.Team, ual.interface.Uav), (ual.aio.Team, ual.aio.Uav)])

@@ -38,14 +38,14 @@ _NAMED_AFTER_FRAMES = ("frame_id", "source_frame_id")
 
 
 class RequestFilling(NamedTuple):
-    """How a request is filled: bools true or false, and fields that may be left out given or not."""
+    """Filling of a request: bools true or false, and fields that may be left out given or not."""
 
     is_set: bool
     has_optional: bool
 
 
 class CallOutcome(NamedTuple):
-    """How one call ended."""
+    """Outcome of one call."""
 
     method: str
     request: str

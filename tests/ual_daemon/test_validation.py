@@ -23,7 +23,7 @@ NOT_FINITE = [NAN, INF, -INF, 10**400]
 
 
 def refusal(check: Callable[[], object], field: str) -> str:
-    """What a refused value is told; the message and the metadata name the field, in one line."""
+    """Returns the refusal of a value; the message and the metadata name the field, in one line."""
     with pytest.raises(InvalidArgumentError) as caught:
         check()
     assert caught.value.metadata["field"] == field

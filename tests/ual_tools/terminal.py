@@ -73,7 +73,7 @@ class Terminal:
         self.close()
 
     def close(self) -> None:
-        """What a lost connection does."""
+        """Closes the terminal as a lost connection does."""
         if not self._is_closed:
             os.close(self._ours)
         self._is_closed = True
@@ -132,7 +132,7 @@ class Terminal:
         return list(termios.tcgetattr(self._ours))
 
     def interrupt(self) -> None:
-        """What a terminal does at Ctrl-C."""
+        """Interrupts the program as a terminal does at Ctrl-C."""
         self.process.send_signal(signal.SIGINT)
 
     def wait(self) -> int:

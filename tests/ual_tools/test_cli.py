@@ -49,7 +49,7 @@ def run(*words: str | Path, stdin: str | None = None) -> Result:
 
 
 def done(*words: str | Path, stdin: str | None = None) -> str:
-    """What a command that must succeed prints."""
+    """Returns the output of a command that must succeed."""
     result = run(*words, stdin=stdin)
     assert result.exit_code == 0, result.output
     return result.stdout
@@ -250,7 +250,7 @@ def test_completion_prints_the_script_of_a_shell(shell: str) -> None:
 
 
 def completed(*words: str) -> list[str]:
-    """What click completes after some words, of which the last one is incomplete."""
+    """Returns the completions of click after some words, of which the last one is incomplete."""
     *given, incomplete = words
     found = ShellComplete(cli, {}, "ual", "_UAL_COMPLETE").get_completions(given, incomplete)
     return [each.value for each in found]

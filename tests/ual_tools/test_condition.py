@@ -1,4 +1,4 @@
-"""What is wrong with a UAV, by how urgent it is, in words."""
+"""Problems of a UAV, by urgency, in words."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def kill(pid: int) -> None:
 
 
 def runs(pid: int) -> bool:
-    """Whether there is such a process, and it is no corpse."""
+    """Returns whether there is such a process, and it is no corpse."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except OSError:

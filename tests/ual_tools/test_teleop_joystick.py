@@ -60,7 +60,7 @@ class Bench(Flight):
         assert self.twists()[-1] == Twist(Vector3(0.5, 0.0, 0.0))
 
     def flies(self) -> bool:
-        """Whether anything but zero is sent from now on."""
+        """Returns whether anything but zero is sent from now on."""
         self.sent.clear()
         self.pass_s(1.0)
         return any(twist != Twist() for twist in self.twists())

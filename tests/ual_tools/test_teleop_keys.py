@@ -1,4 +1,4 @@
-"""What the keys of a terminal mean to `ual teleop keyboard`. Needs neither a terminal nor a daemon."""
+"""Meaning of the terminal's keys for `ual teleop keyboard`. Needs neither a terminal nor a daemon."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ periods = st.floats(0.02, 0.1)
 
 
 def held(delay_s: float, period_s: float, duration_s: float) -> list[float]:
-    """When the terminal sends a key that is held from 0 to the duration."""
+    """Returns the times at which the terminal sends a key that is held from 0 to the duration."""
     repeats = itertools.takewhile(lambda t: t <= duration_s, itertools.count(delay_s, period_s))
     return [0.0, *repeats]
 

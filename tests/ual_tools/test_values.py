@@ -1,4 +1,4 @@
-"""How values of options are read."""
+"""Reading of options' values."""
 
 from __future__ import annotations
 

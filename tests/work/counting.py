@@ -22,13 +22,12 @@ _LONG_S = 60.0
 
 
 class Work(NamedTuple):
-    """What code of UAL did on one thread.
+    """Work of UAL's code on one thread.
 
     Attributes:
         calls: How often it called a function, of Python or of C.
         blocks: How many blocks of memory Python took between two such calls, as far as they were not given back before
             the next call.
-
     """
 
     calls: float

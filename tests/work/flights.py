@@ -30,7 +30,7 @@ CONCAVE = ((-1.5, -1.5), (40.0, -1.5), (40.0, 30.0), (1.5, 30.0), (1.5, 1.5), (-
 
 
 class Place(NamedTuple):
-    """Where it flies, and what keeps it there."""
+    """Position of the flight, and its bounds."""
 
     height_m: float
     settings: VehicleSettings
@@ -109,7 +109,7 @@ BACKENDS: dict[str, Callable[[Place], AbstractContextManager[Backend]]] = {
     "airsim": _airsim,
     "dji": partial(_simple, LockstepPsdk),
 }
-"""What each backend is flown with."""
+"""Factory of each backend."""
 
 
 @contextmanager

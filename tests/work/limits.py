@@ -1,4 +1,4 @@
-"""How much work a setpoint and a sample of telemetry may be, in the worst case: the one table of such limits.
+"""Limits of the work for a setpoint and for a sample of telemetry, in the worst case: the only table of such limits.
 
 `tests/work/test_work.py` holds them. They are counted, not timed: see `tests/work/counting.py`. Each is what was
 counted, and a margin: a twentieth for `calls`, a twelfth for samples, as not all take the same messages. Where one is

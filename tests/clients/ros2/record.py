@@ -1,4 +1,5 @@
-"""What programs in ROS rely on, in tests/data/ros2.txt: the fields of each interface, and what is served by which.
+"""Record of the names that programs in ROS rely on, in tests/data/ros2.txt: the fields of each interface, and the
+server of each name.
 
 ``python -m tests.clients.ros2.record`` (``make wire``) adds what is not recorded yet, and changes nothing.
 """

@@ -1,4 +1,4 @@
-"""What ROS has of a UAV beside flying, between messages and values of UAL, without ROS."""
+"""Services of a UAV in ROS other than flying, between messages and values of UAL, without ROS."""
 
 from __future__ import annotations
 

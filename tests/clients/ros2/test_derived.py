@@ -177,7 +177,7 @@ def message(kind: str, fields: Mapping[str, Any]) -> Any:
 
 
 def content(kind: str, told: Any) -> Any:
-    """What a field holds: what was told, or what ROS has there before."""
+    """Returns the content of a field: the reported value, or ROS' default."""
     if kind.endswith("]"):
         element = kind.partition("[")[0]
         is_message = element[0].isupper() or "/" in element

@@ -1,4 +1,4 @@
-"""What a UAV carries, between ROS messages and values of UAL."""
+"""Payload of a UAV, between ROS messages and values of UAL."""
 
 from __future__ import annotations
 

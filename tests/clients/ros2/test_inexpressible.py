@@ -1,4 +1,4 @@
-"""What ROS cannot express: the list that the flights use, and that of the documentation."""
+"""Values that ROS cannot express: the list that the flights use, and that of the documentation."""
 
 from __future__ import annotations
 

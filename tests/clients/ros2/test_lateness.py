@@ -1,4 +1,4 @@
-"""What was sent too long ago is refused, by clocks that a test sets."""
+"""Late requests are refused, by clocks that a test sets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What programs in ROS rely on stays: the type and the place of each field, and each name that is served."""
+"""Names that programs in ROS rely on stay: the type and the place of each field, and each name that is served."""
 
 from __future__ import annotations
 

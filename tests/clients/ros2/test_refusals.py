@@ -1,4 +1,4 @@
-"""How often a refused setpoint is told."""
+"""Frequency of reports about refused setpoints."""
 
 from __future__ import annotations
 

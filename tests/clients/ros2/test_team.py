@@ -1,4 +1,4 @@
-"""What `team.launch.py` knows of a team: its UAVs, and what rviz2 shows of them."""
+"""Knowledge of `team.launch.py` about a team: its UAVs, and what rviz2 shows of them."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ names = st.text(max_size=8)
 
 
 def same(one: object, other: object) -> bool:
-    """Whether two values are the same, with NaN as NaN and -0 as -0."""
+    """Returns whether two values are the same, with NaN as NaN and -0 as -0."""
     return repr(one) == repr(other)
 
 

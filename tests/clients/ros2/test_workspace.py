@@ -22,7 +22,7 @@ INSTALLED = (
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the package is, installed as colcon does it."""
+    """Folder of the package, installed as colcon does it."""
     scratch = tmp_path_factory.mktemp("colcon")
     words = ["egg_info", f"--egg-base={scratch}", "build", f"--build-base={scratch / 'build'}", "install"]
     where = [f"--prefix={scratch / 'install'}", f"--record={scratch / 'record'}", "--single-version-externally-managed"]

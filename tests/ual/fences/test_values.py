@@ -1,4 +1,6 @@
-"""What a zone encloses, which one forbids a place, and that nothing is lost between the messages and the values."""
+"""Zones as values: the area that each encloses, the zone that forbids a place, and nothing is lost between messages and
+values.
+"""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Public(NamedTuple):
 
     @property
     def take_off_m(self) -> float:
-        """How high it takes off, above home."""
+        """Height of its take-off, above home."""
         return float(self.items[0][2][6])  # type: ignore[arg-type,misc]  # each that is flown begins with a take-off
 
     @property

@@ -1,4 +1,4 @@
-"""What the client sends of missions, and what it refuses before."""
+"""Requests of the client about missions, and its refusals before."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a client flies: the same UAV again, never another one of its name."""
+"""Address at which a client flies: the same UAV again, never another one of its name."""
 
 from __future__ import annotations
 

@@ -89,7 +89,9 @@ def test_connections_of_others_are_left_alone(net: ZenohNet) -> None:
 
 
 def test_a_socket_that_waits_goes_on_to_wait() -> None:
-    """Where a program has set a time for all sockets, Python makes each that it sees one that does not wait."""
+    """Python makes each socket that it sees a socket that does not wait, where a program has set a time for all
+    sockets.
+    """
     here, there = socket.socketpair()
     with here, there:
         socket.setdefaulttimeout(1.0)

@@ -1,4 +1,4 @@
-"""Who is on the network: presence, names, forgeries and conflicts, by given times."""
+"""Roster of the network: presence, names, forgeries and conflicts, by given times."""
 
 from __future__ import annotations
 

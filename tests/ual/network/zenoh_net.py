@@ -23,7 +23,7 @@ _PAUSE_S = 0.01
 
 
 def saying(told: Publication, once: Report) -> Callable[[], None]:
-    """What tells again between two looks of `tests.waiting.until`."""
+    """Returns a function that repeats a report between two looks of `tests.waiting.until`."""
 
     def say() -> None:
         told.put(once)
@@ -59,5 +59,5 @@ class ZenohNet:
         return self._stack.enter_context(closing(Publication(settings or self.settings, by, JOIN_S)))
 
     def network(self, settings: NetworkSettings | None = None) -> Network:
-        """What listens."""
+        """Returns a listener."""
         return self._stack.enter_context(Network(settings or self.settings, timeout_s=JOIN_S))

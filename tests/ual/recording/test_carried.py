@@ -1,4 +1,4 @@
-"""What a UAV carries in a recording: what is in the file, and what is asked, and how often."""
+"""Payload of a UAV in a recording: the content of the file, and the questions and their frequency."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Gimbals:
 
 
 class Gripper:
-    """What is carried: the answers that the test gives, the last one again and again."""
+    """Payload devices: the answers that the test gives, the last one again and again."""
 
     def __init__(self, *answers: Equipment | UalError) -> None:
         self.answers = list(answers)

@@ -1,4 +1,4 @@
-"""Which frames are recorded, and when."""
+"""Recorded frames, and the times of their records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a mission means: each of its items is flown, told, or refused with its number."""
+"""Meaning of a mission: each of its items is flown, told, or refused with its number."""
 
 from __future__ import annotations
 

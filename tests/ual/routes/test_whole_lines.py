@@ -119,7 +119,7 @@ def test_what_follows_the_altitude_of_geojson_is_named() -> None:
 
 
 def same(one: Route, other: Route) -> bool:
-    """Whether two routes fly the same; a sign may be lost."""
+    """Returns whether two routes fly the same; a sign may be lost."""
     return repr(one).replace("-", "") == repr(other).replace("-", "")
 
 

@@ -1,4 +1,4 @@
-"""The one reader of YAML: what it takes, and what it refuses with the line."""
+"""Single reader of YAML: the files that it takes, and its refusals with the line."""
 
 from __future__ import annotations
 

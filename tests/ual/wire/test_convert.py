@@ -50,7 +50,7 @@ M = TypeVar("M", bound=Message)
 
 
 def wire(message: M) -> M:
-    """What arrives at the other end."""
+    """Returns the message that arrives at the other end."""
     return type(message).FromString(message.SerializeToString())
 
 

@@ -23,7 +23,7 @@ for clock in (MonotonicClock().now_s, Lease()._clock, Standstill()._clock):
 
 
 def _can_sleep() -> bool:
-    """Whether this computer lets a test pretend that it has slept: Linux does, but for some containers."""
+    """Returns whether this computer lets a test pretend that it has slept: Linux does, but for some containers."""
     has_unshare = shutil.which("unshare") is not None
     return has_unshare and subprocess.run([*_IN_SLEPT, "true"], capture_output=True, check=False).returncode == 0
 

@@ -1,4 +1,4 @@
-"""What every backend owes the layers above, whichever autopilot it drives."""
+"""Duties of every backend to the layers above, whichever autopilot it drives."""
 
 from __future__ import annotations
 

@@ -247,7 +247,7 @@ SITUATIONS = {
     "it hands over": ["go_in_two_parts", "update"],
     "it does nothing": [],
 }
-"""What an update does, by what was done before."""
+"""Steps of an update, by the situation before."""
 
 
 @pytest.mark.parametrize("command", ["go", "set_pose"])
@@ -338,7 +338,7 @@ def test_the_autopilot_is_not_told_to_hold_over_a_pilot_who_has_just_taken_over(
 
 CALLER = st.lists(st.sampled_from(COMMANDS), min_size=1, max_size=3)
 BURSTS = st.lists(st.tuples(st.integers(0, 2), st.integers(1, 40)), max_size=20)
-"""Which thread goes on, and by how many lines."""
+"""Threads that go on, and by how many lines."""
 
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

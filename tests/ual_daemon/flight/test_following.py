@@ -1,4 +1,4 @@
-"""What is flown is compared with what was asked."""
+"""Comparison of flown motions with the requested ones."""
 
 from __future__ import annotations
 

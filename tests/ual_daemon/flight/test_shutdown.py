@@ -15,7 +15,7 @@ from ual_daemon.flight.shutdown import Shutdown
 
 
 class Holding:
-    """What the shutdown needs of a backend, over an autopilot that is set by hand. Its hold is never answered."""
+    """Backend as the shutdown needs it, over an autopilot that is set by hand. Its hold is never answered."""
 
     freshness = Freshness()
 

@@ -60,7 +60,7 @@ def test_progress_is_what_was_reported_last_but_never_goes_back(task: VehicleTas
 
 
 class Trajectory:
-    """What a progress function holds."""
+    """Object that a progress function holds."""
 
     def progress(self) -> Progress:
         return Progress(0.5, 4.0, 1)

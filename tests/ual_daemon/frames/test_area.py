@@ -56,7 +56,9 @@ def edge_m(point: Point2, polygon: Sequence[Point2]) -> float:
 
 
 def margin_m(point: Point2, zones: Sequence[LocalZone]) -> float:
-    """How far a point is on the right side of all zones with their reserve: negative where it is not."""
+    """Returns the distance by which a point is on the right side of all zones with their reserve: negative where it is
+    not.
+    """
     found = math.inf
     for zone in zones:
         is_right = is_in(point, zone.corners) == zone.is_inclusion
@@ -112,7 +114,9 @@ def test_a_segment_is_inside_where_each_of_its_points_is(found: list[LocalZone],
 
 
 def entries_count(found: list[LocalZone], a: Point2, b: Point2) -> int:
-    """How often a segment comes in; discards segments that may do so between two samples of the oracle."""
+    """Returns the number of entries of a segment; discards segments that may enter between two samples of the
+    oracle.
+    """
     margins = [margin_m(point, found) for point in along(a, b)]
     sure_m = math.dist(a, b) / 200 + 2.0 * SURE_M  # a margin changes by no more than the way
     assume(all(p * q < 0.0 or abs(p) + abs(q) > sure_m for p, q in itertools.pairwise(margins)))

@@ -1,4 +1,4 @@
-"""What works, and what is refused, while home or map is lost: from hand-made snapshots."""
+"""Allowed and refused commands while home or map is lost: from hand-made snapshots."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ual_daemon.settings import VehicleSettings
 
 ODOM, BODY = "uav_1/odom", "uav_1/base_link"
 AFTER = at(9.0, moved(5.0), 1)
-"""Where it has satellites at last: 5 m east of the origin of map."""
+"""Position at which it has satellites at last: 5 m east of the origin of map."""
 BELOW_ODOM, BELOW_MAP, BELOW_BODY = "pad", "field", "camera"
 
 

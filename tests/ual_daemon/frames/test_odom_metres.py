@@ -57,7 +57,7 @@ class Placed:
         return self.frames.to_local(goal, self.at()).position
 
     def truth(self, local: Vector3) -> Vector3:
-        """Where a position in the local frame is on Earth, in the ``map`` of the documentation."""
+        """Returns the true position of a local one on Earth, in the ``map`` of the documentation."""
         geo = self.projection.to_geo(local)
         assert geo.altitude_amsl_m is not None
         return self.map.to_local(geo.latitude_deg, geo.longitude_deg, geo.altitude_amsl_m)

@@ -185,7 +185,9 @@ def test_without_an_autopilot_it_answers_and_does_not_serve(start_daemon: StartD
 
 @pytest.fixture
 def refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
-    """What ``ual-daemon`` says when it refuses its flags, with exit status 2 and in one line."""
+    """Function that returns the error of ``ual-daemon`` when it refuses its flags, with exit status 2 and in one
+    line.
+    """
     monkeypatch.chdir(tmp_path)
 
     def run(*flags: str, **environment: str) -> str:

@@ -1,4 +1,4 @@
-"""How values of the daemon's flags are read, and of their variables."""
+"""Reading of the daemon's flags, and of their variables."""
 
 from __future__ import annotations
 

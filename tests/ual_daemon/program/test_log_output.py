@@ -17,7 +17,7 @@ LOG = logging.getLogger("ual_daemon.vehicle")
 
 
 class Log:
-    """What was logged, in one format."""
+    """Logged lines, in one format."""
 
     def __init__(self) -> None:
         self.stream = io.StringIO()

@@ -1,4 +1,4 @@
-"""Which of gRPC's pollers reads the sockets: docs/evidence/decisions/0010 and 0020."""
+"""Poller of gRPC that reads the sockets: docs/evidence/decisions/0010 and 0020."""
 
 from __future__ import annotations
 

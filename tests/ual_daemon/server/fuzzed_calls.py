@@ -34,7 +34,7 @@ _NUMBERS = (FieldDescriptor.CPPTYPE_DOUBLE, FieldDescriptor.CPPTYPE_FLOAT)
 _WAYPOINTS = (0, 1, 1, 2, 3, 300)
 _LIMITS_S = (0.001, 0.05, 0.3, 2.0)
 _FLOOR_M, _CEILING_M = -1.0, 125.0
-"""Where no command may lead, with what noise and overshoot add."""
+"""Heights in metres to which no command may lead, with noise and overshoot."""
 
 
 class FuzzedCall(NamedTuple):

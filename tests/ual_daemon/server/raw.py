@@ -31,7 +31,7 @@ PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + http2(4, 0, 0, b"")
 
 
 def answer_to(address: str, values: dict[bytes, bytes]) -> bytes:
-    """What comes for a call with these headers, up to its status, or its reset."""
+    """Returns the answer to a call with these headers, up to its status, or its reset."""
     host, _, port = address.partition(":")
     with socket.create_connection((host, int(port)), LIMIT_S) as caller:
         block = headers({**REQUEST, **values})

@@ -49,5 +49,7 @@ async def taking(
 
 
 def told(caplog: pytest.LogCaptureFixture) -> list[logging.LogRecord]:
-    """What was logged, but for gRPC's asyncio client of an earlier test, which has events for a loop that has ended."""
+    """Returns the logged records, but for gRPC's asyncio client of an earlier test, which has events for a loop that
+    has ended.
+    """
     return [record for record in caplog.records if "PollerCompletionQueue" not in record.getMessage()]

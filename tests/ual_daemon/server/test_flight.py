@@ -1,4 +1,6 @@
-"""What only a server in its own process shows: calls that end early, slow readers, clients without our code."""
+"""Behaviour that only a server in its own process shows: calls that end early, slow readers, clients without our
+code.
+"""
 
 from __future__ import annotations
 

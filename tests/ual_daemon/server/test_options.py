@@ -1,4 +1,4 @@
-"""What the options of the server do against callers that waste it."""
+"""Options of the server against callers that waste it."""
 
 from __future__ import annotations
 

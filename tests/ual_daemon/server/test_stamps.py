@@ -64,7 +64,7 @@ def request_of(method: MethodDescriptor, path: tuple[FieldDescriptor, ...], seco
 
 
 def refusal(channel: Any, method: MethodDescriptor, request: Message) -> tuple[grpc.StatusCode, str, str]:
-    """How a call with a request ends: the status, the reason, and the field of the refusal."""
+    """Returns the end of a call with a request: the status, the reason, and the field of the refusal."""
     path = f"/{method.containing_service.full_name}/{method.name}"
     ways: dict[tuple[bool, bool], Callable[[], object]] = {
         (False, False): lambda: channel.unary_unary(path)(request.SerializeToString()),

@@ -1,4 +1,4 @@
-"""What waited unread while the daemon stood still moves nothing, on each transport."""
+"""Requests that waited unread while the daemon stood still move nothing, on each transport."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ OBEYED_LATE = {
     ),
     "ual.v1.MissionService": ("UploadMission", "ClearMission", "PauseMission"),
 }
-"""What needs more than an observer, and is no part of `MOVES`, in the services that fly."""
+"""Methods that need more than an observer, and are no part of `MOVES`, in the services that fly."""
 
 
 class Clock:

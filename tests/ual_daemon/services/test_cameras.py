@@ -1,4 +1,4 @@
-"""What may be asked of cameras, with a backend and a UAV that are made up."""
+"""Allowed requests to cameras, with a backend and a UAV that are made up."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is passed on and for whom, through the class, with a backend and a UAV that are made up."""
+"""Corrections that are passed on, and their senders, through the class, with a backend and a UAV that are made up."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may be uploaded and when, with a backend and a UAV that are made up."""
+"""Allowed uploads of a fence, with a backend and a UAV that are made up."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may be ordered of gimbals, and what follows from it, with a UAV of light whose gimbals are made up."""
+"""Allowed orders to gimbals, and their effects, with a UAV of light whose gimbals are made up."""
 
 from __future__ import annotations
 
@@ -424,7 +424,7 @@ def test_it_ends_where_another_program_takes_the_control(lab: Lab) -> None:
 
 
 def test_an_order_that_comes_while_it_is_aimed_counts(lab: Lab) -> None:
-    """What was computed for the target before must not turn it away from where the newer order has turned it."""
+    """Angles that were computed for the target before must not turn it away from those of the newer order."""
     lab.gimbal.point_at(PointStamped(Vector3(6.0, 2.0, 0.0)))
 
     def another_thread() -> None:
@@ -511,7 +511,7 @@ def test_its_frame_belongs_to_it_and_others_may_hang_below(lab: Lab) -> None:
 
 
 def test_the_links_stay_the_same_while_it_turns(lab: Lab) -> None:
-    """What is computed from them is computed anew only where they are others."""
+    """Values that follow from the links are computed anew only where the links are others."""
     tree = lab.uav.vehicle._resolver.tree
     links = tree.links
     lab.made_up.looks = GimbalAttitude(IDENTITY, HORIZON, 0.0)

@@ -1,4 +1,4 @@
-"""What may be ordered of what a UAV carries, with a backend and a UAV that are made up."""
+"""Allowed orders to the payload of a UAV, with a backend and a UAV that are made up."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may be written and when, and how waiting ends, with a backend and a UAV that are made up."""
+"""Allowed writes of parameters, and the end of waiting, with a backend and a UAV that are made up."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class Craft:
 
     @property
     def estimate(self) -> Vector3:
-        """Where it takes itself to be."""
+        """Estimated position."""
         return self.position + self.position_error(self.now_s)
 
     @property
@@ -148,14 +148,14 @@ def _tilted(acceleration: Vector3) -> Quaternion:
 
 
 class Flown:
-    """What flies a craft: references as the flight steps them, one after the other."""
+    """Flight of a craft: references as the flight steps them, one after the other."""
 
     def __init__(self, craft: Craft) -> None:
         self.craft = craft
         self.drift = DriftCorrection()
         self._is_led = False
         self.changes_m_s2: list[float] = []
-        """How fast what is added changed, at each update of the last `fly`."""
+        """Speed of changes of the correction, at each update of the last `fly`."""
 
     def velocity(self, velocity: Vector3) -> Velocity:
         return Velocity(Twist(velocity), self.drift, in_body=False, expires_s=math.inf)

@@ -1,4 +1,4 @@
-"""What is added to a commanded velocity, with a point mass whose velocity is estimated wrongly."""
+"""Correction of a commanded velocity, with a point mass whose velocity is estimated wrongly."""
 
 from __future__ import annotations
 

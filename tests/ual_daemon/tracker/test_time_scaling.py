@@ -26,7 +26,7 @@ SLACK = 2e-3
 
 
 def sent_motions(trajectory: Trajectory, lag: Random, duration_s: float) -> list[Motion]:
-    """What is sent to a UAV that falls behind, catches up, and is measured with noise."""
+    """Returns the motions that are sent to a UAV that falls behind, catches up, and is measured with noise."""
     follow = TrajectoryReference(trajectory, 0.0)
     behind_m, target_m, sent = 0.0, 0.0, [trajectory.at(0.0)]
     snapshot = Snapshot(time_s=0.0)
@@ -81,7 +81,7 @@ def test_it_stops_at_any_time_and_goes_on_soon_enough(wait_s: float) -> None:
 
 
 FAST = Limits(horizontal_speed_m_s=10.0, horizontal_acceleration_m_s2=1.5)
-"""What an ArduCopter ships: it accelerates for longer than a slow UAV flies."""
+"""Limits of a new ArduCopter: it accelerates for longer than a slow UAV flies."""
 
 
 @pytest.mark.parametrize("length_m", [10.0, 30.0, 100.0])
@@ -127,7 +127,9 @@ def test_a_motion_in_real_time_is_not_changed() -> None:
 
 
 def paused_motions(follow: TrajectoryReference, spans: list[tuple[float, float]]) -> list[Motion]:
-    """What is sent to a UAV that never lags, which flies and is paused by turns; then it flies to the end."""
+    """Returns the motions that are sent to a UAV that never lags, which flies and is paused by turns; then it flies to
+    the end.
+    """
     snapshot, sent, now_s = Snapshot(time_s=0.0), [follow.trajectory.at(0.0)], 0.0
 
     def run(duration_s: float) -> None:

@@ -1,4 +1,4 @@
-"""Where velocities lead PX4 and ArduCopter whose estimates err, from any beginning: `craft` flies them.
+"""Positions to which velocities lead PX4 and ArduCopter whose estimates err, from any beginning: `craft` flies them.
 
 Each flight is compared with that of a twin without errors, wind or drag, which is where the velocity leads.
 """
@@ -28,7 +28,7 @@ _CORNER_AFTER_S = 3.0
 
 @dataclass(frozen=True)
 class Errors:
-    """What is wrong: amplitude (m/s, m) and period of the errors, the drag and the push of gusts."""
+    """Errors of the estimate: amplitude (m/s, m) and period, the drag and the push of gusts."""
 
     velocity_m_s: Vector3 = field(default_factory=Vector3)
     position_m: Vector3 = field(default_factory=Vector3)
@@ -100,8 +100,8 @@ errors = st.builds(
 
 @dataclass(frozen=True)
 class Off:
-    """How far a flight was off its twin: when it began; then across the velocity, along it, in height, at most; and how
-    fast what is added changed.
+    """Distances of a flight from its twin: when it began; then across the velocity, along it, in height, at most; and
+    the speed of the correction's changes.
     """
 
     begun_m: float

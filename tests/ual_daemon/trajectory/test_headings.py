@@ -1,4 +1,4 @@
-"""Where the nose points on a path."""
+"""Heading of the nose on a path."""
 
 from __future__ import annotations
 

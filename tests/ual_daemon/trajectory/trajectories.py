@@ -1,4 +1,4 @@
-"""What every sent reference must keep: limits, and derivatives that are those of what is sent."""
+"""Requirements of every sent reference: limits, and derivatives that are those of the sent values."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _VALUES = attrgetter(
 
 
 class Columns:
-    """What is sent, one array for each value: all moments are checked at once, which is many times as quick."""
+    """Sent values, one array for each: all moments are checked at once, which is many times as quick."""
 
     def __init__(self, sent: Sequence[Motion]) -> None:
         values = np.fromiter(itertools.chain.from_iterable(map(_VALUES, sent)), np.float64).reshape(len(sent), 12)
@@ -138,7 +138,7 @@ def assert_rests_at(motion: Motion, position: Vector3, yaw_rad: float) -> None:
 
 
 def distance_from_line(point: Vector3, begin: Vector3, end: Vector3) -> float:
-    """How far a point is from a piece of a line."""
+    """Returns the distance of a point from a piece of a line."""
     way, offset = end - begin, point - begin
     if way.norm() < 1e-9:
         return offset.norm()
@@ -147,7 +147,7 @@ def distance_from_line(point: Vector3, begin: Vector3, end: Vector3) -> float:
 
 
 def distance_from_path(point: Vector3, points: Sequence[Vector3]) -> float:
-    """How far a point is from a polyline."""
+    """Returns the distance of a point from a polyline."""
     return min(distance_from_line(point, a, b) for a, b in itertools.pairwise(points))
 
 

@@ -1,4 +1,4 @@
-"""Who may fly: a daemon that was not commanded in this flight sends nothing."""
+"""Authority to fly: a daemon that was not commanded in this flight sends nothing."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from ual_daemon.vehicle.vehicle import Vehicle
 
 
 class Sent:
-    """What a backend was given to send."""
+    """Setpoints that a backend was given to send."""
 
     def __init__(self, backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
         self.setpoints: list[Setpoint] = []

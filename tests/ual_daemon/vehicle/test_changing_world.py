@@ -29,7 +29,7 @@ EXCESS_M_S = 0.05
 
 
 class World:
-    """What a test changes of a light UAV's world: its limits, its own fence and its home."""
+    """World of a light UAV that a test changes: its limits, its own fence and its home."""
 
     def __init__(self, uav: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
         self.uav = uav
@@ -192,7 +192,7 @@ def path_of(count: int) -> list[Any]:
 
 
 def flown_through(uav: Stepped, waypoints: list[Any]) -> float:
-    """How far from the farthest of the waypoints it has come by."""
+    """Returns the distance from the farthest of the waypoints that it has passed."""
     places = np.array([tuple(sample.pose.position) for sample in uav.samples if sample.pose is not None])
     return max(float(np.linalg.norm(places - tuple(each.pose.position), axis=1).min()) for each in waypoints)
 

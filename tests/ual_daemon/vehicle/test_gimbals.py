@@ -1,4 +1,4 @@
-"""Where gimbals look, in all axes, of a UAV that tilts."""
+"""Attitudes of gimbals, in all axes, of a UAV that tilts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the UAV may fly, and the way that it flies, as they are told in map. In stepped time."""
+"""Area in which the UAV may fly, and its route, as they are reported in map. In stepped time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a lease does to a flight: whenever it begins or ends, the UAV holds, and nobody but its holder moves it."""
+"""Effects of a lease on a flight: whenever it begins or ends, the UAV holds, and nobody but its holder moves it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def under_way(uav: Stepped, lease_id: str = NOBODY) -> VehicleTask:
 
 
 def holds(uav: Stepped) -> bool:
-    """Whether it comes to rest where it is."""
+    """Returns whether it comes to rest where it is."""
     uav.until(lambda: uav.speed < 0.05, 10.0)
     before = uav.pose.position
     uav.run(2.0)

@@ -1,4 +1,4 @@
-"""How far a mission is, where the autopilot's word is late or wrong."""
+"""Stage of a mission, where the autopilot's report is late or wrong."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_one_that_did_not_reach_its_last_item_is_not_complete(*, armed: bool, st
 @pytest.mark.parametrize("told", [NONE, NOT_STARTED, ACTIVE, PAUSED, COMPLETE])
 @pytest.mark.parametrize("armed", [True, False])
 def test_one_that_was_just_brought_has_not_begun(told: MissionStage, *, armed: bool) -> None:
-    """What was told before is of another one: PX4 told COMPLETE, or PAUSED once armed, of a mission nobody flew."""
+    """Earlier reports are of another mission: PX4 told COMPLETE, or PAUSED once armed, of a mission nobody flew."""
     autopilot = Autopilot(control=Control.OTHER, landed=LandedState.ON_GROUND, mode="OFFBOARD", armed=armed)
     report = MissionReport(told, 4, 3, 1.0, 5, 1.0)
     brought = Brought(1.5, NOT_STARTED)

@@ -1,4 +1,4 @@
-"""How a restarted daemon looks for the mission that it flew before."""
+"""Search of a restarted daemon for the mission that it flew before."""
 
 from __future__ import annotations
 
@@ -94,7 +94,9 @@ def test_a_mission_that_cannot_be_read_is_asked_for_once_in_a_while(restarted: R
 def test_one_that_is_found_too_late_is_no_task_that_runs_for_ever(
     restarted: Restarted, is_closing: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Who waited for it by its old name waited without end, and the file of a flight that was over was left."""
+    """A program that waited for it by its old name waited without end, and the file of a flight that was over was
+    left.
+    """
     if is_closing:
         restarted.flight.prepare_shutdown()
     else:  # by a command in the moment in which it was found

@@ -1,4 +1,4 @@
-"""Those who watch a UAV: a defect of one takes nothing from the flight, from its callers, and from the others."""
+"""Observers of a UAV: a defect of one takes nothing from the flight, from its callers, and from the others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which poses from outside go to the autopilot."""
+"""External poses that go to the autopilot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which position on Earth is told: one that somebody vouches for."""
+"""Reported position on Earth: one that somebody vouches for."""
 
 from __future__ import annotations
 

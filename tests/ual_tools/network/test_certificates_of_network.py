@@ -1,4 +1,4 @@
-"""What `ual certificates network` writes, with real Zenoh: who may publish, who may listen, and strangers."""
+"""Output of `ual certificates network`, with real Zenoh: who may publish, who may listen, and strangers."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def run(*words: str) -> Result:
 
 
 def rows(config: str, told: list[tuple[Publication, Report]]) -> list[dict[str, Any]]:
-    """What `ual list` says once all have told."""
+    """Returns the rows of `ual list` once all have reported."""
 
     def listed() -> list[dict[str, Any]]:
         for publication, once in told:

@@ -14,7 +14,7 @@ from ual_tools.recording.autopilot_log import Track, laid_over, placed, read
 
 BOOT_UTC_S = 1_795_659_430.0
 BEGIN_S = BOOT_UTC_S + 20.0
-"""When the recording begins."""
+"""Time at which the recording begins."""
 
 
 def speed(time_s: float) -> float:

@@ -91,7 +91,7 @@ class Machine:
         return answer
 
     def steps(self) -> list[str]:
-        """How CMake was called."""
+        """Returns the calls of CMake."""
         return self.log.read_text().splitlines() if self.log.exists() else []
 
 

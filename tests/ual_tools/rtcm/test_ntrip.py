@@ -96,7 +96,7 @@ TOLD = says(table(mount("NEAR", "0")))
 
 
 def received(source: NtripSource, length: int) -> bytes:
-    """What comes, until it is so much, or the source ends."""
+    """Returns the received bytes, until there are enough, or the source ends."""
     found, end_s = b"", time.monotonic() + LIMIT_S
     with closing(source.chunks()) as chunks:
         for chunk in chunks:

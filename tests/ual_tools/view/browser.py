@@ -43,7 +43,7 @@ class Page:
         self._connection = connection
         self._numbers = itertools.count(1)
         self.problems: list[str] = []
-        """What the page's own console calls an error."""
+        """Errors on the page's own console."""
         self.call("Runtime.enable")
         self.call("Log.enable")
         self.call("Page.enable")
@@ -143,7 +143,7 @@ class Page:
 
 
 def chromium() -> str:
-    """Where Chromium is. Skips the test loudly where there is none."""
+    """Returns the path of Chromium. Skips the test loudly where there is none."""
     found = os.environ.get("UAL_TEST_CHROMIUM") or shutil.which("chromium")
     if found is None:
         pytest.skip("NO CHROMIUM, the page of `ual view` is NOT TESTED in a browser: apt-get install chromium")

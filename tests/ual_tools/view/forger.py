@@ -33,14 +33,14 @@ CAMERA: dict[str, Any] = {
 
 
 class Forger:
-    """What the server sent, by the ids of the elements of its panel."""
+    """Messages of the server, by the ids of the elements of its panel."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self._connection = connection
         self.elements: dict[str, dict[str, Any]] = {}
         self.enabled_clicks: list[Any] = []
         self.nodes: dict[str, dict[str, Any]] = {}
-        """What is in the scene, by name."""
+        """Nodes of the scene, by name."""
         self._updates: list[str] = []
         """The texts that came, in their order."""
         self.send(**CAMERA)  # only then the server takes it for a page

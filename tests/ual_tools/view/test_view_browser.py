@@ -93,7 +93,7 @@ def test_a_page_that_gets_no_news_says_so_itself(
 
 
 def goal_in(words: str) -> tuple[float, float]:
-    """Where the proposed go-to leads."""
+    """Returns the goal of the proposed go-to."""
     found = re.search(r"uav_2: go to (\S+) (\S+) \S+ in map", words)
     assert found is not None
     return float(found[1]), float(found[2])

@@ -17,7 +17,7 @@ ALL = Equipment(
 
 
 class Gripper:
-    """What is carried, which counts how often it is asked."""
+    """Payload devices, which count how often they are asked."""
 
     def __init__(self, answer: Equipment | UalError) -> None:
         self.answer = answer

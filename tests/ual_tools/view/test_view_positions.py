@@ -1,4 +1,6 @@
-"""Where what stops a flight is in the page of `ual view`, in a real browser of three sizes and in each state."""
+"""Position of the buttons that stop a flight in the page of `ual view`, in a real browser of three sizes and in each
+state.
+"""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ NOT_HERE = {
     *WITHOUT_GRIPPER,
     *WITHOUT_GIMBALS,
 }
-"""What is skipped, and nothing else: a simulation's daemon may arm, and `simple_flight` needs no poses."""
+"""Checks that are skipped, and no others: a simulation's daemon may arm, and `simple_flight` needs no poses."""
 
 
 SETTINGS = VehicleSettings(limits=LimitSettings(horizontal_speed_m_s=LIMIT_M_S))

@@ -1,4 +1,6 @@
-"""What no simulator shows at will: threads that meet, and answers that nobody expects. Without sockets and threads."""
+"""Defects that no simulator shows at will: threads that meet, and answers that nobody expects. Without sockets and
+threads.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where messages end."""
+"""Ends of messages."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ DESCENT = (3.0, HOVER, -0.4)
 
 
 def judged(*phases: Phase, rate_s: float = RATE_S) -> list[bool]:
-    """Whether it touches, at the end of each phase."""
+    """Returns whether it touches, at the end of each phase."""
     contact = Contact()
     ends = []
     now_s = 100.0

@@ -40,7 +40,7 @@ NOT_HERE = {
     *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
-"""What is skipped, and nothing else: it has no safety pilot, and does not know where it is on Earth."""
+"""Checks that are skipped, and no others: it has no safety pilot, and does not know its position on Earth."""
 
 
 NEEDS_DISARMED = {"arms_and_disarms", "takes_off_only_when_armed", "writes_a_parameter_and_reads_it_back"}

@@ -22,7 +22,7 @@ BAD = Faults(loss=0.2, delay_s=0.01, jitter_s=0.03, duplication=0.2)
 
 
 def table_items(flown: Flown, since: int = 0) -> int:
-    """How many entries of the tables were asked for."""
+    """Returns the number of requested entries of the tables."""
     packets = [packet for _, packet in flown.crazyflie.received[since:]]
     return sum(p.port in (LOG, PARAMETER) and p.channel == 0 and p.data[:1] == b"\x02" for p in packets)
 

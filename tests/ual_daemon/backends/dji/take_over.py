@@ -19,12 +19,12 @@ _CLIMBED_M = 1.1
 
 
 class TakeOver(NamedTuple):
-    """What became of it."""
+    """Outcome of a take-over."""
 
     shows_in_mode: bool
     told_after_s: float
     sent_after_s: float
-    """How long setpoints left after it; 0 where none did."""
+    """Seconds for which setpoints left after it; 0 where none did."""
 
 
 class _Pilot:

@@ -1,4 +1,4 @@
-"""Who controls an aircraft of dji_osdk_ros, by what it displays."""
+"""Controller of an aircraft of dji_osdk_ros, by its display mode."""
 
 from __future__ import annotations
 

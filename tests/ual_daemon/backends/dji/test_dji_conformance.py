@@ -40,7 +40,7 @@ NOT_HERE = {
     *WITHOUT_MISSIONS,
     *WITHOUT_GRIPPER,
 }
-"""What is skipped, and nothing else: control authority that the pilot took is only obtained, never given."""
+"""Checks that are skipped, and no others: control authority that the pilot took is only obtained, never given."""
 NOT_BEHIND_OSDK = {"goes_to_a_geographic_waypoint"}
 """dji_osdk_ros does not say how the ellipsoid lies to mean sea level, which the check asks for, too."""
 

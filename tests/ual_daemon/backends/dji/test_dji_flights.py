@@ -1,4 +1,6 @@
-"""What is DJI's own: control authority, landing confirmation, refusals, the local frame, and what becomes of faults."""
+"""Peculiarities of DJI: control authority, landing confirmation, refusals, the local frame, and the handling of
+faults.
+"""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def backend(flown: tuple[UAL, LockstepDji]) -> LockstepDji:
 
 @pytest.fixture
 def gimbal(uav: UAL, backend: LockstepDji) -> GimbalModule:
-    """That at the first port."""
+    """Gimbal at the first port."""
     [front] = [node for node in backend.bridge.nodes if isinstance(node, Psdk)]
     with backend.lock:
         front.gimbal_module.is_mounted = True

@@ -1,4 +1,4 @@
-"""What an aircraft cannot have said is dropped, as by every backend of a real autopilot."""
+"""Impossible data of an aircraft is dropped, as by every backend of a real autopilot."""
 
 from __future__ import annotations
 

@@ -231,7 +231,9 @@ class Judge:
         return flow_s < needs_s - TINY and now_s - order.asked_s < SETPOINTS_WAIT_S - TINY and needs_s > 0.0
 
     def _may_undo(self, order: Order) -> bool:
-        """Whether others may have undone it in a silence since it was sent. Out of our own mode it is sent again."""
+        """Returns whether others may have undone it in a silence since it was sent. Out of our own mode it is sent
+        again.
+        """
         if not order.sent_s or self.believable_since_s() <= order.sent_s[0] + TINY:
             return False
         return order.command.group == ARMING or self.modes[-1][1] != "setpoints"
@@ -260,7 +262,7 @@ class Scripted:
         self.is_silent = False
         self.says_state = True
         self.unread: list[tuple[str, bool] | None] = []
-        """What the autopilot says while our thread does not look."""
+        """Messages of the autopilot while our thread does not look."""
         self.sent: list[tuple[str, Hashable, Order]] = []
         self.updates: list[Snapshot] = []
         self._broken: BrokenRuleError | None = None
@@ -423,7 +425,7 @@ class Scripted:
 
     @property
     def requests(self) -> list[str]:
-        """What was sent since the last time."""
+        """Requests sent since the last time."""
         requests = [request.partition("#")[0] for request, _, _ in self.sent]
         self.sent.clear()
         return requests

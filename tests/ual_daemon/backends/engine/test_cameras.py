@@ -1,4 +1,4 @@
-"""When a picture by distance is due, and what a camera keeps of what it took."""
+"""Times of pictures by distance, and the pictures that a camera keeps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What becomes of a command that cannot be made or encoded: its future ends, and the link does not."""
+"""Commands that cannot be made or encoded: their future ends, and the link does not."""
 
 from __future__ import annotations
 

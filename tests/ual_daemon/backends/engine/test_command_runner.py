@@ -1,4 +1,4 @@
-"""What a command's table says is what is sent, and what its future ends with."""
+"""Commands are sent as their table says, and their futures end accordingly."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def test_in_progress_is_waited_for(plain: Plain) -> None:
 
 
 def test_an_answer_that_may_be_of_another_is_not_taken(plain: Plain) -> None:
-    """What was not answered, and was replaced, may be answered late. One that repeats waits for a sure one."""
+    """Late answers to an order that was replaced are possible. One that repeats waits for a sure one."""
     plain.runner.submit(DROP, plain.now_s)
     plain.run(0.2)
     held = plain.runner.submit(HOLD, plain.now_s)

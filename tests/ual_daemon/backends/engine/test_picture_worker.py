@@ -1,4 +1,6 @@
-"""What makes pictures one after another: how many wait, also where the computer has no thread for them."""
+"""Worker that makes pictures one after another: the number that wait, also where the computer has no thread for
+them.
+"""
 
 from __future__ import annotations
 

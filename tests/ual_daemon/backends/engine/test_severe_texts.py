@@ -1,4 +1,4 @@
-"""Which texts of an autopilot are told as severe, and for how long."""
+"""Texts of an autopilot that are reported as severe, and the duration."""
 
 from __future__ import annotations
 

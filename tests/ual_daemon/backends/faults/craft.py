@@ -21,7 +21,7 @@ _POLL_S = 0.002
 
 Action = Callable[[], object]
 Script = Sequence[tuple[float, Action]]
-"""What happens when, in seconds after its beginning."""
+"""Actions by their time, in seconds after the beginning."""
 
 
 class Can(Enum):
@@ -39,11 +39,13 @@ class Can(Enum):
     REPEAT = auto()
     """Its backend repeats commands that are not answered, as nothing between it and the vehicle executes them late."""
     BE_HELD_UP = auto()
-    """What is sent waits on our side of the link."""
+    """Messages wait on our side of the link."""
 
 
 class Seen(NamedTuple):
-    """What a simulator tells: its time, when setpoints have reached it, and which commands; see `Craft`."""
+    """Observations of a simulator: its time, the times at which setpoints have reached it, and the commands; see
+    `Craft`.
+    """
 
     now_s: Callable[[], float]
     setpoints_s: Callable[[], list[float]]
@@ -71,7 +73,7 @@ class Craft(ABC):
         """Each change of the state that the data show by themselves, with its time: no slow test can miss one."""
         self.snapshots: list[Snapshot] = []
         self.errors: list[UalError] = []
-        """What the commands of scripts have raised."""
+        """Errors that the commands of scripts have raised."""
         self._script: list[tuple[float, Action]] = []
         self._stall_s = 0.0
         self.uav.vehicle.subscribe(lambda _: self._on_telemetry())
@@ -87,7 +89,7 @@ class Craft(ABC):
         return self.seen.now_s()
 
     def setpoints_s(self) -> list[float]:
-        """When setpoints have reached the vehicle."""
+        """Returns the times at which setpoints have reached the vehicle."""
         return self.seen.setpoints_s()
 
     def commands(self) -> list[tuple[float, str]]:
@@ -196,7 +198,7 @@ class Craft(ABC):
         return [name for time_s, name in list(self.commands()) if begin_s <= time_s < end_s]
 
     def first_s(self, state: State, since_s: float) -> float:
-        """When the data first showed a state, at or after a time; infinite if they have not."""
+        """Returns the time at which the data first showed a state, at or after a time; infinite if they have not."""
         return next((time_s for time_s, seen in list(self.states) if time_s >= since_s and seen is state), float("inf"))
 
     # --- Flights ---------------------------------------------------------------------------------------------------

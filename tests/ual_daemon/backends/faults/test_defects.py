@@ -42,9 +42,9 @@ def test_an_update_that_fails_above_ends_no_flight(craft: Craft, caplog: pytest.
 
 
 _BESIDE = ((Cameras, "tick"), (Gimbals, "tick"), (Services, "tick"), (DjiGimbal, "tick"), (LightCameras, "step"))
-"""What the threads of the backends do beside flying."""
+"""Methods of the backends' threads beside flying."""
 _HAVE_MORE = ("px4", "ardupilot", "mavros px4", "mavros ardupilot", "dji psdk", "dji osdk", "light")
-"""Those whose threads do more than fly."""
+"""Backends whose threads do more than fly."""
 
 
 @pytest.mark.parametrize("craft", _HAVE_MORE, indirect=True)

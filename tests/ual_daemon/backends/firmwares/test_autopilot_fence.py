@@ -1,4 +1,4 @@
-"""What the autopilots' parameters say of their own fences."""
+"""Parameters of the autopilots about their own fences."""
 
 from __future__ import annotations
 

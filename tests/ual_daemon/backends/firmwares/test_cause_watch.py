@@ -1,4 +1,4 @@
-"""Whose fault a mode is: a failsafe for missing setpoints has one name, however long the pause was."""
+"""Cause of a mode: a failsafe for missing setpoints has one name, however long the pause was."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ HOLD_FOR = "commander_failsafe_enter_hold"
 
 
 def for_cause(number: int) -> bytes:
-    """What the event of a failsafe says that holds at first: mode, action, delay and cause."""
+    """Returns the content of a failsafe's event that holds at first: mode, action, delay and cause."""
     return struct.pack("<IBHB", OFFBOARD, 6, 5, number)
 
 

@@ -1,4 +1,4 @@
-"""What is learnt of a vehicle in flight: a point mass with drag, wind and an estimator that contradicts itself."""
+"""Learning of a vehicle's response in flight: a point mass with drag, wind and an estimator that contradicts itself."""
 
 from __future__ import annotations
 

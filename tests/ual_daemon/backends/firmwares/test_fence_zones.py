@@ -1,4 +1,4 @@
-"""What the items of a fence mean, and what they do not."""
+"""Meaning of a fence's items."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a gimbal is by its parameters, and what an order becomes for each autopilot."""
+"""Description of a gimbal by its parameters, and the form of an order for each autopilot."""
 
 from __future__ import annotations
 

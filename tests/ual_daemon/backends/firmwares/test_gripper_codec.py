@@ -1,4 +1,4 @@
-"""What an order becomes for each autopilot: no value beyond what is allowed, and nothing else is moved."""
+"""Form of an order for each autopilot: no value beyond the allowed ones, and nothing else is moved."""
 
 from __future__ import annotations
 

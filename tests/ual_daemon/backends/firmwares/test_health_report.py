@@ -1,4 +1,4 @@
-"""What an autopilot's texts say fails before arming."""
+"""Failing checks before arming, by an autopilot's texts."""
 
 from __future__ import annotations
 

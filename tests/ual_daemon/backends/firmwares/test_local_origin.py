@@ -1,4 +1,4 @@
-"""When the origin of the local frame on Earth is believed, and when the positions contradict it."""
+"""Trust in the origin of the local frame on Earth, and its end when the positions contradict it."""
 
 from __future__ import annotations
 

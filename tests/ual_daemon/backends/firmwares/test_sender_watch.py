@@ -18,7 +18,9 @@ GUIDED, LOITER = 4, 5
 
 
 def another(now_s: float, said_s: float) -> str:
-    """What shows another sender to a PX4 that got our last setpoint at 1 s, and was in OFFBOARD until `said_s`."""
+    """Returns the sign of another sender to a PX4 that got our last setpoint at 1 s, and was in OFFBOARD until
+    `said_s`.
+    """
     sent = SetpointMonitor()
     watch = SenderWatch(sent, stays_without_setpoints=False)
     armed, landed = Sample(True, said_s), Sample(LandedState.IN_AIR, said_s)
@@ -37,7 +39,7 @@ def test_an_autopilot_that_stays_in_its_mode_without_our_setpoints_gets_those_of
 
 
 def flown_again(goes_on_s: float, target_m: float) -> str:
-    """What shows another sender to an ArduPilot that was heard until 5 s, and from 17 s on for `goes_on_s`.
+    """Returns the sign of another sender to an ArduPilot that was heard until 5 s, and from 17 s on for `goes_on_s`.
 
     We sent positions until 6 s, and send again from 18 s on. The autopilot tells an old target, and from 17.5 s on one
     that is `target_m` away.

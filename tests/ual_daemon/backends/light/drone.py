@@ -52,7 +52,7 @@ class Drone:
         self.run(height_m / 1.0 + 4.0, top)
 
     def true(self, name: str) -> Any:
-        """What is really so, as nobody but the world knows it."""
+        """Returns the true value, as nobody but the world knows it."""
         value = getattr(self.world.fleet, name)[self.row]
         return np.array(value) if np.ndim(value) else value
 

@@ -44,7 +44,7 @@ def closed_drones() -> Iterator[None]:
 
 
 def picture(pose: Pose, *markers: Marker, view: CameraIntrinsics = VIEW, **options: Any) -> np.ndarray[Any, Any]:
-    """What a camera at a pose sees: rows of columns of colours."""
+    """Returns the picture of a camera at a pose: rows of columns of colours."""
     return painting.paint(pose, view, Scene(0.0, markers), **options).astype(int)
 
 

@@ -33,7 +33,7 @@ class Bench:
         self.gimbal.attitude()
 
     def after(self, passed_s: float, heading_rad: float = 0.0) -> tuple[float, ...]:
-        """How it is turned a time later: roll, pitch, yaw."""
+        """Returns its angles a time later: roll, pitch, yaw."""
         self.moment = self.moment._replace(time_s=self.moment.time_s + passed_s, heading_rad=heading_rad)
         return astuple(self.gimbal.angles(self.moment))
 

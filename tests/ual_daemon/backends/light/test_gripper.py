@@ -1,4 +1,4 @@
-"""What a light UAV carries, by a clock of the test."""
+"""Payload of a light UAV, by a clock of the test."""
 
 from __future__ import annotations
 

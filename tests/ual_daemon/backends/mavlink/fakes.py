@@ -24,7 +24,7 @@ BOOT_MS = 5000
 
 
 def packer(system_id: int = 1, component_id: int = mavlink.MAV_COMP_ID_AUTOPILOT1) -> Callable[[Message], bytes]:
-    """What encodes messages as the bytes that a component of a system sends."""
+    """Returns the encoder of messages into the bytes that a component of a system sends."""
     codec = Codec(component_id)
     codec.join(system_id)
     return codec.encode

@@ -27,8 +27,9 @@ NOT_HERE = {
     "px4": {"arming_belongs_to_the_pilot", "the_pilot_flies_and_gives_back", *WITHOUT_CAMERAS},
     "ardupilot": {"arming_belongs_to_the_pilot", *WITHOUT_CAMERAS},
 }
-"""What is skipped, and nothing else. PX4 takes OFFBOARD only while setpoints come, and the daemon sends none while the
-pilot flies: the pilot cannot give control back."""
+"""Checks that are skipped, and no others. PX4 takes OFFBOARD only while setpoints come, and the daemon sends none while
+the pilot flies: the pilot cannot give control back.
+"""
 
 
 SETTINGS = VehicleSettings(limits=LimitSettings(horizontal_speed_m_s=LIMIT_M_S))
@@ -40,7 +41,7 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 
 def is_known(uav: Uav) -> bool:
-    """Whether the autopilot's version and limits have come."""
+    """Returns whether the autopilot's version and limits have come."""
     info = uav.info()
     return bool(info.autopilot_version) and info.limits.climb_speed_m_s >= 2.0
 

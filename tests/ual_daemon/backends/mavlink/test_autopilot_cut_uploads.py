@@ -101,7 +101,7 @@ def begins(flight: Flight) -> Callable[[], Future[Any]]:
 
 
 def is_over(flight: Flight) -> bool:
-    """Whether nothing is transferred any more."""
+    """Returns whether nothing is transferred any more."""
     return not flight.uav.vehicle.uploads._running
 
 

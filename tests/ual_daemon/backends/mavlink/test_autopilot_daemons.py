@@ -35,7 +35,7 @@ class Vehicle:
     url: str
 
     def commands_since(self, after_s: float) -> set[int]:
-        """What the autopilot was told, other than to send something."""
+        """Returns the commands to the autopilot, other than to send something."""
         return {command for time_s, command, _, _ in self.autopilot.commands if time_s >= after_s} - ASKING
 
 

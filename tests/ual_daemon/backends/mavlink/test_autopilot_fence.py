@@ -119,7 +119,7 @@ def zones(flight: Flight) -> tuple[Zone, ...]:
 
 
 def closest_m(flight: Flight, north_m: float, east_m: float) -> float:
-    """How near it has come to a place, by its telemetry."""
+    """Returns the least distance to a place, by its telemetry."""
     flown = [telemetry.pose for _, telemetry in flight.seen if telemetry.state is State.FLYING_AUTO]
     return min(math.dist((pose.position.x, pose.position.y), (east_m, north_m)) for pose in flown if pose is not None)
 

@@ -64,7 +64,7 @@ def plan(flight: Flight) -> FencePlan:
 
 
 def known_count(flight: Flight) -> int:
-    """How many zones UAL knows of."""
+    """Returns the number of zones that UAL knows of."""
     own = flight.backend.snapshot().autopilot_fence
     return 0 if own is None else len(own.zones)
 

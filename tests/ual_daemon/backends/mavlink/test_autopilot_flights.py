@@ -84,7 +84,7 @@ class Flight:
         self.wait_for(lambda: self.now_s >= until_s, "time passing")
 
     def first_s(self, condition: Callable[[Telemetry], bool], after_s: float = 0.0) -> float:
-        """When telemetry first fulfilled a condition."""
+        """Returns the time at which telemetry first fulfilled a condition."""
 
         def found() -> list[float]:
             return [time_s for time_s, telemetry in list(self.seen) if time_s >= after_s and condition(telemetry)]
@@ -101,7 +101,7 @@ class Flight:
         return result
 
     def commands_since(self, after_s: float) -> set[int]:
-        """What the autopilot was told, other than to send something."""
+        """Returns the commands to the autopilot, other than to send something."""
         return {command for time_s, command, _, _ in self.autopilot.commands if time_s >= after_s} - ASKING
 
     def take_off(self) -> None:

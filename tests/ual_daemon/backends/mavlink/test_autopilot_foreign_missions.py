@@ -86,7 +86,7 @@ def test_one_whose_further_items_are_replaced_never_succeeds(flight: Flight, *, 
 
 
 def test_one_that_is_replaced_as_it_is_started_ends(flight: Flight) -> None:
-    """What was told of the mission was noted only then: that of the other station counted as ours."""
+    """Reports about the mission were noted only then: the one of the other station counted as ours."""
     flight.take_off()
     flight.when(lambda told: told.task is not None, lambda: flight.autopilot.station_uploads(brought))
     items = four(flight)

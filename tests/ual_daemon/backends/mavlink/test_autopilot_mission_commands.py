@@ -111,7 +111,7 @@ class Caller:
 
 
 class Judge:
-    """What must hold while only UAL commands: at each sample of telemetry."""
+    """Judge of each sample of telemetry while only UAL commands."""
 
     def __init__(self, flight: Flight) -> None:
         self._flight = flight

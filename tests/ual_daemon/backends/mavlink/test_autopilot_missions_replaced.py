@@ -32,7 +32,7 @@ def _is_on_mission(telemetry: Telemetry) -> bool:
 
 
 def _after(condition: Callable[[Telemetry], bool], updates_count: int) -> Callable[[Telemetry], bool]:
-    """So many updates after the first that fulfils a condition."""
+    """Returns a condition that holds a number of updates after the first that fulfils the given one."""
     passed: list[int] = []
 
     def is_due(telemetry: Telemetry) -> bool:

@@ -1,4 +1,6 @@
-"""What others do to simulated autopilots that UAL flies: the twins of `tests/sitl/test_others.py` and its failsafes."""
+"""Interference of others with simulated autopilots that UAL flies: the twins of `tests/sitl/test_others.py` and its
+failsafes.
+"""
 
 from __future__ import annotations
 

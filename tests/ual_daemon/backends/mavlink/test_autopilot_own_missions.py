@@ -31,7 +31,7 @@ from ual_daemon.backends.mavlink.wire.messages import mavlink
 HOME = (47.3977428, 8.5455967)
 SILENT = Faults(is_silent=True)
 FAR_M = 300.0
-"""So far that a busy computer acts before the end, though simulated time passes meanwhile."""
+"""Distance in metres at which a busy computer acts before the end, though simulated time passes meanwhile."""
 LOSSY = Faults(loss=0.2, duplication=0.05, jitter_s=0.05)
 
 
@@ -457,7 +457,7 @@ def test_with_a_mission_that_begins_anew_it_is_not_paused() -> None:
 
 
 def is_entered_on_ground(told: Telemetry) -> bool:
-    """Whether the autopilot is in the mode of its mission, and has not lifted off."""
+    """Returns whether the autopilot is in the mode of its mission, and has not lifted off."""
     is_its_mode = told.flight_mode in ("AUTO.MISSION", "AUTO")
     return told.task is not None and is_its_mode and told.state is State.LANDED_ARMED
 

@@ -1,4 +1,4 @@
-"""What the parameters of the autopilots change in flight: their cruise, and how long PX4 waits for setpoints."""
+"""Effects of the autopilots' parameters in flight: their cruise, and the time for which PX4 waits for setpoints."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def flight(request: pytest.FixtureRequest) -> Iterator[OutdoorFlight]:
 
 
 def tells(told: Telemetry, text: str) -> bool:
-    """Whether all tell a text: the reason of the state, the checks that fail, and the task."""
+    """Returns whether all tell a text: the reason of the state, the checks that fail, and the task."""
     checks = () if told.health is None else told.health.failing_checks
     is_waiting = told.task is not None and f"waits: {text}" in told.task.description
     return is_waiting and text in told.state_reason and any(text in each for each in checks)

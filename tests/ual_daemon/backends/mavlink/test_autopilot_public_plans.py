@@ -53,7 +53,7 @@ class Planned(Flight):
         return point.y, point.x, place[2]
 
     def goal_of(self, last: Item) -> Place:
-        """Where a landing or a return leads."""
+        """Returns the position to which a landing or a return leads."""
         place = (last.latitude_deg, last.longitude_deg) if isinstance(last, Land) else self.public.home[:2]
         return self.local((*place, 0.0))
 

@@ -73,11 +73,11 @@ class Placed(UsualRates):
         return self.uav.pose().pose.position
 
     def is_placed(self) -> bool:
-        """Whether a pose is reported."""
+        """Returns whether a pose is reported."""
         return self.uav.telemetry().pose is not None
 
     def place(self) -> Vector3:
-        """Where the UAV really is, from where the autopilot's origin was at first: east, north, up."""
+        """Returns the true position of the UAV, from the autopilot's first origin: east, north, up."""
         north, east, down = self.autopilot.place
         return Vector3(east, north, -down)
 
@@ -565,7 +565,7 @@ def test_a_take_off_goes_on_without_turning_when_the_heading_jumps(start: Start)
 
 
 def _farthest_turned_rad(flight: Placed, from_rad: float, duration_s: float) -> float:
-    """How far its nose really turned away within a time."""
+    """Returns the largest true turn of its nose within a time."""
     until_s, farthest_rad = flight.now_s + duration_s, 0.0
     while flight.now_s < until_s:
         flight.let_pass(0.05)

@@ -38,12 +38,12 @@ NOT_STREAMED = {
     "UNKNOWN_411",
 }
 CLOCK = 0.975
-"""How fast the recorded PX4's clock ran: its simulator did not keep up."""
+"""Speed of the recorded PX4's clock: its simulator did not keep up."""
 
 
 @dataclass
 class Told:
-    """What an autopilot said: how often each message came, and its changes, by kind."""
+    """Reports of an autopilot: the count of each message, and its changes, by kind."""
 
     counts: Counter[str] = field(default_factory=Counter)
     changes: dict[str, list[tuple[float, object]]] = field(default_factory=dict)
@@ -178,7 +178,7 @@ def px4_flight(first_heartbeat_s: float) -> tuple[Flight, Px4]:
 
 
 def ask_px4(flight: Flight) -> None:
-    """What the recorder asked for."""
+    """Sends the recorder's requests."""
     flight.set_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 10.0)
     flight.set_interval(mavlink.MAVLINK_MSG_ID_CURRENT_MODE, 10.0)
     for message_id in (

@@ -28,7 +28,7 @@ from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 LOSSY = Faults(loss=0.2, jitter_s=0.1, duplication=0.1)
 NAMES_COUNT = 300
 A_LIMIT = {"px4": "MPC_XY_CRUISE", "ardupilot": "WPNAV_SPEED"}
-"""What UAL has read, and flies by."""
+"""Parameters that UAL has read, and flies by."""
 UNUSED = {"px4": "MPC_LAND_SPEED", "ardupilot": "LAND_SPEED"}
 WHOLE = {"px4": "EKF2_EV_CTRL", "ardupilot": "FLTMODE6"}
 

@@ -45,7 +45,7 @@ def be_armed(flight: Flight) -> None:
 
 
 def highest_m(flight: Flight) -> float:
-    """How high above the ground it really was at most."""
+    """Returns the largest true height above the ground."""
     down = [telemetry.pose.position.z for _, telemetry in list(flight.seen) if telemetry.pose is not None]
     return max(down) - down[0]
 

@@ -212,7 +212,7 @@ def test_pictures_by_distance_are_counted_by_the_daemon(uav: UAL) -> None:
 
 
 ASKED = {"storage_information", "capture_status"}
-"""What only asks."""
+"""Commands that only ask."""
 
 
 class Client:

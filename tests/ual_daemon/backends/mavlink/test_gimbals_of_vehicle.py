@@ -132,7 +132,7 @@ def test_an_autopilot_that_is_lost_ends_the_orders(pair: Pair) -> None:
 
 
 def is_up(gimbal: OfferedGimbal) -> bool:
-    """Whether an order reaches the autopilot; it is withdrawn."""
+    """Returns whether an order reaches the autopilot; it is withdrawn."""
     ordered = gimbal.move_to_neutral()
     is_refused = ordered.done() and ordered.exception() is not None
     ordered.cancel()

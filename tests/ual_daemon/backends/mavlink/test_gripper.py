@@ -1,4 +1,4 @@
-"""What is sent to move a payload, and what is believed of the answers: late ones, doubled ones, none at all."""
+"""Messages that move a payload, and the trust in the answers: late ones, doubled ones, none at all."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 
 
 class Weather:
-    """What a bad link makes of what is sent through it."""
+    """Bad link that damages the messages sent through it."""
 
     def __init__(self, seed: int) -> None:
         self.noise = random.Random(seed)

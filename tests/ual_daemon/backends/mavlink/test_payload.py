@@ -1,4 +1,4 @@
-"""What extensions send and read through the backend, over real UDP sockets on loopback."""
+"""Messages that extensions send and read through the backend, over real UDP sockets on loopback."""
 
 import contextlib
 import logging

@@ -18,10 +18,11 @@ from ual_daemon.geodesy import FlatProjection, SphereProjection
 
 TICK_S = 0.02
 SOON_S = 0.3
-"""How late a change may be that the stream shows early: PX4 tells of arming by an event."""
+"""Lateness in seconds of a change that the stream shows early: PX4 tells of arming by an event."""
 HEARTBEAT_S = 1.1
-"""How late what only a heartbeat tells may be: nobody was there to ask the recorded autopilots for more than one a
-second."""
+"""Lateness in seconds of a change that only a heartbeat shows: nobody was there to ask the recorded autopilots for more
+than one a second.
+"""
 
 
 @dataclass(frozen=True)

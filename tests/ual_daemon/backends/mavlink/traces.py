@@ -31,7 +31,7 @@ class Trace:
     events: list[Event]
 
     def time_s(self, name: str, nth: int = 0) -> float:
-        """When an event came for the nth time."""
+        """Returns the time at which an event came for the nth time."""
         return [event.time_s for event in self.events if event.name == name][nth]
 
 
@@ -85,6 +85,6 @@ def replay_stepped(trace: Trace, port: int, let_pass: Callable[[float], bool], s
 
 
 def _unread_bytes(port: int) -> int:
-    """What waits in the UDP socket of a port, with all that it costs."""
+    """Returns the bytes that wait in the UDP socket of a port, with all that they cost."""
     sockets = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
     return sum(int(fields[4].split(":")[1], 16) for fields in sockets if int(fields[1].split(":")[1], 16) == port)

@@ -1,4 +1,4 @@
-"""What a UAV carries, through a simulated MAVROS: what is ordered, and what its answers mean."""
+"""Payload of a UAV, through a simulated MAVROS: the orders, and the meaning of its answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is asked of MAVROS' copy of the parameters, by the names of each version."""
+"""Requests to MAVROS' copy of the parameters, by the names of each version."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What waits to be sent, what is dropped of it, and whose turn it is."""
+"""Corrections that wait to be sent, those of them that are dropped, and the turn of the sender."""
 
 from __future__ import annotations
 

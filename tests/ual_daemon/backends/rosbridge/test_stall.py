@@ -56,7 +56,7 @@ class Stall:
 
     @contextmanager
     def as_if_up(self) -> Iterator[None]:
-        """What another thread sees that has looked before the link fell silent."""
+        """Makes the state that of another thread that has looked before the link fell silent."""
         state, self.link.state = self.link.state, LinkState.UP
         yield
         self.link.state = state

@@ -37,7 +37,7 @@ class Missions(AutopilotMissions):
         self.told: MissionReport | None = None
         self.chosen = done(None)
         self.why_not: Callable[[], UalError | None] = lambda: None
-        """That of the last choice of an item."""
+        """Refusal of the last choice of an item."""
 
     def require(self, items: Sequence[Item]) -> None:
         """Takes any."""

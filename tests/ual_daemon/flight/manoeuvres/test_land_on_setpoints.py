@@ -28,7 +28,7 @@ HERE = Vector3(1.0, 2.0, 0.0)
 
 @dataclass
 class Motors:
-    """What stops the motors: it notes each attempt, and answers or refuses."""
+    """Motors that can be stopped: each attempt is noted, and answered or refused."""
 
     asked: int = 0
     answers: list[Future[None]] = field(default_factory=list)

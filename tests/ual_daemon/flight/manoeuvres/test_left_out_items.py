@@ -1,4 +1,4 @@
-"""Which items of a mission others have jumped over, report by report."""
+"""Items of a mission that others have jumped over, report by report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a mission is read again to see whether another station has replaced it."""
+"""Times at which a mission is read again to see whether another station has replaced it."""
 
 from __future__ import annotations
 

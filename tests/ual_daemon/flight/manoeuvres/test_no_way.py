@@ -54,7 +54,7 @@ class Flown:
         self.is_held_fast = self.is_turned_fast = False
         self.status_text = ""
         self.wind = Vector3()
-        """How far the wind holds it off its setpoint."""
+        """Distance by which the wind holds it off its setpoint."""
 
     def snapshot(self) -> Snapshot:
         now_s, phase = self.now_s, self.turns + self.now_s * 0.3

@@ -21,7 +21,7 @@ from ual_daemon.tracker.limits import CurrentLimits
 
 
 class Asked:
-    """What an autopilot is asked for: "hold" or "take", each with its answer."""
+    """Requests to an autopilot: "hold" or "take", each with its answer."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
@@ -261,7 +261,7 @@ def test_a_silence_while_it_is_held_on_the_ground_does_not_let_it_go(ground: Sto
 
 @pytest.mark.parametrize("landed", [LandedState.ON_GROUND, LandedState.IN_AIR])
 def test_a_link_that_is_lost_again_and_again_does_not_make_it_grow(unseen: Stopped, landed: LandedState) -> None:
-    """What stopped it kept what had before: after a thousand silences, whoever took it was told as a defect of UAL."""
+    """Each stop kept the one before: after a thousand silences, a take-over was reported as a defect of UAL."""
     unseen.autopilot.landed = landed
     for _ in range(1100):
         unseen.autopilot.silent_s = 0.0

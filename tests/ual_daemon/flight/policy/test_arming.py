@@ -1,4 +1,4 @@
-"""Who armed the UAV, in the order in which a caller and the updates notice it."""
+"""Origin of an arming, in the order in which a caller and the updates notice it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which positions an autopilot would drop, as they lie beyond its own fence."""
+"""Positions that an autopilot would drop, as they lie beyond its own fence."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ coordinates = st.floats(-45.0, 45.0)
 
 
 def beyond_m(p: Vector3) -> float:
-    """How far beyond the fence a position is; negative inside."""
+    """Returns the distance of a position beyond the fence; negative inside."""
     return max(math.hypot(p.x, p.y) - 40.0, p.z - 30.0, 5.0 - math.hypot(p.x - 20.0, p.y))
 
 

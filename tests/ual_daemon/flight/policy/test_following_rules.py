@@ -175,7 +175,9 @@ def test_where_the_place_was_lost_it_may_be_elsewhere() -> None:
 
 
 def test_a_velocity_after_a_pilots_flight_is_compared_anew() -> None:
-    """How far the one before was off counted on, and the next one ended after 0.3 s (campaign, ArduCopter 13400029)."""
+    """Errors of the flight before counted on, and the next velocity ended after 0.3 s (campaign, ArduCopter
+    13400029).
+    """
     watched = Watched()
     asked = Velocity(Twist(Vector3(5.0, 0.0, 0.0)), DriftCorrection(), in_body=False, expires_s=math.inf)
     watched.fly(2.0)

@@ -36,7 +36,7 @@ def is_in_l(x: float, y: float) -> bool:
 
 
 def distance_from_edges(x: float, y: float) -> float:
-    """How near a point is to the coordinate of an edge: near it, the answer depends on rounding."""
+    """Returns the distance of a point from the coordinate of an edge: near it, the answer depends on rounding."""
     return min(abs(v - edge) for v in (x, y) for edge in (0.0, 5.0, 10.0))
 
 

@@ -1,4 +1,4 @@
-"""Where the ground is taken to be: seen while the UAV stood on it, and else the autopilot's home."""
+"""Assumed height of the ground: measured while the UAV stood on it, and else the autopilot's home."""
 
 from __future__ import annotations
 

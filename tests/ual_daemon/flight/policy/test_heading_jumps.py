@@ -1,4 +1,4 @@
-"""What counts as a jump of the heading, and what is a turn, noise, or a lost attitude."""
+"""Jumps of the heading, as opposed to a turn, noise, or a lost attitude."""
 
 from __future__ import annotations
 

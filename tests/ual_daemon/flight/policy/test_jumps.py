@@ -1,4 +1,4 @@
-"""What counts as a jump of the estimate, and what is noise, a late link or a wrong value."""
+"""Jumps of the estimate, as opposed to noise, a late link or a wrong value."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ CONFIGURED = (None, GeofenceSettings(polygon=L_SHAPE, min_height_m=1.0, max_heig
 
 
 class Moment(NamedTuple):
-    """What is known when a velocity is commanded."""
+    """State when a velocity is commanded."""
 
     here: Vector3
     own: Vector3
@@ -114,7 +114,7 @@ def geofence(settings: GeofenceSettings | None, clearance_m: float = 0.0) -> Geo
 
 
 def is_close(fence: Fence, moment: Moment, limits: Limits) -> bool:
-    """Whether the answer depends on roundings: a corner of a way is right at an edge."""
+    """Returns whether the answer depends on roundings: a corner of a way is right at an edge."""
     return is_near(fence, *(Vector3(*point) for point in reach(*moment, limits)))
 
 

@@ -33,7 +33,7 @@ class Values:
         return [value for found, has, value in self._samples if found == name and labels.items() <= has.items()]
 
     def __call__(self, name: str, **labels: str) -> float:
-        """The one value."""
+        """Returns the single value."""
         (value,) = self.all(name, **labels)
         return value
 
@@ -43,7 +43,7 @@ class Values:
 
 
 def text_of(address: str, accept: str = OPENMETRICS) -> tuple[str, str]:
-    """What is served, and its content type."""
+    """Returns the served text, and its content type."""
     request = urllib.request.Request(f"http://{address}/metrics", headers={"Accept": accept})
     with urllib.request.urlopen(request, timeout=LIMIT_S) as answer:
         return answer.read().decode(), str(answer.headers["Content-Type"])

@@ -23,7 +23,7 @@ class Metered:
             self.meter.on_sent(SETPOINT)
 
     def late(self, by_s: float) -> int:
-        """How many setpoints were late by at most so much."""
+        """Returns the number of setpoints that were late by at most a time."""
         return self.meter.lateness.counts[BOUNDS_S.index(by_s)]
 
 

@@ -29,7 +29,7 @@ def up(ns: str, value: float = 1.0) -> Sample:
 
 
 async def asked(metrics: WorkersMetrics, some: Sequence[Worker], *answering: Worker) -> list[Sample]:
-    """What is served when some of the workers answer the next question."""
+    """Returns the served samples when some of the workers answer the next question."""
     before = [len(worker.told) for worker in some]
     found = asyncio.create_task(asyncio.to_thread(metrics.samples))
     await until_async(lambda: [len(worker.told) for worker in some] != before, "the question")

@@ -1,4 +1,4 @@
-"""What the daemon tells the network, and that it only tells."""
+"""Announcements of the daemon in the network, and that it only announces."""
 
 from __future__ import annotations
 

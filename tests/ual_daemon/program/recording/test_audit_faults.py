@@ -50,7 +50,7 @@ def entries(*files: Path) -> list[dict[str, Any]]:
 
 
 def verified(file: Path) -> str:
-    """What the command says of a file that is whole."""
+    """Returns the output of the command about a file that is whole."""
     result = CliRunner().invoke(cli, ["audit", "verify", str(file)])
     assert result.exit_code == 0, result.output
     return result.output

@@ -1,4 +1,4 @@
-"""What a daemon records: every call, setpoint, state and sample, and what is left of it when the daemon is killed."""
+"""Recording of a daemon: every call, setpoint, state and sample, and its rest when the daemon is killed."""
 
 from __future__ import annotations
 

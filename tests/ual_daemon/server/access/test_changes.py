@@ -1,4 +1,4 @@
-"""What changes while a daemon runs: tokens that are revoked, certificates that are renewed, shares of the limits."""
+"""Changes while a daemon runs: tokens that are revoked, certificates that are renewed, shares of the limits."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ METHODS = {
     for name, method in service.methods_by_name.items()
 }
 REQUESTS = {"/ual.v1.SimulationService/SetSpeedFactor": simulation_pb2.SetSpeedFactorRequest(speed_factor=1.0)}
-"""Those that are not empty. A speed of 0 would let the time stand still, and then no disarming ever ends."""
+"""Requests that are not empty. A speed of 0 would let the time stand still, and then no disarming ever ends."""
 REFUSED = (grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED, grpc.StatusCode.UNAVAILABLE)
 
 

@@ -1,4 +1,4 @@
-"""Which peers are on this computer, and files that are read anew."""
+"""Peers on this computer, and files that are read anew."""
 
 from __future__ import annotations
 

@@ -138,7 +138,7 @@ def make_files(directory: Path, host: str) -> Made:
 
 @dataclass(frozen=True)
 class Served:
-    """Where a UAV is served, by the kind of a way in."""
+    """Addresses of a served UAV, by the kind of a way in."""
 
     addresses: Mapping[str, str]
     made: Made
@@ -168,7 +168,7 @@ class Served:
 
     @staticmethod
     def metadata(way: Way) -> tuple[tuple[str, str], ...]:
-        """What the calls of a way in carry."""
+        """Returns the metadata of calls by a way in."""
         return way.metadata if way.token is None else (*way.metadata, ("authorization", f"Bearer {way.token}"))
 
 

@@ -1,4 +1,4 @@
-"""What every transport does with a call, with a real client."""
+"""Handling of a call by every transport, with a real client."""
 
 from __future__ import annotations
 
@@ -237,7 +237,7 @@ def test_a_path_that_is_no_text_does_not_keep_others_from_being_served(loop: Loo
         call.finish(b"answer")
 
     def answer(unary: Callable[..., bytes]) -> bytes:
-        """What is answered at last: ``grpc.aio`` cancels a call, untaken, that comes just as its server ends."""
+        """Returns the final answer: ``grpc.aio`` cancels a call, untaken, that comes just as its server ends."""
         deadline = time.monotonic() + LIMIT_S
         while True:
             try:

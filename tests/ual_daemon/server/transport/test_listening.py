@@ -1,4 +1,4 @@
-"""What a transport does for the listening sockets of a whole fleet at once."""
+"""Options of a transport for the listening sockets of a whole fleet at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which transport is chosen; and a core that is broken, in whatever way, does not keep the daemon from serving."""
+"""Choice of the transport; and a core that is broken, in whatever way, does not keep the daemon from serving."""
 
 from __future__ import annotations
 

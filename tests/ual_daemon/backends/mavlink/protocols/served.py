@@ -42,9 +42,9 @@ class Served:
         self.ftp = Ftp(self._up, lambda _: self.is_up, lambda: self.is_armed)
         self.logs = LogTransfers(self._up, lambda _: self.is_up, lambda: self.is_armed)
         self.received: list[tuple[float, Message]] = []
-        """What has come from the autopilot, and when."""
+        """Messages of the autopilot, with their times."""
         self.spoil: Callable[[Message], Message | None] = lambda message: message
-        """What becomes of a message of the autopilot."""
+        """Function that alters a message of the autopilot."""
         self._loss, self._doubled, self._late = loss, doubled, late
         self._noise = random.Random(seed)
         self._under_way: list[tuple[float, int, Callable[[], None]]] = []
@@ -85,7 +85,7 @@ class Served:
         return self.finished(future, limit_s)
 
     def bytes_received(self, since_s: float) -> int:
-        """How much data of files has come since then."""
+        """Returns the bytes of files that have come since then."""
         return sum(
             239 for at_s, each in self.received if at_s >= since_s and each.get_type() == "FILE_TRANSFER_PROTOCOL"
         )

@@ -44,7 +44,7 @@ class SimulatedCamera:
         self.vendor, self.model = b"Acme", b"Eye"
         self.gimbal_device_id = 0
         self.result = ACCEPTED
-        """What it answers to orders."""
+        """Answer to orders."""
         self.takes = True
         """Whether it takes what it is ordered to take."""
         self.reports = True
@@ -91,7 +91,7 @@ class SimulatedCamera:
             self._ack(message.command, self.result)
 
     def _asked(self, command: int, params: tuple[float, ...]) -> tuple[int, float] | None:
-        """Which message is asked for, and its parameter: by the command for all, or by those for one each."""
+        """Returns the requested message, and its parameter: by the command for all, or by those for one each."""
         if command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             return (-1 if self.is_old else round(params[0])), params[1]
         older = {request: message_id for message_id, (request, _) in OLDER_REQUESTS.items()}

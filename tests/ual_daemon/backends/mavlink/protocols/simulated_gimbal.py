@@ -189,7 +189,7 @@ class Bench:
         raise AssertionError("no gimbal was found")
 
     def ended(self, begin: Callable[[Future[T]], object], limit_s: float = 30.0) -> T:
-        """What a future ends with that something begins."""
+        """Returns the result of a future that something begins."""
         future: Future[T] = Future()
         begin(future)
         for _ in range(round(limit_s / STEP_S)):

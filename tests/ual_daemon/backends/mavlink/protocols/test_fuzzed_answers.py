@@ -241,7 +241,7 @@ def test_whatever_is_answered_no_list_is_believed_that_did_not_come(kind: str) -
 
 
 def _can_be_told(results: list[Any]) -> None:
-    """What was believed can be sent to a client."""
+    """Checks that believed values can be sent to a client."""
     for each in results:
         if hasattr(each, "digest"):
             wire_mission.stored_mission_to_proto(StoredMission(each.items, each.digest))

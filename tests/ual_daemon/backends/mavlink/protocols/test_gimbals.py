@@ -472,7 +472,7 @@ def test_what_is_under_way_ends_with_the_daemon() -> None:
 
 
 def test_answers_that_no_gimbal_gives_crash_nothing_and_each_order_ends() -> None:
-    """What is told of it after that can be sent to a client."""
+    """Reports after such answers can be sent to a client."""
     chance = random.Random(7)
     nasty = (0.0, -1.0, 1.0, 1e38, -1e38, math.nan, math.inf, -math.inf)
 
@@ -531,7 +531,7 @@ def test_whatever_it_says_is_no_defect(flags: int, q: list[float], capabilities:
 
 
 def information(device_id: int = 1) -> Message:
-    """What another program says of it: it can do nothing."""
+    """Returns another program's description of the gimbal: it can do nothing."""
     return mavlink.MAVLink_gimbal_manager_information_message(1, 0, device_id, *(0.0,) * 6)
 
 

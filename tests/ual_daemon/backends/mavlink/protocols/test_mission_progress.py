@@ -1,4 +1,4 @@
-"""How far the autopilot is with its mission, message by message, and the choice of its current item."""
+"""Progress of the autopilot's mission, message by message, and the choice of its current item."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Bench:
 
     @property
     def changes(self) -> tuple[int, int]:
-        """What tells a change of the mission."""
+        """Signs of a change of the mission."""
         assert self.progress.heard is not None
         return self.progress.heard.changes
 

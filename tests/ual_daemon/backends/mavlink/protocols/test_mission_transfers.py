@@ -463,7 +463,7 @@ class BadLink:
         self.transfers = MissionTransfers(self._ours_sends, lambda _: True)
         self.transfers.attach(Source(7, 1), Px4())
         self.station: list[Message] = []
-        """What came for another station."""
+        """Messages for another station."""
 
     def send(self, message: Message, now_s: float) -> None:
         """The autopilot sends: this is its channel."""

@@ -1,4 +1,4 @@
-"""How long 1,000 parameters take at the rate of a serial line, and over a line that loses a fifth; time is stepped."""
+"""Time that 1,000 parameters take at the rate of a serial line, and over a line that loses a fifth; time is stepped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a reboot is believed: several messages agree, none of the old boot comes any more, and not too often."""
+"""Conditions for a reboot: several messages agree, none of the old boot comes any more, and not too often."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ BETAFLIGHT = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
 
 
 def heard(harness: Harness, *sent: bytes, for_s: float = 3.0) -> str:
-    """Who sends each second for some time. Returns what is told instead of the autopilot."""
+    """Sends data each second for some time. Returns what is told instead of the autopilot."""
     for _ in range(round(for_s)):
         for data in sent:
             harness.receive(data=data)

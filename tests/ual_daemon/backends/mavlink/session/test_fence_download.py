@@ -1,4 +1,4 @@
-"""When the autopilot's own fence is downloaded, again, or not any more."""
+"""Times at which the autopilot's own fence is downloaded, again, or not any more."""
 
 from __future__ import annotations
 

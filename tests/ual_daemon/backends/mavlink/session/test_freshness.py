@@ -1,4 +1,4 @@
-"""How often something goes stale although the autopilot is heard: on a link as bad as issue 3 asks for."""
+"""Frequency of stale values although the autopilot is heard: on a link as bad as issue 3 asks for."""
 
 import pytest
 
@@ -10,15 +10,15 @@ from ual_daemon.backends.mavlink.session.late_messages import LATE_SHARE, REQUES
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 FAILS = 1.0 - (1.0 - 0.3) * (1.0 - 0.1)
-"""How many messages do not come: 30 % are lost, 10 % of the others damaged."""
+"""Share of messages that do not come: 30 % are lost, 10 % of the others damaged."""
 JITTER_S = 0.2
 PX4_HEARTBEAT_HZ = 1.0  # it cannot be asked for more
 PX4_OWN_HZ = {"estimator_s": 1.0, "landed_s": 5.0}
-"""How often PX4 says what the state needs before a request for more has arrived."""
+"""Rates of PX4's messages that the state needs before a request for more has arrived."""
 
 
 def stale_per_hour(rate_hz: float, limit_s: float, *, fails: float = FAILS) -> float:
-    """How often in an hour all messages fail that should come within the limit."""
+    """Returns the number of times in an hour that all messages fail that should come within the limit."""
     count = int((limit_s - JITTER_S) * rate_hz)
     return 3600.0 * rate_hz * (1.0 - fails) * fails**count
 

@@ -1,4 +1,4 @@
-"""That one vehicle is flown, and the one that was meant: several with one system id, and others in its place."""
+"""Identity of the flown vehicle, which is the intended one: several with one system id, and others in its place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much less is asked for where a link loses much, on links that are models: overrun, bad, or both."""
+"""Reduced rates where a link loses much, on links that are models: overrun, bad, or both."""
 
 import itertools
 from collections.abc import Callable

@@ -18,7 +18,7 @@ from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import Snapshot
 
 BATCH_S = 0.01
-"""How long a batch takes, on a slow computer."""
+"""Seconds that a batch takes, on a slow computer."""
 BATCHES_COUNT = 500
 _POSCTL, _OFFBOARD = 3 << 16, 6 << 16
 

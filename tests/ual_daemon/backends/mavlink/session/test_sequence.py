@@ -1,4 +1,4 @@
-"""Which message is newer: a mode that the safety pilot has just changed must never be passed over, at any rate."""
+"""Order of messages: a mode that the safety pilot has just changed must never be passed over, at any rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is asked to be streamed is asked again until it flows, whatever was acknowledged."""
+"""Streams are requested again until they flow, whatever was acknowledged."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ INTERVAL, REQUEST = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUES
 
 
 def asked(dialect: Dialect, rates_hz: Mapping[int, float], duration_s: float = 60.0) -> Counter[int]:
-    """How often each message is asked for, where every request is acknowledged, but these are the rates."""
+    """Returns the requests for each message, where every request is acknowledged, but these are the rates."""
     telemetry = SimpleNamespace(message_counts=Counter[int](), parameters=dict.fromkeys(dialect.parameters, 0.0))
     found: Counter[int] = Counter()
 
@@ -86,7 +86,7 @@ STREAMS = {436: 5e4, 245: 5e4, 230: 1e5, 31: 2e4, 32: 2e4, 85: pytest.approx(1e6
 
 
 def _asked_streams(harness: Harness, *, until_s: float) -> dict[int, float]:
-    """What it asks to be streamed while every request is accepted."""
+    """Returns the streams that it requests while every request is accepted."""
     asked: dict[int, float] = {}
     while harness.now_s < until_s:
         harness.run(0.05)

@@ -204,7 +204,7 @@ def _frame(message_id: int, crc_extra: int, payload: bytes) -> bytes:
 
 
 class Work:
-    """What a reader did: beginnings that it looked at, checksums, and the bytes that they covered."""
+    """Work of a reader: beginnings that it looked at, checksums, and the bytes that they covered."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.looks_count = self.checks_count = self.bytes_count = 0
