@@ -128,8 +128,8 @@ def no_standstill_of_these_processes() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def painters_take_their_turn() -> Iterator[None]:
-    """Lets painters of a test's own process compete with other tests. They give way to all that flies otherwise: at a
-    load of 12 one had not begun after 15 s, when it is killed as stuck.
+    """Lets painters of a test's own process compete with other tests. They yield to all that flies otherwise: at a load
+    of 12 one had not begun after 15 s, when it is killed as stuck.
     """
     painter = sys.modules.get("ual_daemon.backends.light.painter")
     with pytest.MonkeyPatch.context() as patch:

@@ -1,4 +1,4 @@
-"""The contract stays compatible: recorded bytes read and write as ever; buf finds what would break programs."""
+"""The contract stays compatible: recorded bytes read and write as before; buf finds what would break programs."""
 
 from __future__ import annotations
 

@@ -79,7 +79,9 @@ class Shutdown:
         return is_heard and self._is_flown_by_us() and self._state(snapshot) is State.UNINITIALIZED
 
     def _has_waited(self, snapshot: Snapshot, does: str = "") -> bool:
-        """Returns whether the state has stayed unknown for too long. `does` is what UAL does meanwhile, for people."""
+        """Returns whether the state has stayed unknown for too long. `does` is UAL's action meanwhile,
+        human-readable.
+        """
         if self._blind_since_s is None:
             self._blind_since_s = snapshot.time_s
         if snapshot.time_s - self._blind_since_s < _BLIND_PATIENCE_S:

@@ -18,7 +18,7 @@ _log = logging.getLogger(__name__)
 class KeptFile:
     """A file that is replaced as a whole. `keep` writes again what could not be written, or was removed.
 
-    Any thread may call. `what` says for people what a restart of the daemon loses with it.
+    Any thread may call. `what` is the human-readable loss at a restart of the daemon.
     """
 
     def __init__(self, path: Path, what: str) -> None:

@@ -61,8 +61,9 @@ _CANNOT_START = 1
 _WRONG_USAGE = 2
 _LEFT_IN_MOTION = 3
 _SWITCH_S = 0.0005
-"""A thread that computes (a plan) gives way to one that flies or serves after so long. With Python's default, 5 ms, a
-thread that waits for messages would wait as long at each step, several times for each message."""
+"""Seconds after which a thread that computes (a plan) yields to one that flies or serves. With Python's default, 5 ms,
+a thread that waits for messages would wait as long at each step, several times for each message.
+"""
 
 
 class Count(click.ParamType[int | str]):

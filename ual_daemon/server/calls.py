@@ -49,7 +49,9 @@ _log = logging.getLogger(__name__)
 
 
 class CallFigures(NamedTuple):
-    """Present calls: callers with calls under way that wait or are streams, and streams by method."""
+    """Present calls: callers with calls under way that wait or are streams, and streams by method. `failures` counts
+    the calls that were refused or have failed since the start, by reason.
+    """
 
     callers_count: int
     streams: Counter[str]

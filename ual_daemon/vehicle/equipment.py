@@ -66,7 +66,7 @@ class Equipment:
         holds: bool,
         require: Callable[[], object],
     ) -> Future[None]:
-        """Begins an order, which `text` says for people. Cancelling the future withdraws it.
+        """Begins an order, which `text` describes for users. Cancelling the future withdraws it.
 
         One that `holds` the load replaces the one that is under way. `require` raises where it may not begin: what ends
         the lease after that withdraws it.

@@ -27,7 +27,7 @@ class Follows(Protocol):
 
 
 class Doing(Protocol):
-    """Activity of a UAV, as far as a sample reports it."""
+    """Activity of a UAV, as far as a sample reports it. `Flight` has the activity of a UAV that UAL flies."""
 
     @property
     def limitation(self) -> str:

@@ -40,8 +40,7 @@ CLOSE_S = 2.0
 
 class Kind(NamedTuple):
     """Kind of stream: its name in the plural, the call of a single value, and the method of the stream. The last field
-    says what is unknown about values that the daemon did not take. The last field says what is not known of those that
-    the daemon did not take.
+    says what is unknown about values that the daemon did not take.
     """
 
     name: str

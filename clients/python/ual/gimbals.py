@@ -91,8 +91,8 @@ class GimbalInfo:
         roll: Its limits from the horizon. None where it does not say, or says what cannot be.
         pitch: As `roll`.
         yaw: Its limits from the nose.
-        note: What is odd about it, for people: two reports that contradict each other, and what follows. Empty if
-            nothing is.
+        note: Human-readable oddities: two reports that contradict each other, and what follows. Empty if there are
+            none.
 
     """
 
@@ -120,9 +120,8 @@ class GimbalStatus:
         target: What it looks at, while its activity is POINT.
         off_target_rad: How far it looks beside that, rad.
         control: Which program on the link has the control of it.
-        controller: For people: which program has the control; empty where it is free, or not known.
-        problems: What is wrong, for people: its own failures, a limit that is reached, a target whose place is not
-            known.
+        controller: Human-readable name of the program that has the control; empty where it is free, or not known.
+        problems: Human-readable problems: its own failures, a limit that is reached, a target whose place is not known.
 
     """
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def interruption() -> Iterator[threading.Event]:
-    """The first Ctrl-C sets the event; the second raises `KeyboardInterrupt`, as ever. For the main thread only.
+    """The first Ctrl-C sets the event; the second raises `KeyboardInterrupt`, as usual. For the main thread only.
 
     `KeyboardInterrupt` may come amid gRPC's own steps. The channel then reads no more, and a stop takes seconds.
     """

@@ -68,12 +68,12 @@ class Running:
             self.process.kill()
 
     def told(self) -> str:
-        """Returns the next words for people."""
+        """Returns the next text line."""
         assert self.process.stderr is not None
         return self.process.stderr.readline()
 
     def interrupt(self) -> tuple[list[dict[str, object]], str]:
-        """Returns what it has printed: objects, and words for people."""
+        """Returns the printed objects, and text lines."""
         self.process.send_signal(signal.SIGINT)
         out, told = self.process.communicate(timeout=LIMIT_S)
         return [json.loads(line) for line in out.splitlines()], told

@@ -50,8 +50,8 @@ class Agreement(Generic[T]):
     """One verdict. It begins as an assumption, which the first sample that says the same settles.
 
     Samples that say something else become the verdict once enough of them agree, with none between them that says what
-    the verdict is. In flight they are `pending` until the flight has ended, if they still come then. A verdict that no
-    sample has backed for `ends_s` gives way to the assumption again.
+    the verdict is. In flight they are `pending` until the flight has ended, if they still come then. The
+    assumption replaces a verdict that no sample has backed for `ends_s`.
     """
 
     def __init__(

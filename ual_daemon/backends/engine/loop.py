@@ -62,7 +62,8 @@ def _nothing() -> None:
 
 
 class Loop:
-    """Loop of one vehicle on a thread.
+    """Loop of one vehicle on a thread. Any thread may call `post`, `give`, `newest` and `looked_s`; all else belongs to
+    the loop's thread.
 
     The thread waits for data by itself. In each round it calls `woke`, has the data taken, and calls `step`. A thread
     with many vehicles does so for each of them.

@@ -14,7 +14,7 @@ _HAS_HEARTBEAT, _HAS_VERSION = 1, 2
 
 
 class VehicleDescription(NamedTuple):
-    """Description of the autopilot by MAVROS (VehicleInfo)."""
+    """Description of the autopilot by MAVROS (VehicleInfo). `has_version`: the versions of software and board came."""
 
     system_id: int
     firmware: int

@@ -57,7 +57,7 @@ class LinkState(Enum):
 
 @dataclass(slots=True)
 class _Subscription:
-    """Subscription of a topic, and its last message."""
+    """Subscription of a topic, and its last message. After `silence_s` without a message, it is subscribed anew."""
 
     topic: str
     kind: str

@@ -13,7 +13,7 @@ Kind = Literal["counter", "gauge", "histogram", "info", "summary"]
 
 
 class Metric(NamedTuple):
-    """Kind, unit and help text of a metric."""
+    """Kind, unit and help text of a metric. `unit` is empty for a number; else the name ends in it."""
 
     kind: Kind
     unit: str

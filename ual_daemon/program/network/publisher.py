@@ -1,6 +1,6 @@
 """Tells the network of the UAVs of this process, on a thread of its own.
 
-It asks for samples as any reader does, and gives way between two UAVs. So a flight never waits for it. While no router
+It asks for samples as any reader does, and yields between two UAVs. So a flight never waits for it. While no router
 answers it tries again, and says so once.
 """
 

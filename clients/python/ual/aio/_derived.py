@@ -302,7 +302,7 @@ class UavMembers(ABC):
         """Brakes on the way of the running task and holds there. Allowed in FLYING_AUTO. Returns at once.
 
         The task still runs, but its time limit does not; `TaskInfo.is_paused` is True. Another command, an abort, or
-        the safety pilot ends it as ever. Does nothing if the task is paused already.
+        the safety pilot ends it as usual. Does nothing if the task is paused already.
 
         Raises:
             WrongStateError: No task runs, or it cannot be paused (a take-off, a landing, a goal that moves).

@@ -155,8 +155,8 @@ class CameraInfo:
         width_px: Of its pictures; 0 where it does not say.
         height_px: Of its pictures; 0 where it does not say.
         intrinsics: Where the backend knows them, without zoom.
-        note: What is odd about it, for people: two reports that contradict each other, and what follows. Empty if
-            nothing is.
+        note: Human-readable oddities: two reports that contradict each other, and what follows. Empty if there are
+            none.
         image_kinds: What GetImage gives. Without any, it gives colours.
 
     """

@@ -1,4 +1,6 @@
-"""Reads YAML strictly: what it allows and a file for people should not have is refused, with its line. Needs PyYAML."""
+"""Reads YAML strictly: what it allows and a file written by hand should not have is refused, with its line. Needs
+PyYAML.
+"""
 
 from __future__ import annotations
 

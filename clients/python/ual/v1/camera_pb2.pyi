@@ -229,7 +229,7 @@ class Camera(google.protobuf.message.Message):
     height_px: builtins.int
     """Of its pictures; 0 where it does not say."""
     note: builtins.str
-    """What is odd about it, for people: two reports that contradict each other, and what follows. Empty if nothing is."""
+    """Human-readable oddities: two reports that contradict each other, and what follows. Empty if there are none."""
     @property
     def abilities(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___CameraAbility.ValueType]:
         """What it can do."""

@@ -212,7 +212,7 @@ class Gimbal(google.protobuf.message.Message):
     frame_id: builtins.str
     """Where it looks, as a frame below `<ns>/base_link`: x along its view, y left, z up."""
     note: builtins.str
-    """What is odd about it, for people: two reports that contradict each other, and what follows. Empty if nothing is."""
+    """Human-readable oddities: two reports that contradict each other, and what follows. Empty if there are none."""
     @property
     def abilities(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___GimbalAbility.ValueType]:
         """What it can do."""
@@ -270,7 +270,7 @@ class GimbalStatus(google.protobuf.message.Message):
     control: Global___GimbalControl.ValueType
     """Which program on the link has the control of it."""
     controller: builtins.str
-    """For people: which program has the control; empty where it is free, or not known."""
+    """Human-readable name of the program that has the control; empty where it is free, or not known."""
     @property
     def stamp(self) -> google.protobuf.timestamp_pb2.Timestamp:
         """When it looked so, as UTC since 1970."""
@@ -293,7 +293,7 @@ class GimbalStatus(google.protobuf.message.Message):
 
     @property
     def problems(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[builtins.str]:
-        """What is wrong, for people: its own failures, a limit that is reached, a target whose place is not known."""
+        """Human-readable problems: its own failures, a limit that is reached, a target whose place is not known."""
 
     def __init__(
         self,

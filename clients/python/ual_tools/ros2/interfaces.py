@@ -54,7 +54,7 @@ def ready(ros: Ros, directory: Path, tell: Callable[[str], None], *, for_python_
     Args:
         ros: With which ROS.
         directory: Into which directory; what is there already is not built.
-        tell: Called with a line for people before something is built.
+        tell: Called with a human-readable line before something is built.
         for_python_alone: Whether to leave out what C++ needs, and so what records each topic (`ros2 bag record -a`).
             That takes half the time.
 

@@ -1,5 +1,5 @@
 """Address of the page and its access rule, from the options of the command. Refuses settings that would open the page
-to everybody. Refuses what would be open to all.
+to everybody.
 """
 
 from __future__ import annotations

@@ -15,9 +15,7 @@ from ual.contract.methods import METHODS
 SETPOINT_S = METHODS["StreamSetpoints"].stale_after_s
 """Most age of a setpoint in s: for this time the daemon flies one that is not followed by another."""
 COMMAND_S = METHODS["GoToWaypoint"].stale_after_s
-"""Most age of a command's request in s. A person without an answer for this time begins to look for the cause. A person
-that has heard nothing for so long begins to look why.
-"""
+"""Most age of a command's request in s. A person without an answer for this time begins to look for the cause."""
 BEAT_S = 0.25
 """Seconds between two notes that the program runs."""
 QUEUED_S = 5.0

@@ -12,9 +12,7 @@ from ual_ros2 import values
 from ual_ros2.messages import Message
 
 AT_ONCE = 50
-"""Poses that are made before the event loop may do something else. A route has up to 2,000; setpoints are urgent. A way
-has up to 2,000; setpoints are urgent.
-"""
+"""Poses that are made before the event loop may do something else. A route has up to 2,000; setpoints are urgent."""
 
 
 async def path(route: ual.types.Route | None) -> Message:

@@ -55,7 +55,7 @@ class GripperReports(Protocol):
         self._unlimited.append(_Awaited(future, what, None))
 
     def await_answer(self, future: Future[Any], what: str) -> None:
-        """Has a question end after `READ_S`. `what` it is about, for people."""
+        """Has a question end after `READ_S`. `what` it is about, human-readable."""
         self._awaited.append(_Awaited(future, what, None))
         self.is_waiting = True
 

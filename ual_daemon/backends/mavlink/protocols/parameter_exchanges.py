@@ -56,10 +56,10 @@ class Received(NamedTuple):
 
 
 class Requests(NamedTuple):
-    """Requests to one autopilot: of a name, of an index, of all, and of a write. `explain` takes the error of an
-    exchange that was not answered, its name, and the time. It returns the error with its meaning.
+    """Requests to one autopilot: of a name, of an index, of all, and of a write.
 
-    `explain` takes the error of an exchange that was not answered, its name, and the time. It returns what that means.
+    `explain` takes the error of an exchange that was not answered, its name, and the time. It returns the error with
+    its meaning.
     """
 
     read: Callable[[str], object]

@@ -42,7 +42,9 @@ beside it. A heartbeat comes each second."""
 SUCCESSOR_SILENCE_S = 0.8
 """For so long an autopilot is silent under its old system id before it is followed to the one that UAL has written."""
 STRAY_S = 2.5
-"""One that has sent one heartbeat and nothing more for so long gives way to another one that is heard."""
+"""Seconds after a single heartbeat and nothing more, after which another autopilot that is heard replaces its
+sender.
+"""
 _AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 _OF_ANY = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_COMMAND_ACK})
 _CALLER_SYSTEM_ID = 245

@@ -48,7 +48,9 @@ counts as 1. A flood must not take the thread from flying.
 SAVED_S = 0.25
 """The work of so long may be saved up."""
 MOST_SOURCES = 8
-"""The beginnings of frames of so many sources are kept; that of the source heard least lately gives way."""
+"""Most sources of which the beginnings of frames are kept; a new one replaces the source that was heard least
+lately.
+"""
 _LOOK = 48
 """The work of looking at a beginning, in the same unit: bytes that a checksum covers."""
 
