@@ -26,7 +26,9 @@ _CALLERS = 8
 _BATCH = 100
 _HEIGHT_M = 5.0
 _WARM_SHARE = 0.3
-"""Memory is measured for the first time after so many of the calls: then the histories of tasks and frames are full."""
+"""Share of the calls after which memory is measured for the first time: then the histories of tasks and frames are
+full.
+"""
 _LIMIT_MIB = 1.0
 _LINE_S = 10.0
 _LIMIT_S = 60.0

@@ -17,7 +17,7 @@ from benchmarks.children import prefer_this
 
 _DURATION_S, _QUICK_S = 10.0, 4.0
 _BEGIN_S = 1.0
-"""An attack takes so long to begin: the start of its program is none of the attack."""
+"""Seconds until an attack begins: the start of its program is none of the attack."""
 
 
 def main() -> int:

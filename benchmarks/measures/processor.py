@@ -13,7 +13,7 @@ from benchmarks.ways import Way, server_of
 
 TRACE = "px4_offboard_manual_recover"
 _FROM_S, _TO_S = 8.0, 21.9
-"""In this part of the recording it flies in OFFBOARD."""
+"""Part of the recording in which it flies in OFFBOARD, in s."""
 _WARM_S = 1.0
 
 

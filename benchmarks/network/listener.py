@@ -16,7 +16,7 @@ from ual.network import Network, discover
 _LIMIT_S = 120.0
 _LOOK_S = 0.02
 _IDLE_SHARE = 4.0
-"""A look at thousands of UAVs takes a while: so much longer it does not look."""
+"""Factor of a look's duration for which it pauses: a look at thousands of UAVs takes a while."""
 
 
 class Listener:

@@ -57,7 +57,7 @@ from tests.campaign.words import words_are_true
 AHEAD_S = 0.1
 """The daemon may know a little earlier, from a message that is not noted here."""
 SILENT_S = 2.0
-"""After so long without any word of the autopilot its state is not known."""
+"""Seconds without any message of the autopilot after which its state is not known."""
 REACHED_M = 1.0
 """The tolerance of UAL (0.5 m), and what it may overshoot or wander meanwhile."""
 LANDED_M = 0.5

@@ -23,9 +23,9 @@ STEP_S = 0.01
 LEVEL_OUT_S, STOP_S = 0.5, 2.0
 """Without low-level setpoints for so long it levels out, and stops its motors."""
 FLYING_S = 2.0
-"""It says that it flies for so long after its motors have stopped."""
+"""Seconds after the stop of its motors for which it says that it flies."""
 LANDED_S = 3.0
-"""After so long on the ground it disarms itself."""
+"""Seconds on the ground after which it disarms itself."""
 LEAST_THRUST = 20000
 """On the ground, with a goal below it."""
 REST_Z_M = 0.014

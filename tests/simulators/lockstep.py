@@ -91,7 +91,7 @@ class _Connection(Connection):
         self._port = port
         self._pace = Pace(STEP_S, speed)
         self.pause_s = 0.0
-        """For so long the daemon does not run, once; what comes meanwhile waits."""
+        """Seconds for which the daemon does not run, once; messages of the meantime wait."""
 
     def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
         self._pace.wait()

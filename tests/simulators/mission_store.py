@@ -359,7 +359,7 @@ class ArduPilotStore(MissionStore):
     def __init__(self, on_fence: Callable[[], None]) -> None:
         super().__init__(on_fence)
         self._partner: Sender | None = None
-        """Whom it receives a list from; None while it receives none."""
+        """Sender from which it receives a list; None while it receives none."""
         self._kind = MISSION
         self._seq = self._count = 0
         self._incoming: list[MissionItem] = []

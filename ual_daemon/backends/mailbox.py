@@ -13,7 +13,7 @@ from ual_daemon.backends.values import Setpoint
 _log = logging.getLogger(__name__)
 
 LONGEST_S = 0.5
-"""A setpoint that has not left after so long does not leave any more."""
+"""Seconds after which a setpoint that has not left is dropped."""
 
 
 class SetpointMailbox:

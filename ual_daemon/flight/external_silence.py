@@ -7,9 +7,10 @@ import math
 NOTICED_S = 0.3
 """Sources send 20 poses a second, or more."""
 _STREAM_S = 1.0
-"""Poses that come for so long are a source on which the UAV may fly."""
+"""Seconds of poses that make a source on which the UAV may fly."""
 _RELIED_ON_S = 20.0
-"""A position that is lost later than this after the last pose did not rest on them: no autopilot goes on for so long.
+"""Seconds after the last pose within which a lost position may have rested on the poses: no autopilot goes on for
+longer.
 """
 _DOUBTED_S = 0.5
 

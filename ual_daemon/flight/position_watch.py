@@ -17,7 +17,7 @@ from ual_daemon.flight.external_silence import ExternalSilence
 _log = logging.getLogger(__name__)
 
 INERTIA_S = 12.0
-"""No autopilot calls its estimate good for so long without a source: PX4 does for 5 s, ArduPilot for 7."""
+"""Seconds for which no autopilot calls its estimate good without a source: PX4 does for 5 s, ArduPilot for 7."""
 GONE_S = 0.3
 """A fix that is gone for less is none that was lost."""
 BACK_S = 1.0

@@ -25,7 +25,7 @@ _log = logging.getLogger(__name__)
 SET_HOME = "set_home makes the place where the UAV stands the new origin"
 WAIT = "it is known again once the autopilot has its satellite fix; or " + SET_HOME
 _NO_FIX_S = 3.0
-"""A backend that has not reported a satellite receiver for so long has none to report (MAVLink sends it at 2 Hz)."""
+"""Seconds without a reported satellite receiver after which a backend has none to report (MAVLink sends it at 2 Hz)."""
 OLDEST_HOME_S = 12 * 3600.0
 """A home that was saved longer ago is of another day, and is forgotten."""
 FARTHEST_HOME_M = 1000.0

@@ -22,7 +22,7 @@ from ual_daemon.geodesy import EllipsoidProjection, Projection
 _WIDEST_M = 10_000.0
 _LEAST_WIDE_M = 300.0
 _ERROR_M = 0.0005
-"""Within so much, polynomials replace the geodesics, of which each costs a tenth of a millisecond."""
+"""Error in metres within which polynomials replace the geodesics, of which each costs a tenth of a millisecond."""
 
 _Map = Callable[[float, float], tuple[float, float]]
 _Coefficients = tuple[float, float, float, float, float, float, float, float, float]

@@ -19,7 +19,7 @@ MOST_FRAMES = 200
 MOST_LEVELS = 32
 """Levels below ``map``. Each level costs time with every pose that is asked for in a frame below it."""
 EXTRAPOLATION_S = 0.5
-"""A frame that a client moves goes on at its velocity for so long after its last update; then it stands still."""
+"""Seconds after its last update for which a client's frame goes on at its velocity; then it stands still."""
 _UPDATED_S = 2.0 * EXTRAPOLATION_S
 """Updates that are no further apart tell that a frame moves, also while it stands. Others put it elsewhere."""
 _SMOOTHING_S = 0.2

@@ -24,8 +24,9 @@ _log = logging.getLogger(__name__)
 _UPDATE_S = 0.05
 """The longest interval between two updates, where the recording does not say when they were."""
 _GAP_S = 30.0
-"""Between the end and the next beginning of a recording that is played again. No value stays fresh for so long, so
-nothing of the end is taken for the beginning."""
+"""Seconds between the end and the next beginning of a recording that is played again. No value stays fresh for so long,
+so nothing of the end is taken for the beginning.
+"""
 _SHORTEST_WAIT_S = 0.001
 """Shorter waits are left out; longer ones make up for them."""
 _ENDED_S = 0.1

@@ -23,12 +23,15 @@ _log = logging.getLogger(__name__)
 BEAT_S = 0.5
 """Seconds between two notes that the daemon runs."""
 STANDSTILL_S = 2.5
-"""After so long without a beat the daemon has stood still. A busy computer holds one up for a second, and its callers
-still wait for their answers. After a second what was known of the autopilot is discarded anyway
-(`ual_daemon.backends.engine.limits.PAUSE_S`), so that nothing moves before that is known again."""
+"""Seconds without a beat after which the daemon has stood still. A busy computer holds one up for a second, and its
+callers still wait for their answers. After a second what was known of the autopilot is discarded anyway
+(`ual_daemon.backends.engine.limits.PAUSE_S`), so that nothing moves before that is known again.
+"""
 MOST_QUEUED_S = 5.0
-"""Messages of a standstill may be read as long after it as it lasted, as TCP doubles the time until it sends again.
-What moves is refused for so long, and no longer than this."""
+"""Longest time in seconds after a standstill for which moving requests are refused. Messages may be read as long after
+it as it lasted, as TCP doubles the time until it sends again. What moves is refused for that time, and no longer than
+this.
+"""
 
 MOVES: Final = frozenset(each.path for each in METHODS.values() if each.moves is not Moves.NOTHING)
 """The methods whose old requests are refused. What ends a motion (Land, Abort, Pause) is obeyed however late it is."""

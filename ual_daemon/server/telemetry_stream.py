@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle
 
 _OWN_THREAD_COUNT = 4
-"""To at most so many readers the vehicle's thread sends itself: 0.1 ms each."""
+"""Most readers to which the vehicle's thread sends itself: 0.1 ms each."""
 
 Send: TypeAlias = Callable[[bytes, Callable[[bool], None]], None]
 """Sends a message, and calls back with whether it went out. Only then may the next be sent. See `Call.send`."""

@@ -34,7 +34,9 @@ _MOST_YAW_LAG_RAD = 0.3
 _NO_TURN_RAD_S = 0.1
 """A UAV that turns no faster has come to rest."""
 _SEEN_COUNT, _SEEN_EACH_S = 25, 0.04
-"""From so many updates before a velocity begins, the error of the estimated velocity is known at once."""
+"""Updates before a velocity begins from which the error of the estimated velocity is known at once, and their
+interval.
+"""
 
 Before = Callable[[Snapshot], "Motion | None"]
 """Returns the motion of the reference before; None where the UAV is not near it."""

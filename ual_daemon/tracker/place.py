@@ -20,10 +20,11 @@ _MOST_VELOCITY_ERROR_M_S = 0.7
 _FLOWN_M_S = 0.1
 """The commanded velocity counts as flown within this, or within half of it."""
 _CARRIED_M_S = 1.0
-"""A UAV whose velocity is so far from the expected one, other than by being slower, is carried away."""
+"""Difference in m/s from the expected velocity, other than by being slower, at which a UAV is carried away."""
 _BEHIND_S, _LEAST_BEHIND_M = 1.0, 0.5
-"""A UAV that is so far behind and makes less than half of its speed is stopped by something. This is in seconds of its
-speed, or the distance if that is more, `MOST_LAG_M` at most."""
+"""Lag at which a UAV that makes less than half of its speed is stopped by something. This is in seconds of its speed,
+or the distance if that is more, `MOST_LAG_M` at most.
+"""
 _STEP_S = 0.03
 _TINY = 1e-9
 

@@ -18,7 +18,7 @@ from ual_daemon.tracker.time_scaling import TimeScaling
 from ual_daemon.trajectory import Brake, Motion, Trajectory
 
 VELOCITY_TIMEOUT_S = 0.5
-"""A velocity reference ends if it is not renewed for so long: the UAV stops and holds (contract)."""
+"""Seconds without a renewal after which a velocity reference ends: the UAV stops and holds (contract)."""
 
 _FREE_LAG_M = 0.5
 _FREE_LAG_S = 0.4

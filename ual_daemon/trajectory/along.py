@@ -42,7 +42,7 @@ class Along:
         self._origin, self._goal, self._axes, self._trajectory = origin, goal, axes, trajectory
         self.duration_s: float = trajectory.duration
         self.bend_s = self.duration_s
-        """Until this time it may move across the line, or backwards; then it goes straight on."""
+        """Time until which it may move across the line, or backwards; then it goes straight on."""
 
     @classmethod
     def plan(cls, start: Motion, goal: Vector3, limits: Limits, fastest_m_s: float) -> Along | None:

@@ -32,7 +32,7 @@ _GAINED_M_S = 3.0
 _VELOCITY_S = 0.5
 """An older velocity of the autopilot says nothing."""
 _STEPS_S = 1.0
-"""A step is logged at most so often."""
+"""Seconds between two log lines about steps."""
 _NAME = "set_external_pose"
 _SIMULATED = "simulated time is not that of your clock: give no stamp (0), and it counts as measured just now"
 _TOO_SOON = Drop("it comes too soon after the one before", f"at most {1.0 / SHORTEST_S:g} a second are passed on")

@@ -31,11 +31,11 @@ from ual_daemon.frames.resolver import FrameResolver, Goal
 _log = logging.getLogger(__name__)
 
 FOLLOW_S = 0.05
-"""A gimbal that follows is aimed so often, ..."""
+"""Seconds between two aims of a gimbal that follows, ..."""
 LOOK_S = 0.5
-"""... and before there was an order, gimbals that are new are looked for so often."""
+"""... and between two searches for new gimbals before there was an order."""
 _STRAIGHT_RAD = 1e-3
-"""So near to straight down or up, roll and yaw are one turn: all of it counts as yaw."""
+"""Angle in rad from straight down or up within which roll and yaw are one turn: all of it counts as yaw."""
 _FORWARD = Vector3(1.0, 0.0, 0.0)
 
 

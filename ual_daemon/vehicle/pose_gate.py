@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ual.geometry import Pose
 
 OLDEST_S = 0.2
-"""An older pose says where the UAV was. Autopilots keep about so much of the past."""
+"""Age in seconds from which a pose says only where the UAV was. Autopilots keep about so much of the past."""
 FUTURE_S = 0.05
 """Seconds by which the clock of the source may be ahead."""
 SHORTEST_S = 0.004
@@ -16,13 +16,15 @@ SHORTEST_S = 0.004
 _TICK_S = 0.001
 """The time of a stamp is taken on another clock, so that the same stamp comes out a little differently each time."""
 LEAST_SPEED_M_S = 5.0
-"""So fast a UAV may be carried, or pushed by wind, whatever it flies with."""
+"""Speed in m/s at which a UAV may be carried, or pushed by wind, whatever it flies with."""
 _FASTEST_RAD_S = 35.0
 MARGIN_M = 0.25
 _MARGIN_RAD = 0.35
 _SIGMAS = 3.0
 SETTLED_S = 1.0
-"""Poses that go on elsewhere for so long are no mistake: the source has moved its origin, or the UAV was carried."""
+"""Seconds for which poses must go on elsewhere to be no mistake: the source has moved its origin, or the UAV was
+carried.
+"""
 
 
 class Drop(NamedTuple):

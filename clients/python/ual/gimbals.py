@@ -31,7 +31,7 @@ class GimbalAbility(Enum):
 
 
 class GimbalReference(Enum):
-    """From what angles count."""
+    """Axes from which angles count."""
 
     BODY = 1
     """From the body: it tilts and turns with the UAV."""

@@ -14,7 +14,7 @@ from ual.types import Telemetry
 LOST_S = 2.0
 """Telemetry that is older than this is shown as lost; at low rates, telemetry that is older than two periods."""
 GONE_S = 10.0
-"""For this time a UAV whose daemon has ended is still shown, so that nobody misses it."""
+"""Seconds for which a UAV whose daemon has ended is still shown, so that nobody misses it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from ual_daemon.settings import VehicleSettings
 
 ON_EARTH = (47.0, 8.0, 400.0)
 WINDOW_S = 0.1
-"""For so long a reader gets the chance to see what has moved in part."""
+"""Seconds in which a reader can see a partial move."""
 
 
 class Reader:

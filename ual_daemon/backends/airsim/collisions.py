@@ -9,7 +9,7 @@ _GROUND = -0.7
 there, or lands.
 """
 _APART_S = 1.0
-"""A contact is reported at each frame of the simulator; after so long without one, the next is another collision."""
+"""Seconds without a reported contact after which the next one is another collision: contacts come at each frame."""
 
 
 class CollisionWatch:

@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 _RETRY_S = 0.1
 _GIVE_UP_S = 3.0
-"""A connection that has not answered for so long is made anew."""
+"""Seconds without an answer after which a connection is made anew."""
 _CALL_S = 2.0
 _QUESTIONS: tuple[tuple[type, str], ...] = (
     (State, "getMultirotorState"),

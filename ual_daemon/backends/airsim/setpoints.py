@@ -20,7 +20,7 @@ _MOST_UNANSWERED = 1
 first one at once; and each call holds one of its few threads: it has four more than vehicles. While its time stands
 still, no call ends."""
 _STUCK_NS = 2_000_000_000
-"""Velocities that have no answer after so long, in simulated time, get none: all of them were over after 0.5 s."""
+"""Simulated nanoseconds without an answer after which a velocity gets none: all of them were over after 0.5 s."""
 _ANY_HEADING = 0
 """DrivetrainType.MaxDegreeOfFreedom."""
 

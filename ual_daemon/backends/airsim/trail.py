@@ -10,7 +10,7 @@ from ual.geometry import Pose, Quaternion
 
 MOST_POSES = 1024
 LONGEST_GAP_S = 0.25
-"""Between two poses that are further apart, and so far beyond the last one, it is not known where the vehicle was."""
+"""Longest gap in seconds between two poses, or after the last one, within which the vehicle's position is known."""
 
 
 class Trail:

@@ -26,13 +26,15 @@ from ual_daemon.backends.crazyflie.requests import Request, Requests
 from ual_daemon.backends.values import Control, Mode, PositionSetpoint, Setpoint
 
 HOVERS_AFTER_S = 0.5
-"""A Crazyflie that is to stay where it is for so long hovers by itself."""
+"""Seconds at one position after which a Crazyflie hovers by itself."""
 PATIENCE_S = 0.25
-"""After so long without an answer setpoints go on: after 0.5 s without them the firmware levels out."""
+"""Seconds without an answer after which setpoints go on: after 0.5 s without them the firmware levels out."""
 SILENCE_PATIENCE_S = 0.1
 """The same where setpoints have been missing for `SILENCE_S` before."""
 KEEP_S, KEEP_EACH_S = 0.1, 0.02
-"""Setpoints keep it where it is for so long, at this interval, before the high-level commander is asked again."""
+"""Seconds for which setpoints keep it where it is before the high-level commander is asked again, and their
+interval.
+"""
 ASK_EACH_S = 0.05
 """The interval at which a command to the high-level commander is repeated."""
 NOTIFICATIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.26, 0.32, 0.39, 0.46, 0.53, 0.6, 0.67, 0.74, 0.8)
@@ -40,10 +42,10 @@ NOTIFICATIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.26, 0.32, 0.39, 0.46, 0.53, 
 many get through also where most are lost, or a link is down for half a second. The firmware waits for 2 s.
 """
 AGAIN_COUNT = 5
-"""A goal is sent once more with so many of them. Each time its flight begins anew, so not with all."""
+"""Notifications with which a goal is sent once more. Each time its flight begins anew, so not with all."""
 NOTIFY_AGAIN_S = 0.2
 SILENCE_S = 0.3
-"""In the air, the high-level commander takes over when no setpoint has come for so long, whatever the reason."""
+"""Seconds without a setpoint in the air after which the high-level commander takes over, whatever the reason."""
 _STILL = 1e-3
 """Metres, radians and their rates: a setpoint that differs by less is the same."""
 _ALREADY_LANDING = 1

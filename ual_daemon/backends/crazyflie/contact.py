@@ -9,7 +9,7 @@ LIGHT = 0.75
 USUAL_S = 2.0
 """The time over which the usual thrust is averaged."""
 TOUCH_S = 0.3
-"""For so long it must not fall, though its thrust does not carry it: it would be 0.7 m/s fast by then."""
+"""Seconds for which it must not fall, though its thrust does not carry it: it would be 0.7 m/s fast by then."""
 REST_M_S = 0.1
 CLIMB_M_S = 0.3
 """Faster than it bounces."""

@@ -9,7 +9,7 @@ from ual.geometry import Vector3
 BESIDE_M = 0.5
 """Farther from where it stood than this, the ground is not known: it may have flown off a table."""
 DEEPER_M = 1.5
-"""A landing there leads so much deeper. It ends at the ground, by the thrust and the velocity."""
+"""Metres below the known ground to which a landing leads. It ends at the ground, by the thrust and the velocity."""
 
 
 class Ground(NamedTuple):

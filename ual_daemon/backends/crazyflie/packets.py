@@ -24,10 +24,10 @@ CREATE_BLOCK, DELETE_BLOCK, START_BLOCK, RESET_LOG = 6, 2, 3, 5
 TAKE_OFF, LAND, GO_TO_LEGACY, GO_TO, STOP = 7, 8, 4, 12, 3
 SET_ARMED, RESPONSE = 1, 0x80
 FIRST_SUPERVISOR_PROTOCOL = 12
-"""From this version of the protocol on, arming has a port of its own."""
+"""First version of the protocol in which arming has a port of its own."""
 FIRST_GO_TO_PROTOCOL = 8
 FIRST_STRAIGHT_YAW_PROTOCOL = 9
-"""From this version on, yaw rates of velocity setpoints are positive to the left."""
+"""First version of the protocol in which yaw rates of velocity setpoints are positive to the left."""
 
 _ALWAYS_SET = 0x0C
 _EMPTY = 0xF3

@@ -34,12 +34,15 @@ ABSOLUTE, PITCH_AND_YAW = 1, 1
 TURN_S, AIM_S = 0.5, 0.1
 """Seconds that a turn may take: of an order, and of angles that are sent often."""
 HEARD_S = 3.0
-"""It is not connected where it has not told its angles for so long. The wrapper tells them once a second at least."""
+"""Seconds without reported angles after which a gimbal counts as not connected. The wrapper tells them once a second at
+least.
+"""
 TURNED_RAD = 0.01
 """Turn of the nose in rad after which angles that count from it are sent again."""
 REACHED_RAD, ASIDE_RAD, SETTLED_S = 0.05, 0.1, 1.0
-"""It was where it was ordered to be within the first. Beyond the second one, so long after the last order, somebody
-else has turned it: the pilot, by the dial of the remote controller. It is left to him."""
+"""Angle in rad within which it is where it was ordered to be; angle beyond which another operator has turned it, some
+seconds after the last order. The safety pilot turns it by the dial of the remote controller, and keeps it then.
+"""
 THEIRS_S = 2.0
 """Seconds for which another program then has the control of the gimbal. DJI has no control that could be taken back: a
 later order is taken again.

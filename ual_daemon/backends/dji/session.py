@@ -29,7 +29,7 @@ from ual_daemon.backends.values import Snapshot, VelocitySetpoint
 _log = logging.getLogger(__name__)
 
 _SILENCE_S = 5.0
-"""A topic that is silent for so long is subscribed to anew."""
+"""Seconds of silence after which a topic is subscribed to anew."""
 _MOST_MISSING = 3
 """More topics are not named at once."""
 _CONFIRM_AGAIN_S = 1.0

@@ -489,10 +489,10 @@ class Telemetry:
 
 
 LINK_S = 1.0
-"""After so long without a message the link counts as lost."""
+"""Seconds without a message after which the link counts as lost."""
 _LEVEL_S = 3.0
 _MISSING_S = 3.0
-"""A topic on which nothing came for so long is named."""
+"""Seconds without a message after which a topic is named as missing."""
 _BRAKED_S, _SAID_S = 1.0, 10.0
 """Seconds for which the cause of a braking is reported, and the wrapper's log lines and findings."""
 _VELOCITY_S = 1.0

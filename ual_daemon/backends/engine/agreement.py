@@ -20,13 +20,13 @@ shorter.
 LAPSE_S = 2.5
 """A sample that is older than this agrees with none that comes later. A heartbeat comes each second."""
 ENDED_COUNT = 2
-"""Once the samples of a verdict have ended (`ended_s`), so many in a row replace it, however fast they come."""
+"""Consecutive samples that replace a verdict whose samples have ended (`ended_s`), however fast they come."""
 SETTLED_S = 5.0
-"""Within this time of its beginning a first verdict counts in flight, too: a daemon may begin beside a flight."""
+"""Seconds from its beginning within which a first verdict counts in flight, too: a daemon may begin beside a flight."""
 OLD_ARMED_S = 2.5
-"""A flight of which nothing has said for so long that it is armed is none that a verdict could end."""
+"""Seconds without a report that it is armed after which a flight is none that a verdict could end."""
 GROUNDED_S = 1.0
-"""The flight has ended once it was on the ground, or disarmed, for so long."""
+"""Seconds on the ground, or disarmed, after which the flight has ended."""
 
 
 class FlightSeen:
@@ -66,7 +66,7 @@ class Agreement(Generic[T]):
     ) -> None:
         self.value = assumed if value is None else value
         self.pending: T | None = None
-        """On what the samples agree, where that must not count yet, as the vehicle flies."""
+        """Value on which the samples agree, where it must not count yet, as the vehicle flies."""
         self._assumed = assumed
         self._needed_count, self._span_s = count, span_s
         self._ends_s, self._ended_s = ends_s, ended_s

@@ -14,15 +14,17 @@ REBOOT_S = 1.0
 PROOFS_COUNT = 3
 """Consecutive messages that must fit one new boot, ..."""
 QUIET_S = 0.3
-"""... with none that fits the old boot for so long. An autopilot that boots is silent for longer."""
+"""... within these seconds without one that fits the old boot. An autopilot that boots is silent for longer."""
 SHORTEST_BOOT_S = 2.0
 """No autopilot reboots twice within this time."""
 LEAP_S = 5.0
 """A time that leaps ahead by no more may be of the present boot: what came between was lost in a full buffer."""
 WRAP_S = (1 << 32) / 1000.0
-"""After so long, 49.7 days, MAVLink's milliseconds since boot begin anew. A UAV in a dock may never be switched off."""
+"""Seconds, 49.7 days, after which MAVLink's milliseconds since boot begin anew. A UAV in a dock may never be switched
+off.
+"""
 _FASTEST = 50.0
-"""A simulator's time may pass so many times as fast as ours."""
+"""Fastest passage of a simulator's time, relative to ours."""
 
 
 @dataclass(slots=True)

@@ -13,18 +13,20 @@ command leaves, neither first nor again, until what it changes was heard anew. S
 CATCH_UP_S = 0.1
 """After such a time of not looking, what waited unread is read within this time."""
 PAUSE_S = 1.0
-"""After not looking for so long, or for the limit of a lost link where that is shorter, what was known and what waits
-unread is old, and is discarded. PX4 may have left OFFBOARD meanwhile, and a setpoint would take it back there."""
+"""Seconds without a look, or the limit of a lost link where that is shorter, after which known and unread data is old,
+and is discarded. PX4 may have left OFFBOARD meanwhile, and a setpoint would take it back there.
+"""
 SHOWN_S = 2.0
 """After a pause the autopilot is not blamed for this long for what is missing."""
 ANEW_S = 3.0
 """After a silence of this length everything is requested anew: the autopilot may have booted, or be another one."""
 UNSENT_S = 4.5
-"""A command that could not leave for so long does not leave any more. Shorter than `COMMAND_PATIENCE_S` of
-`ual_daemon.flight`, so that the reason is told."""
+"""Seconds after which a command that could not leave is dropped. Shorter than `COMMAND_PATIENCE_S` of
+`ual_daemon.flight`, so that the reason is told.
+"""
 NOT_YET_S = 2.0
-"""A command that lacks something of the autopilot's (the position of home) waits for that so long."""
+"""Seconds for which a command waits that lacks something of the autopilot's (the position of home)."""
 SETPOINTS_WAIT_S = 3.0
 """A command that needs setpoints is sent after this even without them, so that the autopilot says what is wrong."""
 OWN_MODE_S = 2.0
-"""The mode of our command before may be seen for so long first. A PX4 shows a mode within 1 s."""
+"""Seconds for which the mode of our command before may be seen first. A PX4 shows a mode within 1 s."""

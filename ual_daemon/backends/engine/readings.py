@@ -14,7 +14,9 @@ from ual_daemon.backends.values import Sample
 T = TypeVar("T")
 
 OLDEST_S = 3.0
-"""For so long a value that was sent earlier than the newest one is ignored; after that the order must be wrong."""
+"""Seconds for which a value that was sent earlier than the newest one is ignored; after that the order must be
+wrong.
+"""
 
 
 class Lasts(Enum):

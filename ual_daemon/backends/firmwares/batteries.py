@@ -7,7 +7,7 @@ import math
 from ual.types import Battery
 
 LASTS_S = 20.0
-"""After so long without a word a battery is gone. PX4 tells of each every 2 s."""
+"""Seconds without a report after which a battery is gone. PX4 tells of each every 2 s."""
 PAYLOAD = "payload"
 FUNCTIONS = {1: "all", 2: "propulsion", 3: "avionics", 4: PAYLOAD}
 """Consumers that a battery feeds, by MAV_BATTERY_FUNCTION."""

@@ -13,8 +13,9 @@ from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Cause, Control, ControlState, LandedState, Mode, Sample
 
 BEFORE_S = 1.5
-"""A sign may come so long before the mode that it explains. PX4's events come 10 to 20 ms before it, ArduPilot
-distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s late."""
+"""Seconds by which a sign may come before the mode that it explains. PX4's events come 10 to 20 ms before it, ArduPilot
+distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s late.
+"""
 EPISODE_S = 3.0
 """Seconds before a failsafe's flight within which PX4 may have reported the trigger."""
 HELD_S = 8.0
@@ -25,8 +26,9 @@ at 5 Hz. PX4 may report the mode in a heartbeat before it says whether it was in
 OWN_COMMAND_S = 5.0
 """A mode that comes this soon after a command of ours for it is ours."""
 STREAM_S = 0.5
-"""A failsafe that comes after no setpoint of ours came for so long may be for that reason alone. Where it is known how
-long the autopilot waits for them, it is `LOST_SHARE` of that."""
+"""Seconds without a setpoint of ours after which a failsafe may be for that reason alone. Where it is known how long
+the autopilot waits for them, it is `LOST_SHARE` of that.
+"""
 STATUS_S = 1.2
 """The status of a heartbeat is up to 0.8 s late."""
 LOST_SHARE = 0.9
@@ -44,7 +46,7 @@ _MOST_SIGNS = 8
 MOTORS_KNOWN_S = 2.0
 """Seconds for which a lookup of the motor outputs counts."""
 TEXT_AHEAD_S = 1.0
-"""A report of the outputs that comes so soon after a text of the switch may be from before."""
+"""Seconds after a text of the switch within which a report of the outputs may be from before."""
 
 
 class CauseWatch:

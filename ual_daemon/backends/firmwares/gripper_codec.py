@@ -29,7 +29,7 @@ _ACTUATORS_COUNT = 6
 ANSWER_S = 3.0
 """Seconds for which an answer is awaited. An autopilot answers within 15 ms, over a bad radio within 200."""
 UNSENT_S = 1.5
-"""An order that could not leave for so long does not leave any more: the UAV is elsewhere then."""
+"""Seconds after which an order that could not leave is dropped: the UAV is elsewhere then."""
 ONCE = Repeat(every_s=ANSWER_S, most=1)
 AGAIN = Repeat(every_s=0.25, most=round(ANSWER_S / 0.25))
 

@@ -14,7 +14,9 @@ LINK_PERIOD_S = 1.0
 TEXTS_S = 40.0
 """ArduPilot repeats what fails before arming every 30 s."""
 READY_S = 1.5
-"""A text of a check counts for so long though it is told to be ready: its SYS_STATUS may be from before the check."""
+"""Seconds for which a text of a check counts though it is told to be ready: its SYS_STATUS may be from before the
+check.
+"""
 _MOST_TEXTS = 16
 _PREARM = "PreArm: "
 
@@ -28,7 +30,7 @@ class HealthReport:
         self._link_quality: float | None = None
         self._next_link_s = -math.inf
         self._known: tuple[object, ...] = ()
-        """From what the newest health was composed; empty where the checks have changed since."""
+        """Inputs of the newest health; empty where the checks have changed since."""
         self._health = Health()
 
     def on_text(self, text: str, now_s: float) -> None:

@@ -14,10 +14,11 @@ TOLERANCE_M = 0.1
 _DOUBTS_COUNT = 2
 """Consecutive heights that must contradict it: one of them may have come late."""
 _LOGGED_M = 0.5
-"""Logged is what lies so far outside of all that was logged: a PX4 corrects its home for two minutes, step by step. It
-goes back and forth by up to 2.3 m then, several times a second."""
+"""Metres outside of all logged positions from which a move of home is logged: a PX4 corrects its home for two minutes,
+step by step. It goes back and forth by up to 2.3 m then, several times a second.
+"""
 _FAR_M = 3.0
-"""Always logged is what has moved so far since it was logged last: a ground station may set home back."""
+"""Metres since the last log line from which a move of home is always logged: a ground station may set home back."""
 
 
 class HomeWatch:

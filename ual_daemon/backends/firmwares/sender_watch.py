@@ -20,7 +20,7 @@ STRANGE_M, STRANGE_M_S = 1.0, 0.5
 """A target this far from all that we have sent lately is another program's: each autopilot shows the last one exactly.
 """
 AHEAD_S = 3.0
-"""ArduPilot moves a position on with its velocity until the next one comes, for so long at most (GUID_TIMEOUT)."""
+"""Most seconds for which ArduPilot moves a position on with its velocity until the next one comes (GUID_TIMEOUT)."""
 STRANGE_COUNT, STRANGE_S = 2, 3.0
 """Foreign targets that prove another sender, and the seconds within which they count, while we send."""
 SILENT_S = 2.0
@@ -28,7 +28,7 @@ SILENT_S = 2.0
 that was stuck delivers late.
 """
 SENDING_S = 0.5
-"""A target is judged by ours once we have sent for so long: an older one is from before."""
+"""Seconds of our sending from which a target is judged by ours: an older one is from before."""
 _SILENT = "another program sends setpoints: {}"
 
 

@@ -14,7 +14,7 @@ from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
 from ual_daemon.backends.values import Freshness, Snapshot
 
 REPORT_S = 8.0
-"""A report of a picture is waited for so long, with the acknowledgement of its order."""
+"""Seconds for which a report of a picture is awaited, with the acknowledgement of its order."""
 LARGEST_GAP = 1000
 """Numbers of pictures that are further apart are no lost pictures: the camera counts anew."""
 

@@ -58,7 +58,7 @@ from ual_daemon.settings import ConfigError, convert
 T = TypeVar("T")
 
 _EXTERNAL_POSE_TIMEOUT_S = 0.5
-"""Without satellites, the position is lost when no pose has come from outside for so long."""
+"""Seconds without an external pose after which the position is lost, without satellites."""
 _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2
 _SEED_DISTANCE = 1 << 40

@@ -26,9 +26,9 @@ GRID_M = 1.0
 LINE_M, AXIS_M = 0.05, 0.12
 """The widths of a line of the grid, and of the two through the origin."""
 NEAREST_M = 0.02
-"""A camera is painted at least so high over the ground."""
+"""Least height in metres over the ground at which a camera is painted."""
 HAZE_M = 400.0
-"""At this distance 63 % of a colour is that of the horizon."""
+"""Distance in metres at which 63 % of a colour is that of the horizon."""
 GROUND, LINE, RED, GREEN = (108.0, 122.0, 92.0), (214.0, 214.0, 206.0), (208.0, 40.0, 36.0), (40.0, 168.0, 60.0)
 HORIZON, ZENITH = (214.0, 222.0, 230.0), (84.0, 138.0, 214.0)
 BLACK, WHITE = (16.0, 16.0, 16.0), (244.0, 244.0, 244.0)
@@ -37,7 +37,7 @@ SKY_LABEL, GROUND_LABEL, FIRST_MARKER_LABEL = 0, 1, 2
 MOST_LABEL = 255
 """All markers from this number on have it."""
 _BLOCK_PX = 32768
-"""A block of rows of about so many pixels is painted at a time: its numbers stay in the processor's cache."""
+"""Pixels, approximately, of a block of rows that is painted at a time: its numbers stay in the processor's cache."""
 _LEAST_SLOPE = np.float32(1e-6)
 """A ray that goes down less than this sees the sky."""
 

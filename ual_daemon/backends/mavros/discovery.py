@@ -31,7 +31,7 @@ change.
 """
 _CALL_S = 3.0
 _SILENCE_S = 5.0
-"""A topic that is silent for so long is subscribed to anew."""
+"""Seconds of silence after which a topic is subscribed to anew."""
 
 OnMessage = Callable[[Session, str, Message, float], None]
 

@@ -17,7 +17,7 @@ from ual_daemon.backends.rosbridge.fields import number
 
 FIRST_ROUND_S, LONGEST_ROUND_S = 2.0, 60.0
 AGAIN_S = 30.0
-"""Known ones are read again so often: a ground station may have changed them."""
+"""Seconds between two reads of known parameters: a ground station may have changed them."""
 
 BOOL, INTEGER, DOUBLE = 1, 2, 3
 FIELDS = {BOOL: "bool_value", INTEGER: "integer_value", DOUBLE: "double_value"}

@@ -57,8 +57,8 @@ _SAME_MOMENT_S = 0.1
 _HOME_TOLERANCE_M, _HOME_DOUBTS_COUNT = 0.5, 4
 """The altitude and the height above home are of one message of the autopilot, but come on two topics."""
 _LATE_MS = 100
-"""A topic that is throttled to this interval or a longer one says nothing about now: its newest message waits in the
-bridge for so long.
+"""Throttling interval in ms from which a topic says nothing about now: its newest message waits in the bridge for that
+time.
 """
 _NO_VELOCITY = Estimator(False, f"MAVROS publishes no velocity ({topics.VELOCITY})")
 _NO_ATTITUDE = Estimator(False, f"MAVROS gets no attitude any more ({topics.IMU} is silent)")

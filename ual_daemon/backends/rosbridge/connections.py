@@ -17,7 +17,9 @@ from ual_daemon.backends.rosbridge.websocket import Dial, Transport
 
 PING_S = 0.1
 DOUBTFUL_S = 0.3
-"""A bridge that has not answered a ping for so long may have stalled. What it gets then is executed when it goes on."""
+"""Seconds without an answer to a ping after which a bridge may have stalled. What it gets then is executed when it goes
+on.
+"""
 
 
 class Connections:

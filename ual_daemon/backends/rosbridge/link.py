@@ -27,17 +27,19 @@ _log = logging.getLogger(__name__)
 TICK_S = 0.02
 """The longest wait for messages."""
 LOST_S = 0.8
-"""A bridge that has shown no sign of life for so long counts as lost."""
+"""Seconds without a sign of life after which a bridge counts as lost."""
 RETRY_S = 0.2
 _GIVE_UP_S = 3.0
-"""A connection without a sign of life for so long is made anew."""
+"""Seconds without a sign of life after which a connection is made anew."""
 _BLOCKED_S, _DOUBT_S = 6.0, 2.0
-"""A connection on which no service has answered for so long is made anew: with ROS 2 a call that is never answered
-holds up all that come after it. MAVROS answers after 5 s. Before, rosapi is asked, which always answers else."""
+"""Seconds without an answer of any service after which a connection is made anew, and after which rosapi is asked
+before: it always answers else. With ROS 2 a call that is never answered holds up all that come after it. MAVROS answers
+after 5 s.
+"""
 _ASK_S, _ASK_AGAIN_S = 3.0, 1.0
 """Seconds that the question for the topics may take, and after which it is repeated while something is missing."""
 _CBOR_S = 1.5
-"""A topic on which nothing has come in CBOR for so long is subscribed to in JSON: rosbridge cannot send every type."""
+"""Seconds without a message in CBOR after which a topic is subscribed to in JSON: rosbridge cannot send every type."""
 _REFRESH_S = 0.5
 _LOOK_S = 10.0
 """Seconds after which the question is repeated while nothing is missing."""

@@ -28,9 +28,11 @@ _log = logging.getLogger(__name__)
 
 HOLDS = "the UAV stops, and holds until it is commanded again"
 _LONGEST_STAND_S = 5.0
-"""A reference that stands for so long holds for good: what makes it go on may come when nobody expects it any more."""
+"""Seconds of standing after which a reference holds for good: the reason to go on may come when nobody expects it any
+more.
+"""
 _GOES_ON_S = 1.0
-"""It goes on, as far as it is told, once it has for so long: a goal at the edge of a fence may come and go."""
+"""Seconds for which it must go on before that is reported: a goal at the edge of a fence may come and go."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,8 +36,9 @@ POSITION_PER_S, ASIDE_M_S = 0.8, 1.0
 MODE_S = 0.5
 """No velocity is sent while the mode is older: the vehicle then holds by itself."""
 UNSEEN_S = 2.0
-"""After so long without the mode, or without an update, others may fly, whose velocities look like ours. A backend that
-discards the mode, after a silence or a pause of its own, ends it sooner."""
+"""Seconds without the mode, or without an update, after which others may fly, whose velocities look like ours. A
+backend that discards the mode, after a silence or a pause of its own, ends it sooner.
+"""
 MEASURED_S = 1.0
 """With an older position it is not led aside, and an older velocity does not show whether it has stopped."""
 STOP_AGAIN_S, MOST_STOPS = 3.0, 3

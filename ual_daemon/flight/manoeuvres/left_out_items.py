@@ -14,7 +14,9 @@ from ual_daemon.geodesy import FlatProjection
 _LONGEST_S = 1.5
 """Between two reports that follow each other in time. What was flown in a longer gap is not known."""
 _APART_M = 3.0
-"""So near a place it is reached, by both autopilots' radius of 2 m. One so near the one before may not be told."""
+"""Distance in metres at which a place is reached, by both autopilots' radius of 2 m. One so near the one before may not
+be told.
+"""
 
 
 class LeftOutItems:

@@ -23,8 +23,9 @@ any while it does not fly to a waypoint."""
 _STEP_S = 0.1
 """The longest time between two steps that follow each other."""
 _PAUSE_FACTOR = 2.0
-"""Reads without a change wait so many times as long as the last one took: they get a third of the time. A read of four
-items takes 0.15 s on a busy computer."""
+"""Pause between reads without a change, as a multiple of the last read's duration: they get a third of the time. A read
+of four items takes 0.15 s on a busy computer.
+"""
 
 
 class _Told(NamedTuple):

@@ -22,10 +22,10 @@ watched for longer."""
 _LOOK_S = 0.2
 """Between two looks. Each costs some dozen calls, as much as the rest of an update."""
 _GAP_S = 1.0
-"""After so long without an update nothing is known of the way made meanwhile."""
+"""Seconds without an update after which the distance made meanwhile is unknown."""
 
 PlannedWay: TypeAlias = Callable[[float], float]
-"""Returns the way that is left, in metres, if all goes as planned for so many seconds."""
+"""Returns the distance that is left, in metres, if all goes as planned for the given seconds."""
 
 
 @dataclass(slots=True)

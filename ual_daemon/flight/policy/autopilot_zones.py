@@ -12,7 +12,7 @@ from ual_daemon.frames.area import LocalZone, Point2
 from ual_daemon.geodesy import Projection
 
 SIDES = 64
-"""A circle becomes a polygon of so many sides, on the safe side by up to 0.12 % of its radius."""
+"""Sides of the polygon that a circle becomes, on the safe side by up to 0.12 % of its radius."""
 _STEP_M = 1000.0
 """A side is straight in latitude and longitude, as both autopilots compute it (Polygon_outside of ArduPilot,
 Geofence::insidePolygon of PX4). So in the local frame it is bent: by 2 m on 10 km at a latitude of 47 degrees. Cut into

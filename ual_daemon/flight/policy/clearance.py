@@ -28,10 +28,11 @@ _ROUNDING = 1e-12
 _RESTS_COUNT = 3
 """Setpoints that are judged by the rules without the shortcut, where there is no room: most near an edge are."""
 _SAME_M2 = 0.1**2
-"""Within this distance, squared, of where a ball was too small, no other one is looked for: each setpoint would pay."""
+"""Squared distance from a ball that was too small within which no other one is searched: each setpoint would pay."""
 _WAY_S = REACTION_S + RAMP_S / 2.0
-"""For so long a speed is flown on, whatever the brakes. With `brake_s2_m` it bounds `stopping_s` from above, as
-(q + RAMP_S) / 2 is never less than sqrt(q * RAMP_S)."""
+"""Seconds for which a speed is flown on, whatever the brakes. With `brake_s2_m` it bounds `stopping_s` from above, as
+(q + RAMP_S) / 2 is never less than sqrt(q * RAMP_S).
+"""
 
 
 @dataclass(slots=True)

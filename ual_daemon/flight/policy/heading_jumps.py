@@ -15,7 +15,9 @@ from ual_daemon.flight.policy.jumps import Confirmation, Jump
 JUMP_RAD = 0.2
 """Least turn of an estimate in rad that counts as a jump; noise stays below it, and is turned back."""
 _LATE_S = 0.25
-"""The heading of a pose may be so much older than its position: the autopilot sends them in different messages."""
+"""Seconds by which the heading of a pose may be older than its position: the autopilot sends them in different
+messages.
+"""
 _ACCELERATION_RAD_S2 = 5.0
 """Between two headings the yaw rate may be another one than both, by half of this times the time."""
 _LONGEST_S = 0.5

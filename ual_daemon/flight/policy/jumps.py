@@ -22,7 +22,7 @@ moved.
 """
 ANNOUNCED_S = 3.0
 _NOISE_FACTOR = 4.0
-"""An estimate whose steps are usually larger must jump by so many times as much."""
+"""Factor of its usual steps by which a noisy estimate must jump."""
 _SMOOTHING = 0.05
 _LONGEST_S = 2.0
 """After a longer gap between two positions nothing can be said."""

@@ -7,7 +7,7 @@ from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
 
 STANDS_S = 0.4
-"""Without its motors a UAV falls at 4 m/s after so long."""
+"""Seconds after which a UAV without its motors falls at 4 m/s."""
 STANDS_M_S = 1.0
 """Speed in m/s below which a UAV may stand on the ground."""
 _WITHOUT_VELOCITY_S = 2.0

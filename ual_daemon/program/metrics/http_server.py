@@ -27,7 +27,7 @@ REQUEST_S = 2.0
 _ANSWER_S = 20.0
 """A client that has not taken its answer after this time is left. Prometheus waits for 10 s by default."""
 MOST_CONNECTIONS = 16
-"""Beyond this number the oldest connection ends: whoever asks at once is served, however many say nothing."""
+"""Connections beyond which the oldest one ends: a caller that asks at once is served, however many say nothing."""
 _MOST_BYTES = 16 << 10
 """Of a request. Prometheus sends about 400."""
 _BACKLOG = 16

@@ -13,7 +13,7 @@ from ual_daemon.backends.values import Setpoint
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 
 BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, math.inf)
-"""The buckets of the histogram: setpoints that were late by at most so much."""
+"""Buckets of the histogram: the largest lateness of their setpoints in s."""
 
 
 class Lateness(NamedTuple):

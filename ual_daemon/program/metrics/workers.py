@@ -14,7 +14,7 @@ from ual_daemon.program.metrics.catalogue import Sample
 ASK = "metrics"
 """The supervisor's word for it."""
 LIMIT_S = 2.0
-"""A worker that has not answered after so long does not count as up."""
+"""Seconds without an answer after which a worker does not count as up."""
 
 
 class Worker(Protocol):

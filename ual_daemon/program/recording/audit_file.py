@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 _MODE = 0o600
 _LONGEST_LINE = 8 << 20
-"""In bytes: so far from its end the last whole line of a file is looked for."""
+"""Bytes from its end in which the last whole line of a file is searched."""
 _LONGEST_ADDED = 4 << 20
 _LEAST_SPACE_BYTES = 64 << 10
 """Free bytes that a disk needs to take further lines."""

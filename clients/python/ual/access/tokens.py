@@ -20,7 +20,7 @@ from ual.access.roles import Role
 from ual.shared import strict_json, text
 
 PREFIX = "ual_"
-"""By this a token is recognized, also by programs that search for secrets in files."""
+"""Prefix by which a token is recognized, also by programs that search for secrets in files."""
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,63}"
 
 

@@ -81,7 +81,7 @@ class _Reader:
         self._before: neutral.TakeOff | neutral.Waypoint | None = None
         """Item that leads to the start of the next one; None where that position is not known."""
         self._is_begun_by_interval: list[bool] = []
-        """Of each trigger of photos so far: whether it is one by time, else by distance."""
+        """Kind of each trigger of photos so far: whether it is one by time, else by distance."""
         self.left_out: list[str] = []
         self._makers: Mapping[int, Callable[[FileItem], neutral.Item]] = {
             commands.WAYPOINT: self._waypoint,

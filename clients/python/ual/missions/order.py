@@ -9,7 +9,7 @@ from ual.errors import ResourceExhaustedError
 from ual.missions.items import Item, Jump
 
 MOST_STEPS = 20_000
-"""A mission may execute so many items, with those that jumps repeat."""
+"""Most items that a mission may execute, with those that jumps repeat."""
 
 
 def executed(items: Sequence[Item], start: int = 0) -> list[int]:

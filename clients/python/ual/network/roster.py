@@ -23,7 +23,7 @@ MOST_OF_PUBLISHER = 8
 MOST_UAVS = 20_000
 """Of one process."""
 MUTE_S = 2.0
-"""A process that is there for so long and has not told of all its UAVs is not waited for any more."""
+"""Seconds after which a process that is there and has not told of all its UAVs is not awaited any more."""
 UNHEARD_S = 5.0
 UNHEARD_PERIODS = 5.0
 """A process that tells nothing for this long counts as gone, whatever its sign of life says: see docs/network.md."""

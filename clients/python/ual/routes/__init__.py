@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 MOST_BYTES = 20_000_000
-"""A file may have so many bytes, and so may the KML in a KMZ."""
+"""Most bytes of a file, and of the KML in a KMZ."""
 _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
 """First bytes of zip files; the second one has no content."""
 _PLANS = (".plan", ".mission")

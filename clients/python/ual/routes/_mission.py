@@ -37,7 +37,7 @@ _MOST_STEPS = 100_000
 
 
 class Firmware(Enum):
-    """For whose autopilot a mission was made, which decides what its fields mean."""
+    """Firmware for which a mission was made: it decides the meaning of the mission's fields."""
 
     PX4 = "PX4"
     ARDUPILOT = "ArduPilot"

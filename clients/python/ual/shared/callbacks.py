@@ -28,7 +28,7 @@ _log = logging.getLogger(__name__)
 SLOW_S = 0.005
 """A callback that takes longer than this is slow."""
 _QUICK_CALLS_COUNT = 10
-"""After this many quick calls in a row a slow callback counts as quick again."""
+"""Quick calls in a row after which a slow callback counts as quick again."""
 
 
 class Callbacks:

@@ -84,7 +84,7 @@ class _GimbalReferenceEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper
     """Roll and pitch from the horizon, yaw from the x axis of a frame: it stays level, and does not turn with the UAV."""
 
 class GimbalReference(_GimbalReference, metaclass=_GimbalReferenceEnumTypeWrapper):
-    """From what angles count."""
+    """Axes from which angles count."""
 
 GIMBAL_REFERENCE_UNSPECIFIED: GimbalReference.ValueType  # 0
 GIMBAL_REFERENCE_BODY: GimbalReference.ValueType  # 1

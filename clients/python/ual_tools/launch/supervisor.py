@@ -17,7 +17,7 @@ from ual_tools.launch.team import Condition, Program, Restart
 _PAUSES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
 """Before each new start. A daemon that dies in flight is missed at once; one that dies again and again is given up."""
 _GOOD_S = 60.0
-"""A program that has run for so long begins with the first pause again."""
+"""Seconds of running after which a program begins with the first pause again."""
 _WRONG_CONFIGURATION = 2
 
 

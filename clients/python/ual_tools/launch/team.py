@@ -25,7 +25,7 @@ class AtEnd(Enum):
 
 
 class Condition(Enum):
-    """By what it is seen that a program is ready."""
+    """Sign that a program is ready."""
 
     STARTED = "started"
     PORT = "port"

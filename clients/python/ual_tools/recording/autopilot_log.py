@@ -21,7 +21,7 @@ _STEP_S = 0.1
 _LEAST_LIKENESS = 0.6
 """Least likeness of the speeds, from 0 to 1, where the log does not know the time of day."""
 _CLOCKS_DIFFER_S = 10.0
-"""By so much the clock of a computer may differ from that of the satellites."""
+"""Seconds by which the clock of a computer may differ from that of the satellites."""
 _LEAST_OVERLAP_S, _LEAST_COMPARED_S = 0.2, 5.0
 """For how long the log has to be of the time of the recording, and to be compared with it."""
 _DATAFLASH = b"\xa3\x95\x80"

@@ -15,7 +15,7 @@ from ual_tools.teleop.sticks import CENTRED, Sticks
 CONFIRM_S = 2.0
 """A confirmation is waited for this long."""
 _REPEAT_S = 0.12
-"""A key that comes again after less is a repeat of the terminal: no finger is so fast."""
+"""Seconds within which a key that comes again is a repeat of the terminal: no finger is as fast."""
 _STEP_S = 0.5
 """A key that is held makes another step each time this passes."""
 

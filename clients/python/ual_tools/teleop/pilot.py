@@ -19,9 +19,9 @@ from ual_tools.teleop.vehicle import Said, Vehicle
 OLD_S = 1.0
 """With telemetry that is older than this, nobody sees what the UAV does: the sticks do nothing."""
 BRAKE_S = 0.3
-"""For this time after the release a velocity of zero is sent, and then nothing."""
+"""Seconds after the release for which a velocity of zero is sent, and then nothing."""
 OURS_S = 1.0
-"""After this time without a velocity, the daemon has ended it: what flies then is another's."""
+"""Seconds without a velocity after which the daemon has ended it: the next flight is another's."""
 LEAD_M = 3.0
 """In the pose mode, the reference waits for a UAV that is farther behind."""
 _SAME_M = 0.05

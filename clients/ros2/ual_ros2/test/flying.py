@@ -20,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 LIMIT_S = 90.0
 """Seconds of the longest wait: a busy machine needs it."""
 AGAIN_S = 5.0
-"""After so long without an answer a request that may come twice is sent again."""
+"""Seconds without an answer after which a request that may come twice is sent again."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SENSOR = qos_profile_sensor_data
 SUCCEEDED, CANCELED, ABORTED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED

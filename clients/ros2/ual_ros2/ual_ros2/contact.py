@@ -16,9 +16,9 @@ from ual_ros2.outcome import Outcome
 T = TypeVar("T")
 
 QUIET_S = 0.2
-"""After so long without a sample a daemon is asked before a command."""
+"""Seconds without a sample after which a daemon is asked before a command."""
 CONFIRM_S = 5.0
-"""For so long a cancelled goal waits until the daemon says that it has ended."""
+"""Seconds for which a cancelled goal waits until the daemon says that it has ended."""
 AGAIN_S = 0.05
 
 

@@ -19,7 +19,7 @@ COMMAND_S = METHODS["GoToWaypoint"].stale_after_s
 BEAT_S = 0.25
 """Seconds between two notes that the program runs."""
 QUEUED_S = 5.0
-"""For so long after it stood still, what comes may have been sent meanwhile: DDS asks for what is missing every 3 s."""
+"""Seconds after a standstill for which messages may have been sent meanwhile: DDS asks for missing ones every 3 s."""
 
 _CLOCKS = "the clocks of the two computers differ: synchronize them, or set refuse_late to false"
 _SIMULATED = (

@@ -11,7 +11,7 @@ from ual_ros2.messages import Entity, Message
 LATEST_S = float((1 << 31) - 1)
 """The latest stamp of ROS: a later one, as of a camera with a wrong clock, cannot be written into a message."""
 STANDS_S = 2.0
-"""Simulated time that has been the same for so long stands."""
+"""Seconds without a change after which simulated time stands."""
 
 
 class RosTime:

@@ -16,9 +16,10 @@ TARGET_HZ = 37.0
 """Rate of the target. A setpoint of another program lasts 10 ms of 50, until the next one of ours. A rate that is no
 multiple of usual ones sees each phase of that."""
 AGAIN = Repeat(every_s=0.25, most=20)
-"""An unanswered command is sent again after this: an autopilot answers within 15 ms, over a bad radio within 200. It is
-sent so often within `COMMAND_PATIENCE_S` of `ual_daemon.flight`. On a link that loses 30 % each way and damages 10 % of
-the rest, 0.4 of the commands are acknowledged. 0.6 to the power of 20 is 4 in 100,000."""
+"""Repetition of an unanswered command: an autopilot answers within 15 ms, over a bad radio within 200. It is sent so
+often within `COMMAND_PATIENCE_S` of `ual_daemon.flight`. On a link that loses 30 % each way and damages 10 % of the
+rest, 0.4 of the commands are acknowledged. 0.6 to the power of 20 is 4 in 100,000.
+"""
 REQUESTED = Repeat(every_s=0.5, most=4)
 """The same for commands that only request data. Their acknowledgements do not show which of them they are for. So no
 repetition may be on its way any more when the next one is sent: it waits until then."""

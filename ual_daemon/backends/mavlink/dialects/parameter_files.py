@@ -16,7 +16,7 @@ from typing import Any
 from ual.parameters.values import Description, Parameter, ParameterType
 
 MOST_BYTES = 16_000_000
-"""A file may have so many once it is unpacked. PX4's has 0.7 MB."""
+"""Most bytes of a file once it is unpacked. PX4's has 0.7 MB."""
 MEMORY_BYTES = 100_000_000
 """Most memory of unpacking in bytes: xz -9, by which PX4 packs, takes 66 MB."""
 MOST_PARAMETERS = 10_000

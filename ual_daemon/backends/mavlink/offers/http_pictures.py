@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 64 << 20
 TIMEOUT_S = 15.0
-"""A picture may take so long in all, since it was ordered: no caller waits longer (`ORDER_S`). ..."""
+"""Seconds that a picture may take in all, since it was ordered: no caller waits longer (`ORDER_S`). ..."""
 SILENCE_S = 5.0
-"""... and its server may say nothing for so long."""
+"""... and seconds for which its server may be silent."""
 _CHUNK = 1 << 16
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
 _MOST_MARKERS = 1000

@@ -23,7 +23,7 @@ Descriptions = Mapping[str, Description]
 _log = logging.getLogger(__name__)
 
 PATIENCE_S = 5.0
-"""For so long they are waited for: over a slow link they are there the next time."""
+"""Seconds for which descriptions are awaited: over a slow link they are there the next time."""
 READ_S = 600.0
 MOST_GENERAL, MOST_PARAMETERS = 100_000, 2_000_000
 """Most bytes of the two files."""

@@ -22,11 +22,11 @@ T = TypeVar("T")
 
 RETRY_S = 0.5
 TRIES_COUNT = 10
-"""An order or a request is sent so often: on a link that loses 30 % each way, one in a thousand has no answer then."""
+"""Attempts of an order or a request: on a link that loses 30 % each way, one in a thousand has no answer then."""
 BUSY_S = 12.0
 """Seconds that an order may be in progress, or a picture may take, ..."""
 ASK_S = 1.5
-"""... and after so long without the picture the camera is asked for it."""
+"""... and seconds without the picture after which the camera is asked for it."""
 MOST_STREAMS = 16
 OLDER_REQUESTS: dict[int, tuple[int, tuple[float, ...]]] = {
     mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION: (mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION, (1.0,)),

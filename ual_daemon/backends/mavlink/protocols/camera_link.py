@@ -36,18 +36,20 @@ from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
 _log = logging.getLogger(__name__)
 
 LOST_S = 5.0
-"""A camera that is silent for so long is not connected. Its heartbeat comes each second."""
+"""Seconds of silence after which a camera counts as not connected. Its heartbeat comes each second."""
 MOST_WAITING = 20
 """Exchanges that may wait for their turn with one camera."""
 QUIET_S = 0.7
-"""An order waits so long after one of its kind that was repeated: late answers to that would be taken for its own."""
+"""Seconds for which an order waits after one of its kind that was repeated: late answers to that would be taken for its
+own.
+"""
 IDENTITY_S, LATER_IDENTITY_S = 1.0, 10.0
 """The interval of requests for what a camera is: at first, and after `SOON_COUNT` of them."""
 DOUBT_S = 0.5
-"""After so long it is asked again where it has said that it is another one."""
+"""Seconds after which a camera is asked again that has reported to be another one."""
 SOON_COUNT = 10
 SHOT_RETRY_S, SHOT_TRIES_COUNT = 0.15, 3
-"""An order of a picture by distance is sent so often, as long as the UAV is near its place."""
+"""Interval in seconds and attempts of an order of a picture by distance, as long as the UAV is near its place."""
 _SETTINGS, _STORAGE = mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS, mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION
 _CAPTURE, _BATTERY = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
 _SHOOT = mavlink.MAV_CMD_IMAGE_START_CAPTURE

@@ -9,9 +9,9 @@ from ual_daemon.backends.firmwares.triggered_photos import LARGEST_GAP
 
 RETRY_S = 1.0
 TRIES_COUNT = 5
-"""A report that is missing is requested so often, ..."""
+"""Requests for a report that is missing, ..."""
 MOST_MISSING = 100
-"""... and so many are at a time. What is more counts as lost at once."""
+"""... and most missing reports at a time. What is more counts as lost at once."""
 MOST_KNOWN = 1000
 
 

@@ -33,11 +33,11 @@ FASTER_S = 2.0
 AGAIN_S = 5.0
 """... and again as often, as a request may be lost."""
 SLOWED_S = 1.5
-"""For so long after the last answer the streams may be slow."""
+"""Seconds after the last answer for which the streams may be slow."""
 USUAL_COUNT = 3
 """Requests for the usual rates after that."""
 IDLE_S = 2.0
-"""After so long a file that is not read any more is closed."""
+"""Seconds after which a file that is not read any more is closed."""
 BUSY_S = (0.5, 3.5, 11.0)
 """Seconds after which a request is repeated that was refused because another file is open. Each request delays the
 moment at which the autopilot closes one that was left open: ArduPilot after 3 s without any, PX4 after 10 s.

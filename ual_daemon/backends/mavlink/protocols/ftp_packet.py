@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ual.errors import RejectedByAutopilotError
 
 BLOCK = 239
-"""The most data that a message has. All reads are of so many bytes: ArduPilot's @PARAM refuses others."""
+"""Most data of a message. All reads are of so many bytes: ArduPilot's @PARAM refuses others."""
 SEQUENCES = 2**16
 _HEADER = struct.Struct("<HBBBBBxI")
 _PAYLOAD = _HEADER.size + BLOCK

@@ -23,19 +23,19 @@ from ual_daemon.backends.mavlink.protocols.ftp_packet import (
 T = TypeVar("T")
 
 RETRY_S = 1.0
-"""After so long without an answer a request is sent again, ..."""
+"""Seconds without an answer after which a request is sent again, ..."""
 TRIES_COUNT = 10
-"""... up to so many times."""
+"""... and most attempts."""
 GIVE_UP_S = 15.0
-"""After so long without a new block the reading of a file ends."""
+"""Seconds without a new block after which the reading of a file ends."""
 WINDOW = 4
 """Blocks that are requested at once. ArduPilot queues 5 requests, and drops the others."""
 GENTLE_BYTES_S = 96_000.0
-"""While armed no more than so many bytes a second are requested, and no more than half of what the link carries."""
+"""Most bytes a second that are requested while armed, and no more than half of what the link carries."""
 QUIET_S = 1.0
-"""After so long without a block a burst is over, ..."""
+"""Seconds without a block after which a burst is over, ..."""
 BURST_LEAST = 8
-"""... and worth while for so many blocks in a row."""
+"""... and consecutive blocks for which it is worth while."""
 MOST_BLOCKS = 2048
 """Most blocks that are kept ahead of their time: a burst of ArduPilot has 500, one of PX4 some 150."""
 BURST_SEQUENCES = 1024

@@ -22,16 +22,17 @@ from ual_daemon.backends.offers.gimbals import GimbalAttitude
 _log = logging.getLogger(__name__)
 
 LOST_S = 5.0
-"""A gimbal that is silent for so long is not connected."""
+"""Seconds of silence after which a gimbal counts as not connected."""
 OLD_S = 1.0
 """Seconds after a report for which a gimbal's attitude counts as known, ..."""
 ASK_S, LATER_ASK_S = 2.0, 10.0
-"""... and then it is asked so often to say it: at first, and after `SOON_COUNT` times."""
+"""... and seconds between two questions for it: at first, and after `SOON_COUNT` times."""
 SOON_COUNT = 10
 ATTITUDE_HZ, STATUS_HZ = 10.0, 2.0
 QUIET_S = 0.7
-"""An order waits so long after one of its kind that was repeated: late answers to that would be taken for its own.
-After one that was sent once and not answered it leaves at once, and is repeated until an answer is surely its own."""
+"""Seconds for which an order waits after one of its kind that was repeated: late answers to that would be taken for its
+own. After one that was sent once and not answered it leaves at once, and is repeated until an answer is surely its own.
+"""
 _ATTITUDE, _STATUS = (
     mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
     mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS,

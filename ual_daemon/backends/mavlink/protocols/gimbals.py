@@ -41,7 +41,9 @@ COMPONENTS = frozenset(
 FIRST_ASK_S = 3.0
 """Seconds after its first message at which a component is asked for its gimbals, ..."""
 ASK_S, ASKS_COUNT = 2.0, 12
-"""... and again, so often: on a link that loses 30 % each way, one in 10,000 is not found then."""
+"""... and seconds between further questions, and their count: on a link that loses 30 % each way, one in 10,000 is not
+found then.
+"""
 AUTOPILOT_ASKS_COUNT = 3
 """The same for the autopilot, to which each request is repeated by itself."""
 LARGEST_ATTACHED_ID = 6

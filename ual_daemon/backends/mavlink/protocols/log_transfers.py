@@ -30,11 +30,11 @@ _log = logging.getLogger(__name__)
 BLOCK = 90
 """The most data that a LOG_DATA has."""
 QUIET_S = 1.0
-"""After so long without anything new, what is missing is requested again."""
+"""Seconds without new data after which missing data is requested again."""
 GIVE_UP_S = 10.0
-"""After so long without anything new an exchange ends."""
+"""Seconds without new data after which an exchange ends."""
 IDLE_S = 2.0
-"""After so long the autopilot is told that nothing is wanted any more."""
+"""Seconds after which the autopilot is told that nothing is wanted any more."""
 MOST_LOGS = 2000
 COUNTS_COUNT = 4
 """Different counts of logs that may be reported while they are listed: one may be added."""

@@ -25,8 +25,9 @@ from ual_daemon.backends.mavlink.wire.messages import Message
 MOST_ITEMS = 3000
 """More than either autopilot keeps."""
 TRIES_COUNT = 6
-"""After so many requests of one item without an answer the list is requested anew. A late request, out of order, may
-have ended PX4's transfer, and its word of it was lost."""
+"""Requests of one item without an answer after which the list is requested anew. A late request, out of order, may have
+ended PX4's transfer, and its word of it was lost.
+"""
 
 FIRST_PAUSE_S = 0.2
 """The first time from a refusal to the next attempt; each further one is twice as long. Amid an upload of another

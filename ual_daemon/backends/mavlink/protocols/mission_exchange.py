@@ -21,7 +21,7 @@ from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 T = TypeVar("T")
 
 RETRY_S = 0.6
-"""After so long without an answer a message is sent again."""
+"""Seconds without an answer after which a message is sent again."""
 GIVE_UP_S = 15.0
 """Seconds without progress after which a transfer is given up; longer than another station's abandoned transfer
 lasts.

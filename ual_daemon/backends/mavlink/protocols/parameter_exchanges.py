@@ -26,19 +26,20 @@ T = TypeVar("T")
 _log = logging.getLogger(__name__)
 
 RETRY_S = 0.6
-"""After so long without an answer a request is sent again, ..."""
+"""Seconds without an answer after which a request is sent again, ..."""
 TRIES_COUNT = 10
-"""... up to so many times: on a link that loses 30 % each way, one step in a thousand then has no answer."""
+"""... and most attempts: on a link that loses 30 % each way, one step in a thousand then has no answer."""
 CONTRARY_COUNT = 3
-"""After so many tries that were answered by another value, a write is taken to be refused. One such answer may be of a
-request before."""
+"""Tries answered by another value after which a write is taken to be refused. One such answer may be of a request
+before.
+"""
 LIST_RETRY_S = 2.0
 QUIET_S = 1.0
-"""After so long without a new value of the list, those that are missing are requested one by one, ..."""
+"""Seconds without a new value of the list after which missing ones are requested one by one, ..."""
 WINDOW = 10
-"""... so many at a time. ArduPilot queues 20 requests, and drops the others."""
+"""... and most requests at a time. ArduPilot queues 20 requests, and drops the others."""
 GIVE_UP_S = 10.0
-"""After so long without a new value the list ends without those that are missing."""
+"""Seconds without a new value after which the list ends without the missing ones."""
 LONGEST_LIST_S = 600.0
 MOST_PARAMETERS = 10_000
 """ArduPilot has 1,400, PX4 1,000."""

@@ -37,10 +37,11 @@ _log = logging.getLogger(__name__)
 _MOST_OTHERS = 8
 """Most other autopilots, and most reasons why nothing is taken, that are named in the log."""
 ODD_WAIT_S = 1.5
-"""An autopilot with odd ids (system 0, or not component 1) is taken once none with usual ids has been heard for so long
-beside it. A heartbeat comes each second."""
+"""Seconds without an autopilot of usual ids after which one with odd ids (system 0, or not component 1) is taken. A
+heartbeat comes each second.
+"""
 SUCCESSOR_SILENCE_S = 0.8
-"""For so long an autopilot is silent under its old system id before it is followed to the one that UAL has written."""
+"""Seconds of silence under its old system id after which an autopilot is followed to the one that UAL has written."""
 STRAY_S = 2.5
 """Seconds after a single heartbeat and nothing more, after which another autopilot that is heard replaces its
 sender.

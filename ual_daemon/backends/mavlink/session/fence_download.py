@@ -19,8 +19,9 @@ POLL_S = 30.0
 the link is left to what flies; ArduPilot tells of another one by itself (`Autopilot.zones_parameter`).
 """
 MAX_ITEMS = 500
-"""More items are not read: the geometry of so many circles takes 0.25 s. ArduPilot keeps 84 on a Pixhawk
-(AC_PolyFence_loader::max_items), PX4 64 (DM_KEY_FENCE_POINTS_MAX)."""
+"""Most items that are read: the geometry of as many circles takes 0.25 s. ArduPilot keeps 84 on a Pixhawk
+(AC_PolyFence_loader::max_items), PX4 64 (DM_KEY_FENCE_POINTS_MAX).
+"""
 
 _FENCE = MissionType.FENCE
 

@@ -17,7 +17,7 @@ CONFLICT_S = 5.0
 REPLACED_S = 2.5
 """A vehicle of which no heartbeat comes has been replaced by another kind whose heartbeats come for this long."""
 ENDED_S = 5.0
-"""A vehicle of which no heartbeat has come for so long needs no such proof to be replaced."""
+"""Seconds without a heartbeat after which a vehicle needs no such proof to be replaced."""
 BOOT_CLOCK_S = 1.0
 """Times since boot that differ by more are of different boots; jitter and late messages make less."""
 SAME_COUNTER = 16

@@ -16,7 +16,7 @@ REQUEST_S = 0.1
 99.9 %.
 """
 HEARD_S = 0.5
-"""Nothing is requested from an autopilot of which nothing was heard for so long: its link is silent."""
+"""Seconds of silence after which nothing is requested from an autopilot: its link is silent."""
 
 
 class LateMessages:

@@ -9,16 +9,18 @@ from __future__ import annotations
 import math
 
 HIGH_LOSS, LEFT_LOSS = 0.3, 0.1
-"""From this part of lost messages on less is asked for; the second one counts once that has helped."""
+"""Share of lost messages from which less is requested, and the share that counts once that has helped."""
 LASTS_S = 10.0
-"""The loss is that of so long a time: what was changed shows after it, and a loss must have lasted for it."""
+"""Seconds over which the loss is measured: a change shows after this time, and a loss must have lasted for it."""
 HELPS, HELPS_LOSS = 1.25, 0.67
 """A try has helped if the part that arrives has grown by this factor at least, or the part that is lost has fallen by
 the second one. Where messages are lost at random, both vary by a few percent."""
 RETRY_S = 60.0
 """Seconds between a try that did not help and the next one; this doubles each time."""
 LOW_LOSS, GROW_S = 0.05, 60.0
-"""Below this loss for so long, more is asked for again, while it is disarmed; this doubles each time, too."""
+"""Share of lost messages below which more is requested again, while it is disarmed, and seconds for which it must last;
+these double each time, too.
+"""
 MOST = 4
 """The highest level; see `RateFit.level`."""
 

@@ -72,7 +72,7 @@ STREAMLESS_S = 10.0
 """Seconds between two requests for everything from an autopilot that is heard, but does not stream any more."""
 
 QUATERNION_S = 3.0
-"""After so long without a quaternion the attitude is taken from the angles that many autopilots send."""
+"""Seconds without a quaternion after which the attitude is taken from the angles that many autopilots send."""
 UNUSED_RATE_HZ = 1.0
 """Rate in Hz at which a message that UAL does not use may come on a link that is overrun. Others on the link may use
 it.

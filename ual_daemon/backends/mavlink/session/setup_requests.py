@@ -15,16 +15,17 @@ from ual_daemon.backends.mavlink.wire.messages import mavlink, message_name
 
 ROUND_S = 1.0
 FAST_ROUNDS_COUNT = 10
-"""After so many rounds requests become rarer: what the autopilot has not sent by then it may not have (no fix yet)."""
+"""Rounds after which requests become rarer: the autopilot may not have the data that is still missing (no fix yet)."""
 SLOW_ROUND_S = 10.0
 FAST_PARAMETER_ROUNDS_COUNT = 5
-"""After so many rounds the missing parameters are requested at intervals that double each time. An autopilot does not
-answer that it has no parameter of the name, as a real ArduPilot has no SIM_SPEEDUP."""
+"""Rounds after which the missing parameters are requested at intervals that double each time. An autopilot does not
+answer that it has no parameter of the name, as a real ArduPilot has no SIM_SPEEDUP.
+"""
 DROPPED_SHARE = 0.6
 """A stream may come at less than this part of the best rate seen, with the losses of the link taken into account. Then
 another program has lowered it (REQUEST_DATA_STREAM of a ground station on the same link), and it is requested again."""
 REFUSED_COUNT = 3
-"""After so many requests for single streams without one that was accepted, whole groups are requested."""
+"""Requests for single streams, none of them accepted, after which whole groups are requested."""
 FLOWS_SHARE, SPARSE_FLOWS_SHARE = 0.25, 0.05
 """A stream flows if at least this part of the requested rate comes. The second one is for messages that are sent on a
 change and else seldom (`Dialect.sparse_messages`). Acknowledgements do not show which of these requests they are for.

@@ -10,7 +10,7 @@ from ual_daemon.backends.mavlink.session.sequence import LATE_COUNT, SequenceGap
 from ual_daemon.backends.mavlink.session.timesync import Timesync
 
 WINDOW_S = 10.0
-"""Rate and loss are those of the last so many seconds."""
+"""Seconds over which rate and loss are measured."""
 _SHORT_SILENCE_S = 0.1
 """Sequence numbers cannot wrap within this time: the link carries fewer than 256 messages in it."""
 

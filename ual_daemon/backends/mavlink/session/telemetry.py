@@ -57,7 +57,7 @@ GEO_LIMIT_S = 1.5
 LATE_S = 0.3
 """A jitter of this much reorders messages."""
 OLDEST_S = 3.0
-"""For this long a message with an earlier sequence number is ignored; after that the numbers must be wrong."""
+"""Seconds for which a message with an earlier sequence number is ignored; after that the numbers must be wrong."""
 
 
 class _Home(NamedTuple):

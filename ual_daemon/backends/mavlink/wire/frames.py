@@ -46,7 +46,7 @@ WORK_PER_S = 400_000
 counts as 1. A flood must not take the thread from flying.
 """
 SAVED_S = 0.25
-"""The work of so long may be saved up."""
+"""Seconds of work that may be saved up."""
 MOST_SOURCES = 8
 """Most sources of which the beginnings of frames are kept; a new one replaces the source that was heard least
 lately.

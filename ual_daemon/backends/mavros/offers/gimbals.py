@@ -30,11 +30,11 @@ from ual_daemon.backends.offers.gimbals import FindableGimbal, GimbalAttitude
 from ual_daemon.backends.rosbridge import Message
 
 AIM_S = 0.1
-"""A gimbal that follows something is aimed so often."""
+"""Seconds between two aims of a gimbal that follows something."""
 AIM_LIMIT_S = 2.0
 """Seconds that MAVROS may take to pass an aim on."""
 QUIET_S = 0.3
-"""An order waits so long after that: the acknowledgement of the one would be taken for that of the other."""
+"""Seconds for which an order waits after that: the acknowledgement of the one would be taken for that of the other."""
 _UNTOLD = "MAVROS does not tell where it looks"
 _NOTHING = Identity(frozenset(), None, None, None)
 

@@ -33,7 +33,7 @@ TRANSFER_S = 35.0
 """MAVROS gives up after 30 s."""
 READS_COUNT = 3
 SETTLE_S = 0.5
-"""For so long after the answer what was published has to stand."""
+"""Seconds after the answer for which the published list has to stand."""
 LOOKS_COUNT = 10
 """Looks at the topic before a list counts as missing."""
 CHOOSE_S = 6.0

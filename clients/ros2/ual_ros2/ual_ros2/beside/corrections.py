@@ -18,7 +18,7 @@ SENDER = "ual_ros2"
 MOST_WAITING = 100
 """Messages that wait for the daemon; older ones are dropped, because newer ones replace them."""
 IDLE_S = 5.0
-"""Without a message for so long, the stream ends, and another program may send."""
+"""Seconds without a message after which the stream ends, and another program may send."""
 AGAIN_S = 1.0
 """Seconds after a refusal without a new attempt; corrections that come meanwhile count as not taken."""
 
