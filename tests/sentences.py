@@ -84,7 +84,7 @@ def _contract_lines(text: str) -> Lines:
 
 
 def _of_docstrings(text: str) -> list[Sentence]:
-    return [each for line, said in _docstrings(ast.parse(text)) for each in _sentences(_docstring_lines(line, said))]
+    return [each for line, said in docstrings(ast.parse(text)) for each in _sentences(_docstring_lines(line, said))]
 
 
 def of_file(path: Path) -> list[Sentence]:
@@ -136,12 +136,12 @@ def _without_code(lines: list[str]) -> Lines:
         before = line
 
 
-def _docstrings(node: ast.AST) -> Iterator[tuple[int, str]]:
+def docstrings(node: ast.AST) -> Iterator[tuple[int, str]]:
     """Yields the docstrings of modules, classes, functions and attributes."""
     for each in (inner for part in _BLOCKS for inner in getattr(node, part, ())):
         if isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant) and isinstance(each.value.value, str):
             yield each.lineno, each.value.value
-        yield from _docstrings(each)
+        yield from docstrings(each)
 
 
 def _docstring_lines(first: int, text: str) -> Lines:
