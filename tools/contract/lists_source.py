@@ -23,7 +23,7 @@ _OFFERS = (
     ROOT / "ual_daemon" / "backends" / "light",
     ROOT / "ual_daemon" / "backends" / "mavlink" / "offers",
 )
-"""Where a module may have what a backend offers for a service: the function ``offered`` makes it."""
+"""Folders in which a module may offer a service: its function ``offered`` makes the offer."""
 _PAGE = ROOT / "docs" / "reference" / "contract.rst"
 
 
@@ -89,7 +89,7 @@ def _offers(room: Path) -> str:
     package = ".".join(room.relative_to(ROOT).parts)
     rows = "".join(f"        {module}.offered({passed}),\n" for module in made)
     return (
-        f'"""What is offered for services by modules that nothing else names. {_MAKE}"""\n\n'
+        f'"""Services that are offered by modules that nothing else names. {_MAKE}"""\n\n'
         f"from __future__ import annotations\n\n"
         f"{imports(room / f'{first}.py', names_in(f'def _({arguments}): pass'))}"
         f"from {package} import {', '.join(made)}\n\n\n"

@@ -257,7 +257,7 @@ def _client_values(structs: Sequence[Struct], served: Sequence[Served]) -> str:
 
 
 def _is_asked(served: Served) -> bool:
-    """Whether a member of the tests' program has its request: a derived one, or one by hand."""
+    """Returns whether a member of the tests' program has its request: a derived one, or one by hand."""
     return served.is_beside or any(_asks(served) in path.read_text("utf-8") for path in TESTS.glob("ros_*.py"))
 
 
@@ -293,7 +293,7 @@ def _beside() -> str:
 
 
 def _is_part(member: ast.FunctionDef) -> bool:
-    """Whether a member of `ual.interface.Uav` is a service beside flying."""
+    """Returns whether a member of `ual.interface.Uav` is a service beside flying."""
     kind = "" if member.returns is None else ast.unparse(member.returns)
     is_property = any(ast.unparse(each) == "property" for each in member.decorator_list)
     return is_property and kind in classes(INTERFACE) and kind != "Simulation"

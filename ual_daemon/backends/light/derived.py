@@ -1,4 +1,4 @@
-"""What is offered for services by modules that nothing else names. ``make proto`` writes this file: do not edit it."""
+"""Services that are offered by modules that nothing else names. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 

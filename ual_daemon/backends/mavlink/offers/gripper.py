@@ -28,7 +28,7 @@ _CHANNELS_COUNT = 16
 
 
 class MavlinkGripper(OrderedGripper):
-    """What the autopilot of one backend moves."""
+    """Payload devices of one backend's autopilot."""
 
     def __init__(self, orders: Orders) -> None:
         self._reach, self._command, self._messages = orders
