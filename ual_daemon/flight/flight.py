@@ -128,8 +128,8 @@ class Flight:
         """Whether it follows; see `_stand_by`."""
         self.land_here: Callable[[Snapshot], Handover | None] = lambda _: None
         """Makes a landing on the spot as a task; set from above."""
-        self._stood_by = 0
-        """The `Following.count` for which what was flown has ended."""
+        self._stood_by = self._logged_fall = 0
+        """The `Following.count` for which what was flown has ended, and that which the log has."""
         self._explanation = Explanation(backend, self.authority, self.is_flown_by_us)
         self.external_silence = self._explanation.external_silence
         self.position = PositionWatch(self.external_silence)
@@ -676,13 +676,19 @@ class Flight:
         So is a mode that others have chosen: a pilot who stops the motors takes over with the same gesture.
         """
         following, old = self.following, self._flown.manoeuvre
-        if self._stood_by != following.count:
+        if self._logged_fall != following.count:
+            self._logged_fall = following.count
             logs.event(_log, logging.ERROR, "does_not_follow", why=following.why, remedy=following.told(raw).why)
-        elif isinstance(old, StandBy | Landing | Recover) or (old is None and not self._has_references(raw)):
+        is_first = self._stood_by != following.count
+        if not is_first and (
+            isinstance(old, StandBy | Landing | Recover) or (old is None and not self._has_references(raw))
+        ):
+            return
+        if old is not None and old.is_overtaken(snapshot):
+            # Its step ends it where others have chosen the mode, which is left alone. Where the mode is that of its own
+            # command, it goes on, and ends by the next update.
             return
         self._stood_by = following.count
-        if old is not None and old.is_overtaken(snapshot):
-            return  # the step ends it: the mode that others have chosen is left alone
         # A flight that UAL's arming has begun is no task, and climbs on all the same.
         if old is not None or raw.state is State.FLYING_AUTO or self._begun_by_arming(raw):
             self._withdraw(old, snapshot, raw)

@@ -23,6 +23,7 @@ from ual_daemon.backends.values import Cause, Control, LandedState, Setpoint, Sn
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight, Order
 from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
+from ual_daemon.flight.manoeuvres.land import Land
 from ual_daemon.flight.manoeuvres.recover import RecoverFirst
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.flight.policy.geofence import Geofence
@@ -214,6 +215,25 @@ def test_motors_that_are_stopped_in_the_mode_of_our_mission_are_answered_by_taki
     world.autopilot.failsafe, world.autopilot.climb_m_s = Cause.TERMINATION, -3.0
     world.run(1.0)
     assert world.wire.asked == ["take"]
+
+
+@pytest.mark.parametrize("steps", range(12))
+def test_a_landing_that_is_a_fall_fails_whenever_its_mode_comes(steps: int) -> None:
+    """In the update that found the fall its own mode was taken for one of others, and the landing SUCCEEDED."""
+    world = World()
+    world.autopilot.control, world.autopilot.mode = Control.REFERENCES, "GUIDED"
+    world.run(0.5)
+    task, snapshot = world.autopilot.task(TaskKind.LAND), world.wire.snapshot()
+    world.flight.begin(Land(task, AutopilotCommand("land"), Hold(Vector3(z=world.autopilot.z), 0.0), snapshot), Order())
+    world.run(0.5)
+    for step in range(round(1.0 / STEP_S)):
+        if step == steps:
+            world.autopilot.control, world.autopilot.mode = Control.LAND, "LAND"
+        world.autopilot.climb_m_s -= 9.81 * STEP_S
+        world.autopilot.z += world.autopilot.climb_m_s * STEP_S
+        world.run(STEP_S)
+    assert task.future.done()
+    assert isinstance(task.future.exception(0.0), TaskAbortedError)
 
 
 @pytest.mark.parametrize("by", [None, Cause.SAFETY_PILOT, Cause.GROUND_STATION])
