@@ -82,6 +82,20 @@ WHERE_ASKED = (_MAVLINK,)
 _NAMES = {"ArduPilot", "Px4", "ardupilot", "px4", "kind"}
 """Names by which a test asks."""
 
+# --- Series that cross ------------------------------------------------------------------------------------------------
+
+CROSSED = (
+    "tests/ual_daemon/backends/crazyflie/test_crazyflie_",
+    "tests/ual_daemon/backends/dji/test_dji_descent.py",
+    "tests/ual_daemon/backends/dji/test_dji_take_off.py",
+    "tests/ual_daemon/flight/policy/test_velocity_rule.py",
+    "tests/ual_daemon/flight/test_following_recorded.py",
+    _MAVLINK,
+)
+"""Where several series of values cross, in flights and property tests: `make test` has each value of each series beside
+the first values of the others. A value that is special is special there, too.
+"""
+
 
 def repeats(item: Any) -> bool:
     """Returns whether another test fails where this one does."""
@@ -95,12 +109,25 @@ def repeats(item: Any) -> bool:
     if isinstance(check, Check):
         return _is_the_same_here(check, path, item)
     others = {name for name in parameters if not _is_first(item, name)}
+    if path.startswith(CROSSED) and _count_series(item, others) > 1:
+        return True
     if "craft" in others:
         return parameters["craft"] in SAME_BACKEND or len(others) > 1
     second = {name for name in others if _is_ardupilot(parameters[name])}
     if not second or path.startswith(BOTH_ALIKE):
         return bool(second)
     return path.startswith(WHERE_ASKED) and (others > second or not asks_which(item.function.__code__))
+
+
+def _count_series(item: Any, names: set[str]) -> int:
+    """Returns in how many series parameters stand: several names of one mark change together."""
+    marks = [set(_names_of(mark)) & names for mark in item.iter_markers("parametrize")]
+    together = [each for each in marks if each]
+    return len(together) + len(names.difference(*together))
+
+
+def _names_of(mark: Any) -> list[str]:
+    return [each.strip() for each in mark.args[0].split(",")] if isinstance(mark.args[0], str) else list(mark.args[0])
 
 
 def _is_ardupilot(value: object) -> bool:
@@ -112,7 +139,7 @@ def _is_first(item: Any, name: str) -> bool:
     """Returns whether a parameter has the first of its values. The indices of pytest count all tests of a function."""
     value = item.callspec.params[name]
     for mark in item.iter_markers("parametrize"):
-        names = [each.strip() for each in mark.args[0].split(",")] if isinstance(mark.args[0], str) else mark.args[0]
+        names = _names_of(mark)
         if name in names:
             first = _plain(next(iter(mark.args[1])), is_one=len(names) == 1)
             return first[names.index(name)] is value

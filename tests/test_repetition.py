@@ -17,9 +17,10 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_the_rules_name_what_there_is() -> None:
-    for each in (*repetition.PROGRAMS, *repetition.WHOLE, *repetition.BOTH_ALIKE, f"{repetition._MAVLINK}arming.py"):
+    named = (*repetition.PROGRAMS, *repetition.WHOLE, *repetition.BOTH_ALIKE, *repetition.CROSSED, repetition._MAVLINK)
+    for each in named:
         path, _, test = each.partition("::")
-        assert (ROOT / path).exists()
+        assert list(ROOT.glob(f"{path.rstrip('/')}*"))
         assert not test or f"def {test}" in (ROOT / path).read_text()
     assert set(repetition.SAME_BACKEND) < set(CRAFTS)
     rooms = {check.run.__module__.rpartition(".")[2] for check in conformance.CHECKS}
@@ -39,6 +40,9 @@ test_autopilot_cut_uploads.py::test_a_fence_whose_rally_points_were_cut_off_is_n
 test_dji_conformance.py::test_conformance[psdk-turns_with_a_rate]
 test_dji_conformance.py::test_conformance[osdk-takes_off]
 test_dji_conformance.py::test_conformance[osdk-turns_a_gimbal]
+test_dji_take_off.py::test_the_pilot_takes_over_at_any_time_of_a_take_off[2.3-LockstepPsdk]
+test_dji_take_off.py::test_the_pilot_takes_over_at_any_time_of_a_take_off[0.2-LockstepOsdk]
+test_crazyflie_vehicle.py::test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_others[-True-1.0-15.0]
 """
 LEFT_OUT = """
 test_stalls.py::test_a_command_in_a_stall_overrules_no_pilot[land-0.6-ardupilot]
@@ -47,6 +51,8 @@ test_autopilot_home.py::test_the_way_home_leads_to_a_home_that_was_set_just_befo
 test_autopilot_cut_uploads.py::test_a_fence_whose_rally_points_were_cut_off_is_not_enabled[ardupilot-link]
 test_dji_conformance.py::test_conformance[osdk-turns_with_a_rate]
 test_dji_conformance.py::test_conformance[psdk-rounds_the_corners_of_a_path]
+test_dji_take_off.py::test_the_pilot_takes_over_at_any_time_of_a_take_off[2.3-LockstepOsdk]
+test_crazyflie_vehicle.py::test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_others[-False-1.0-15.0]
 """
 """Examples of flights that there are, and whether `make test` has them: some of each rule."""
 
