@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from typing_extensions import override
 
-from tests.snapshots import changed
+from tests.snapshots import changed, value_of
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3
 from ual.types import Capability, GeoPoint, Limits
@@ -45,6 +45,7 @@ from ual_daemon.backends.values import (
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference
 from ual_daemon.flight.policy.autopilot_fence import RESERVE_M
 from ual_daemon.flight.policy.lease import NOBODY
+from ual_daemon.flight.setpoint_sender import LONGEST_BLIND_S
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import GeofenceSettings, LimitSettings, VehicleSettings
 from ual_daemon.tracker.references import Velocity
@@ -486,3 +487,191 @@ def test_who_only_watches_goes_on_with_no_velocity(monkeypatch: pytest.MonkeyPat
     assert not flight.renew_velocity(Twist(), NOBODY)
     flight.is_watch_only = False
     assert flight.renew_velocity(Twist(), NOBODY)
+
+
+# --- Each rule by itself ----------------------------------------------------------------------------------------------
+
+SLOW = Twist(Vector3(0.2, 0.1, 0.0))
+
+
+@pytest.fixture
+def streaming() -> _Twin:
+    """A UAV that flies a stream, far from each bound: the next velocity is renewed."""
+    return stream_in("users' limits")
+
+
+def stream_in(place: str) -> _Twin:
+    twins = Twins(PLACES[place], 0)
+    twins.place = Vector3(0.0, 0.0, 8.0)
+    twins.publish(is_taken=True)
+    twin = twins.both[0]
+    for _ in range(8):
+        twin.vehicle.commands.setpoints.set_velocity(SLOW)
+    assert twin.flight.renew_velocity(SLOW, NOBODY)
+    return twin
+
+
+def says(twin: _Twin, **values: object) -> None:
+    twin.backend.said = changed(twin.backend.said, **values)
+
+
+def grow_old(name: str, limit: str) -> Callable[[_Twin], None]:
+    """All is heard at the present moment but one value, which is older than its limit."""
+
+    def act(twin: _Twin) -> None:
+        now_s = twin.backend.clock.time_s
+        old_s = now_s - getattr(twin.backend.freshness, limit) - 0.01
+        says(twin, **{name: old_s if name == "heard_s" else Sample(value_of(twin.backend.said, name).value, old_s)})
+
+    return act
+
+
+def learn(**values: object) -> Callable[[_Twin], None]:
+    def act(twin: _Twin) -> None:
+        twin.backend.told = replace(twin.backend.told, **values)
+
+    return act
+
+
+def say(**values: object) -> Callable[[_Twin], None]:
+    return lambda twin: says(twin, **values)
+
+
+def raise_ground(twin: _Twin) -> None:
+    twin.flight.geofence.ground.place = Vector3(0.0, 0.0, -8.0)
+
+
+def fly_a_pose(twin: _Twin) -> None:
+    twin.vehicle.commands.setpoints.set_pose(PoseStamped(Pose(Vector3(1.0, 1.0, 5.0))))
+
+
+CHANGES: dict[str, Callable[[_Twin], object]] = {
+    "the pilot's mode": say(mode=Sample(MODES[2], 100.0)),
+    "on the ground": say(landed=Sample(LandedState.ON_GROUND, 100.0)),
+    "it takes off": say(landed=Sample(LandedState.TAKING_OFF, 100.0)),
+    "it lands": say(landed=Sample(LandedState.LANDING, 100.0)),
+    "it may be on the ground": say(landed=Sample(LandedState.UNKNOWN, 100.0)),
+    "no landed state": say(landed=None),
+    "disarmed": say(armed=Sample(False, 100.0)),
+    "a doubtful estimate": say(estimator=Sample(Estimator(False, "it drifts"), 100.0)),
+    "no pose": say(pose=None),
+    "two vehicles": say(conflict="two vehicles"),
+    "an old mode": grow_old("mode", "mode_s"),
+    "an old armed": grow_old("armed", "mode_s"),
+    "an old landed state": grow_old("landed", "landed_s"),
+    "an old estimator": grow_old("estimator", "estimator_s"),
+    "an old pose": grow_old("pose", "pose_s"),
+    "an old link": grow_old("heard_s", "link_s"),
+    "what came was not read": say(updated_s=100.0 - LONGEST_BLIND_S - 0.01),
+    "slower limits": learn(limits=replace(LIMITS, horizontal_speed_m_s=0.2)),
+    "no velocities": learn(capabilities=frozenset()),
+    "another fence": say(autopilot_fence=AutopilotFence(radius=FenceLimit(1.5, "a radius")), earth=EARTH),
+    "the ground is elsewhere": raise_ground,
+    "it does not follow": lambda twin: setattr(twin.flight.following, "why", "its motors are stopped"),
+    "only watched": lambda twin: setattr(twin.flight, "is_watch_only", True),
+    "shutting down": lambda twin: setattr(twin.flight, "is_closing", True),
+    "the flight of others": lambda twin: setattr(twin.flight.authority, "is_ours", False),
+    "a lease": lambda twin: twin.vehicle.acquire_lease("tests", "me", take=True, lasts_s=1e9),
+    "a pose is flown": fly_a_pose,
+    "nothing is flown": lambda twin: setattr(twin.flight._flown, "manoeuvre", None),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+def test_a_stream_does_not_go_on_unjudged_once_this_has_changed(
+    streaming: _Twin, change: Callable[[_Twin], object]
+) -> None:
+    change(streaming)
+    streaming.backend.sent.clear()
+    assert not streaming.flight.renew_velocity(SLOW, NOBODY)
+    assert not streaming.backend.sent
+
+
+def test_nor_once_the_fence_has_moved_with_home() -> None:
+    twin = stream_in("a fence")
+    twin.vehicle._resolver.set_home(Vector3(22.0, 0.0, 0.0), twin.backend.snapshot(), set_z=True)
+    assert not twin.flight.renew_velocity(SLOW, NOBODY)
+
+
+@pytest.mark.parametrize("part", ["links", "home", "start", "map_loss", "ground", "fence", "earth"])
+def test_each_part_of_the_world_counts(streaming: _Twin, part: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    geofence, snapshot = streaming.flight.geofence, streaming.backend.said
+    world, frame = geofence.world(snapshot), streaming.vehicle._resolver.local_frame
+    assert geofence.holds(world, snapshot)
+    another = object()
+    if part == "links":
+        monkeypatch.setattr(streaming.vehicle._resolver.tree, "links", another)
+    elif part == "ground":
+        monkeypatch.setattr(geofence.ground, "place", another)
+    elif part == "fence":
+        snapshot = snapshot._replace(autopilot_fence=AutopilotFence())
+    elif part == "earth":
+        snapshot = changed(snapshot, home_altitude_amsl_m=1.0)
+    else:
+        monkeypatch.setattr(frame, part, another)
+    assert not geofence.holds(world, snapshot)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        replace(LIMITS, horizontal_acceleration_m_s2=0.0),
+        replace(LIMITS, vertical_acceleration_m_s2=0.0),
+        replace(LIMITS, horizontal_speed_m_s=1e4),
+        replace(LIMITS, climb_speed_m_s=1e4),
+        replace(LIMITS, descent_speed_m_s=1e4),
+    ],
+)
+def test_with_strange_limits_each_velocity_is_judged(limits: Limits) -> None:
+    twin = stream_in("no fence")
+    twin.backend.told = replace(twin.backend.told, limits=limits)
+    assert not twin.flight.renew_velocity(SLOW, NOBODY)
+
+
+_ULP = 1.0 + 2.0**-40
+BEYOND: dict[str, Any] = {
+    "too fast": Twist(Vector3(2.0 * _ULP, 0.0, 0.0)),
+    "too fast aslant": Twist(Vector3(1.5, -1.5, 0.0)),
+    "climbs too fast": Twist(Vector3(0.0, 0.0, LIMITS.climb_speed_m_s * _ULP)),
+    "sinks too fast": Twist(Vector3(0.0, 0.0, -LIMITS.descent_speed_m_s * _ULP)),
+    "turns too fast": Twist(Vector3(), Vector3(0.0, 0.0, LIMITS.yaw_rate_rad_s * _ULP)),
+    "turns too fast to the right": Twist(Vector3(), Vector3(0.0, 0.0, -LIMITS.yaw_rate_rad_s * _ULP)),
+    "no number": Twist(Vector3(math.nan, 0.0, 0.0)),
+    "no number upwards": Twist(Vector3(0.0, 0.0, math.nan)),
+    "no turn": Twist(Vector3(), Vector3(0.0, 0.0, math.nan)),
+    "rolls": Twist(Vector3(), Vector3(0.1, 0.0, 0.0)),
+    "pitches": Twist(Vector3(), Vector3(0.0, 0.1, 0.0)),
+    "integers": Twist(Vector3(1, 0.0, 0.0)),
+    "integers upwards": Twist(Vector3(0.0, 0.0, 1)),
+    "an integer to turn": Twist(Vector3(), Vector3(0.0, 0.0, 1)),
+    "no vector": Twist(None),  # type: ignore[arg-type]
+    "no vector to turn": Twist(Vector3(), None),  # type: ignore[arg-type]
+    "leads through the ceiling": Twist(Vector3(0.0, 0.0, 3.9)),
+}
+
+
+@pytest.mark.parametrize("twist", BEYOND.values(), ids=BEYOND)
+def test_a_velocity_beyond_a_bound_is_judged_by_every_rule(streaming: _Twin, twist: Any) -> None:
+    assert not streaming.flight.renew_velocity(twist, NOBODY)
+
+
+def test_the_uavs_own_speed_counts_where_it_is_the_higher_one(streaming: _Twin) -> None:
+    fast = Sample(Twist(Vector3(9.0, 9.0, 9.0)), 100.0)
+    says(streaming, velocity=fast)
+    assert not streaming.flight.renew_velocity(SLOW, NOBODY)
+
+
+@pytest.mark.parametrize("offset", [Vector3(0.0, 0.0, 2.9), Vector3(0.0, 0.0, 3.9)])
+def test_near_a_bound_the_place_counts(streaming: _Twin, offset: Vector3) -> None:
+    """The ceiling is at 12 m, and it was at 8 m when the stream began."""
+    up = Twist(Vector3(0.0, 0.0, 1.5))
+    assert streaming.flight.renew_velocity(up, NOBODY)
+    here = value_of(streaming.backend.said, "pose").value
+    says(streaming, pose=Sample(replace(here, position=here.position + offset), 100.0))
+    assert not streaming.flight.renew_velocity(up, NOBODY)
+
+
+def test_after_one_near_an_edge_a_few_do_not_ask(streaming: _Twin) -> None:
+    assert not streaming.flight.renew_velocity(Twist(Vector3(0.0, 0.0, 3.9)), NOBODY)
+    asked = [streaming.flight.renew_velocity(SLOW, NOBODY) for _ in range(5)]
+    assert asked == [False, False, False, True, True]
