@@ -26,7 +26,6 @@ _BEHIND_S, _LEAST_BEHIND_M = 1.0, 0.5
 or the distance if that is more, `MOST_LAG_M` at most.
 """
 _STEP_S = 0.03
-_TINY = 1e-9
 
 
 class ExpectedMotion:
@@ -39,29 +38,37 @@ class ExpectedMotion:
         """The commanded velocity through the low pass of the delay."""
 
     def advance(self, commanded: Vector3, passed_s: float, response: VelocityResponse) -> None:
-        """Lets time pass."""
+        """Lets time pass. In plain numbers, as each update passes here."""
         count = math.ceil(passed_s / _STEP_S)
-        for _ in range(count):
-            self._advance(commanded, passed_s / count, response)
-
-    def _advance(self, c: Vector3, step_s: float, response: VelocityResponse) -> None:
-        """Makes one step, in plain numbers, as each update passes here."""
-        h, v, a, p = self._heard, self.velocity, self._acceleration, self.position
-        share = _share(step_s, response.delay_s)
-        hx, hy, hz = h.x + (c.x - h.x) * share, h.y + (c.y - h.y) * share, h.z + (c.z - h.z) * share
-        time_s = max(response.time_s, step_s)
-        wx, wy, wz = (hx - v.x) / time_s, (hy - v.y) / time_s, (hz - v.z) / time_s
-        part = min(1.0, response.acceleration_m_s2 / max(math.hypot(wx, wy, wz), _TINY))
-        risen = _share(step_s, response.rise_s)
-        jx, jy, jz = (wx * part - a.x) * risen, (wy * part - a.y) * risen, (wz * part - a.z) * risen
-        part = min(1.0, response.jerk_m_s3 * step_s / max(math.hypot(jx, jy, jz), _TINY))
-        ax, ay, az = a.x + jx * part, a.y + jy * part, a.z + jz * part
-        half_s = step_s * step_s / 2
-        self._heard, self._acceleration = Vector3(hx, hy, hz), Vector3(ax, ay, az)
-        self.position = Vector3(
-            p.x + v.x * step_s + ax * half_s, p.y + v.y * step_s + ay * half_s, p.z + v.z * step_s + az * half_s
+        if not count:
+            return
+        c, h, v, a, p, step_s = (
+            commanded,
+            self._heard,
+            self.velocity,
+            self._acceleration,
+            self.position,
+            passed_s / count,
         )
-        self.velocity = Vector3(v.x + ax * step_s, v.y + ay * step_s, v.z + az * step_s)
+        cx, cy, cz = c.x, c.y, c.z
+        hx, hy, hz, vx, vy, vz = h.x, h.y, h.z, v.x, v.y, v.z
+        ax, ay, az, px, py, pz = a.x, a.y, a.z, p.x, p.y, p.z
+        share, risen = _share(step_s, response.delay_s), _share(step_s, response.rise_s)
+        time_s, half_s = max(response.time_s, step_s), step_s * step_s / 2
+        most_a, most_j = response.acceleration_m_s2, response.jerk_m_s3 * step_s
+        for _ in range(count):
+            hx, hy, hz = hx + (cx - hx) * share, hy + (cy - hy) * share, hz + (cz - hz) * share
+            wx, wy, wz = (hx - vx) / time_s, (hy - vy) / time_s, (hz - vz) / time_s
+            size = math.hypot(wx, wy, wz)
+            part = most_a / size if size > most_a else 1.0
+            jx, jy, jz = (wx * part - ax) * risen, (wy * part - ay) * risen, (wz * part - az) * risen
+            size = math.hypot(jx, jy, jz)
+            part = most_j / size if size > most_j else 1.0
+            ax, ay, az = ax + jx * part, ay + jy * part, az + jz * part
+            px, py, pz = px + vx * step_s + ax * half_s, py + vy * step_s + ay * half_s, pz + vz * step_s + az * half_s
+            vx, vy, vz = vx + ax * step_s, vy + ay * step_s, vz + az * step_s
+        self._heard, self._acceleration = Vector3(hx, hy, hz), Vector3(ax, ay, az)
+        self.position, self.velocity = Vector3(px, py, pz), Vector3(vx, vy, vz)
 
     def follow(self, velocity: Vector3, direction: Vector3) -> None:
         """Takes the part of a velocity along a direction as its own."""

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import DTypeLike, NDArray
 
 
-_set = object.__setattr__
 _NUMBERS = (float, int)
 """The usual classes of a component. Others are asked whether they are several: that takes three calls."""
 
@@ -65,9 +64,9 @@ class Vector3(_Components):
     def __init__(self, x: float | Iterable[SupportsFloat] = 0.0, y: float = 0.0, z: float = 0.0) -> None:
         if x.__class__ not in _NUMBERS and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
             x, y, z = _numbers(x, (y, z), (0.0, 0.0), "three")
-        _set(self, "x", x)
-        _set(self, "y", y)
-        _set(self, "z", z)
+        _set_x(self, x)
+        _set_y(self, y)
+        _set_z(self, z)
 
     def __add__(self, other: Vector3) -> Vector3:
         return Vector3(self.x + other.x, self.y + other.y, self.z + other.z)
@@ -112,6 +111,10 @@ class Vector3(_Components):
         return math.hypot(self.x, self.y)
 
 
+_set_x, _set_y, _set_z = (vars(Vector3)[name].__set__ for name in ("x", "y", "z"))
+"""Each update makes hundreds of vectors, and ``object.__setattr__`` takes half as long again."""
+
+
 @dataclass(frozen=True, slots=True, init=False)
 class Quaternion(_Components):
     """A rotation as a unit quaternion. `KEEP_HEADING` (all zeros) is not a rotation: it means "keep the heading".
@@ -133,10 +136,10 @@ class Quaternion(_Components):
     ) -> None:
         if x.__class__ not in _NUMBERS and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
             x, y, z, w = _numbers(x, (y, z, w), (0.0, 0.0, 1.0), "four")
-        _set(self, "x", x)
-        _set(self, "y", y)
-        _set(self, "z", z)
-        _set(self, "w", w)
+        _set_qx(self, x)
+        _set_qy(self, y)
+        _set_qz(self, z)
+        _set_qw(self, w)
 
     @classmethod
     def from_yaw(cls, yaw_rad: float) -> Quaternion:
@@ -206,6 +209,7 @@ class Quaternion(_Components):
         return roll, math.asin(sin_pitch), self.yaw_rad
 
 
+_set_qx, _set_qy, _set_qz, _set_qw = (vars(Quaternion)[name].__set__ for name in ("x", "y", "z", "w"))
 IDENTITY = Quaternion()
 KEEP_HEADING = Quaternion(0.0, 0.0, 0.0, 0.0)
 
