@@ -42,15 +42,8 @@ class ExpectedMotion:
         count = math.ceil(passed_s / _STEP_S)
         if not count:
             return
-        c, h, v, a, p, step_s = (
-            commanded,
-            self._heard,
-            self.velocity,
-            self._acceleration,
-            self.position,
-            passed_s / count,
-        )
-        cx, cy, cz = c.x, c.y, c.z
+        h, v, a, p, step_s = self._heard, self.velocity, self._acceleration, self.position, passed_s / count
+        cx, cy, cz = commanded.x, commanded.y, commanded.z
         hx, hy, hz, vx, vy, vz = h.x, h.y, h.z, v.x, v.y, v.z
         ax, ay, az, px, py, pz = a.x, a.y, a.z, p.x, p.y, p.z
         share, risen = _share(step_s, response.delay_s), _share(step_s, response.rise_s)

@@ -102,10 +102,11 @@ class Identity:
 
     def on_frame(self, sequence: int, address: Address | None, now_s: float) -> None:
         """Takes where a frame came from, and its number."""
-        step, self._sequence = (sequence - self._sequence) % 256, sequence
+        last, self._sequence = self._sequence, sequence
         current, before = self._addresses
         if address == current:
             return
+        step = (sequence - last) % 256
         self._addresses = (address, current)
         if address == before and not min(step, 256 - step) <= SAME_COUNTER:
             where = " and ".join(f"{each[0]}:{each[1]}" for each in (current, address) if each is not None)

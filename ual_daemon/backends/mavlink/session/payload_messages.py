@@ -18,6 +18,8 @@ class PayloadMessages:
     def __init__(self) -> None:
         self.ids: frozenset[int] = frozenset()
         """The ids that are listened to."""
+        self.on_ids: Callable[[frozenset[int]], object] = lambda _: None
+        """Called with each new set of ids, by the thread that changes it, with the lock held."""
         self._lock = threading.Lock()
         self._callbacks: tuple[tuple[int, PayloadCallback], ...] = ()
 
@@ -27,6 +29,12 @@ class PayloadMessages:
         with self._lock:
             self._set((*self._callbacks, entry))
         return lambda: self._remove(entry)
+
+    def listen_by(self, on_ids: Callable[[frozenset[int]], object]) -> None:
+        """Has another session take the ids from now on, and calls it with the present ones."""
+        with self._lock:
+            self.on_ids = on_ids
+            on_ids(self.ids)
 
     def on_message(self, message: Message, now_s: float) -> None:
         """Takes a decoded message. A defect of a callback is logged, and costs no other listener the message."""
@@ -48,3 +56,4 @@ class PayloadMessages:
     def _set(self, callbacks: tuple[tuple[int, PayloadCallback], ...]) -> None:
         self._callbacks = callbacks
         self.ids = frozenset(message_id for message_id, _ in callbacks)
+        self.on_ids(self.ids)

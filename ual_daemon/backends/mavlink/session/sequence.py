@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-_SEQUENCES = 256
+_SEQUENCES, _LATE_FROM = 256, 128
 LATE_COUNT = 128
 """A number that is at most this much behind the newest is of a late or doubled frame; a larger distance is a gap the
 other way round. A jitter of 0.2 s reorders some 100 of PX4's messages."""
@@ -23,36 +23,43 @@ class SequenceUnwrapper:
         self._newest: int | None = None
         self._newest_s = 0.0
 
-    def update(self, sequence: int, now_s: float) -> None:
-        """Takes the number of a message that has arrived."""
-        if self._newest is None:
-            self._newest, self._newest_s, self.value = sequence, now_s, sequence
-            return
-        step = (sequence - self._newest) % _SEQUENCES
-        if step < _SEQUENCES // 2 or now_s - self._newest_s > self._late_s:
-            self._newest += step
+    def update(self, sequence: int, now_s: float) -> int:
+        """Takes the number of a message that has arrived. Returns the one that keeps growing."""
+        newest = self._newest
+        if newest is None:
+            newest = sequence
+        step = (sequence - newest) % _SEQUENCES
+        if step < _LATE_FROM or now_s - self._newest_s > self._late_s:
             self._newest_s = now_s
-            self.value = self._newest
+            self._newest = self.value = value = newest + step
         else:
-            self.value = self._newest + step - _SEQUENCES
+            self.value = value = newest + step - _SEQUENCES
+        return value
 
 
 class SequenceGaps:
     """Counts lost messages by the gaps in one sender's numbers; frames that come late or twice are not lost."""
 
     def __init__(self) -> None:
+        self.next: int | None = None
+        """The number with which nothing is lost: whoever finds it may count it on by himself. None where there is none,
+        or others are missing."""
         self._newest: int | None = None
         self._missing: set[int] = set()
 
     def count_lost(self, sequence: int) -> int:
         """Returns how many more frames are known to be lost, now that this number came; -1 when a missing one came."""
+        if self.next is not None:
+            self._newest = self.next - 1
+        lost_count = self._count_lost(sequence)
+        self.next = None if self._missing or self._newest is None else (self._newest + 1) % _SEQUENCES
+        return lost_count
+
+    def _count_lost(self, sequence: int) -> int:
         if self._newest is None:
             self._newest = sequence
             return 0
         step = (sequence - self._newest) % _SEQUENCES
-        if step == 1 and not self._missing:  # nearly always: nothing was lost
-            self._newest = sequence
-            return 0
         if step == 0 or step >= _SEQUENCES - LATE_COUNT:
             if sequence not in self._missing:
                 return 0  # twice

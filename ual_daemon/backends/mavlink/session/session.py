@@ -206,13 +206,13 @@ class Session:
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target,
         }
         """Handlers of messages, which are called after `telemetry` has taken their values."""
-        self._own_decoded_ids = frozenset(self.telemetry.decoded_ids | self._handlers.keys())
+        self._own_decoded_ids = self.decoded_ids = frozenset(self.telemetry.decoded_ids | self._handlers.keys())
+        """Ids of the messages that are worth decoding; of others only the arrival counts. An attribute, as each frame
+        asks."""
+        self._payload_messages.listen_by(self._decode_also)
 
-    @property
-    def decoded_ids(self) -> frozenset[int]:
-        """Ids of the messages that are worth decoding; of others only the arrival counts."""
-        wanted_ids = self._payload_messages.ids
-        return self._own_decoded_ids | wanted_ids if wanted_ids else self._own_decoded_ids
+    def _decode_also(self, wanted_ids: frozenset[int]) -> None:
+        self.decoded_ids = self._own_decoded_ids | wanted_ids
 
     @property
     def mission_heard(self) -> Heard | None:
@@ -231,9 +231,15 @@ class Session:
         self._supervision.on_frame(frame.sequence, now_s)
         self._signs = frame.is_signed
         boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
-        self._identify(frame, message, address, now_s, boot_ms)
-        is_foreign = frame.message_id == _HEARTBEAT and message is not None and kind_of(message) != self.identity.kind
-        if self.identity.conflict or self.successor is not None or is_foreign:
+        identity, is_foreign = self.identity, False
+        identity.on_frame(frame.sequence, address, now_s)
+        if boot_ms > 0:
+            identity.on_boot_time(boot_ms / 1000.0, now_s)
+        if frame.message_id == _HEARTBEAT and message is not None:
+            is_foreign = self._identify(message, now_s)
+        if identity.conflict != self.telemetry.conflict:
+            self._follow_conflict(now_s)
+        if identity.conflict or self.successor is not None or is_foreign:
             self.telemetry.on_frame(frame.sequence, now_s)
         elif message is None:
             self._on_undecoded(frame, now_s)
@@ -252,22 +258,15 @@ class Session:
         if self._fit.is_high and not identity.conflict and self.successor is None:
             self._unused_ids.add(message_id)
 
-    def _identify(
-        self, frame: Frame, message: Message | None, address: Address | None, now_s: float, boot_ms: int
-    ) -> None:
-        """Checks that a frame is of the same vehicle as those before. A conflict discards what is known."""
-        identity = self.identity
-        identity.on_frame(frame.sequence, address, now_s)
-        if boot_ms > 0:
-            identity.on_boot_time(boot_ms / 1000.0, now_s)
-        if message is not None and frame.message_id == _HEARTBEAT:
-            kind = kind_of(message)
-            if identity.on_heartbeat(kind, now_s):
-                self.successor = Successor(kind, kind)
-        if identity.conflict != self.telemetry.conflict:
-            self._follow_conflict(now_s)
+    def _identify(self, heartbeat: Message, now_s: float) -> bool:
+        """Takes what a heartbeat says that it is. Returns whether that is another kind of vehicle."""
+        kind = kind_of(heartbeat)
+        if self.identity.on_heartbeat(kind, now_s):
+            self.successor = Successor(kind, kind)
+        return kind != self.identity.kind
 
     def _follow_conflict(self, now_s: float) -> None:
+        """Discards what is known where a conflict begins."""
         if self.identity.conflict and not self.telemetry.conflict:
             self.discard_state()
             self._commands.drop(now_s)
@@ -468,7 +467,8 @@ class Session:
         elif boot_ms > 0 and (self._supervision.watch.is_boot_doubtful or self._supervision.watch.is_boot_foreign):
             telemetry.on_frame(frame.sequence, now_s)
             return
-        telemetry.update(message, now_s, utc_now_s)
+        telemetry.on_frame(frame.sequence, now_s)
+        telemetry.on_content(frame.message_id, message, now_s, utc_now_s)
         if telemetry.is_mode_doubtful:
             telemetry.is_mode_doubtful = False
             self._heartbeats.want()
@@ -606,6 +606,7 @@ class Session:
         began_s = self._began_s = now_s if self._began_s is None else self._began_s
         if self.telemetry.attitude_time_s is None and now_s - began_s > QUATERNION_S:
             self._own_decoded_ids |= {mavlink.MAVLINK_MSG_ID_ATTITUDE}
+            self._payload_messages.listen_by(self._decode_also)
 
     def _fit_rates(self, now_s: float) -> None:
         """Asks for less where the link carries less than the autopilot sends; see `RateFit`."""

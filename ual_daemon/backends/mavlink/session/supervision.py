@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -58,21 +59,30 @@ class Supervision:
         self.timesync = Timesync()
         self._gaps = SequenceGaps()
         self._seconds: deque[_Second] = deque()
+        self._second = _Second(-math.inf)
+        """The newest one, in which frames are counted until then."""
+        self._counted_until_s = -math.inf
 
     def on_frame(self, sequence: int, now_s: float) -> None:
         """Takes note of a frame of the autopilot."""
-        watch, heard_s = self.watch, self.watch.heard_s
+        watch, gaps = self.watch, self._gaps
+        heard_s = watch.heard_s
         if heard_s is not None and now_s - heard_s <= _SHORT_SILENCE_S and watch.state is LinkState.CONNECTED:
-            watch.heard_s, silence_s = now_s, 0.0  # nearly always; as `on_heard` does, without a call
+            watch.heard_s, silence_s = now_s, 0.0  # as `on_heard` does, without a call
+            if sequence == gaps.next and now_s < self._counted_until_s:  # nearly always
+                gaps.next = sequence + 1 & 0xFF
+                self._second.received_count += 1
+                return
         else:
             silence_s = watch.on_heard(now_s)
         if silence_s > _SHORT_SILENCE_S and silence_s * self._rate_hz(now_s - silence_s) > LATE_COUNT:
             self._gaps = SequenceGaps()  # the numbers may have wrapped: they do not show what was lost
-        if not self._seconds or now_s - self._seconds[-1].since_s >= 1.0:
-            self._seconds.append(_Second(now_s))
+        if now_s >= self._counted_until_s:
+            self._second, self._counted_until_s = _Second(now_s), now_s + 1.0
+            self._seconds.append(self._second)
             while now_s - self._seconds[0].since_s > WINDOW_S:
                 self._seconds.popleft()
-        newest = self._seconds[-1]
+        newest = self._second
         newest.received_count += 1
         newest.lost_count += self._gaps.count_lost(sequence)
 

@@ -181,17 +181,19 @@ class Telemetry:
         """Takes a decoded message of this autopilot."""
         header = message.get_header()
         self.on_frame(header.seq, now_s)
-        message_id = header.msgId
-        handler = self._handlers.get(message_id)
-        if handler is not None:
-            handler(message, now_s, utc_now_s)
-        self.message_counts[message_id] += 1
+        self.on_content(header.msgId, message, now_s, utc_now_s)
 
     def on_frame(self, sequence: int, now_s: float) -> None:
         """Takes note of a frame of the autopilot with this number; its content, if used, is taken next."""
         self.heard_s = now_s
-        self._sequence.update(sequence, now_s)
-        self._readings.order = self._sequence.value
+        self._readings.order = self._sequence.update(sequence, now_s)
+
+    def on_content(self, message_id: int, message: Message, now_s: float, utc_now_s: float) -> None:
+        """Takes the content of a frame that was noted."""
+        handler = self._handlers.get(message_id)
+        if handler is not None:
+            handler(message, now_s, utc_now_s)
+        self.message_counts[message_id] += 1
 
     def set_armed(self, is_armed: bool, now_s: float) -> None:
         """Takes from a heartbeat, or from an event ahead of it, that it is armed or disarmed.

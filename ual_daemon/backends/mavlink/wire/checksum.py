@@ -27,6 +27,8 @@ LONGEST_V1 = [mavlink.mavlink_map[each].unpacker.size if each in mavlink.mavlink
 crc = crc16.mcrf4xx
 _SEEDS = [bytes((each,)) for each in range(256)]
 _SEED_OF = {message_id: _SEEDS[extra] for message_id, extra in _EXTRA.items()}
+seed_of = _SEED_OF.get
+"""Gets the byte that is added to what a message's checksum covers; None for a message that no dialect has."""
 
 
 def is_valid(message_id: int, data: bytes, end: int) -> bool:

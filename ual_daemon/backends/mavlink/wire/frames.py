@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import struct
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,6 +14,8 @@ from ual_daemon.backends.mavlink.wire import checksum
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 _MAGICS = (b"\xfd", b"\xfe")
 _HEADER_V1, _HEADER_V2 = 6, 10
+_read_header = struct.Struct("<BBBxBBBHB").unpack_from
+"""Of MAVLink 2: magic, length, flags, sequence, system, component, and the id in two parts."""
 _CHECKSUM, _SIGNATURE = 2, 13
 _SIGNED = 0x01
 
@@ -136,21 +139,25 @@ class FrameReader:
             return self.read_beginning(datagram)
         return self._read_pieces(datagram, source)
 
-    def unused(self, datagram: bytes, source: Source) -> tuple[int, int] | None:
-        """Takes a datagram that is one valid frame, of MAVLink 2, of a source, not signed, whose content is not used.
+    def plain(self, datagram: bytes, source: Source) -> tuple[int, int] | None:
+        """Takes a datagram that is one valid frame, of MAVLink 2, of a source, not signed: nearly each one is.
 
         Returns its message id and sequence number. None for any other datagram, which is not taken.
         """
         size = len(datagram)
-        if size < _HEADER_V2 + _CHECKSUM or datagram[0] != MAGIC_V2 or datagram[2]:
+        if size < _HEADER_V2 + _CHECKSUM:
             return None
-        if size != datagram[1] + (_HEADER_V2 + _CHECKSUM) or (datagram[5], datagram[6]) != source:
+        magic, length, flags, sequence, system_id, component_id, low, high = _read_header(datagram)
+        if magic != MAGIC_V2 or flags or size != length + (_HEADER_V2 + _CHECKSUM):
             return None
-        message_id = datagram[7] | datagram[8] << 8 | datagram[9] << 16
-        if not checksum.is_valid(message_id, datagram, size - _CHECKSUM):
+        if system_id != source[0] or component_id != source[1]:
+            return None
+        message_id = low | high << 16
+        seed = checksum.seed_of(message_id)  # as `checksum.is_valid`, without a call
+        if seed is None or checksum.crc(datagram[1:-2] + seed) != datagram[-2] | datagram[-1] << 8:
             return None
         self._is_in_garbage = False
-        return message_id, datagram[4]
+        return message_id, sequence
 
     def read_beginning(self, datagram: bytes) -> list[Frame]:
         """Returns the frames with which a datagram begins, without a search: for one that is likely not for us."""

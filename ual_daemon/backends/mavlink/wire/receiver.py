@@ -19,8 +19,6 @@ PEER_SILENCE_S = 0.5
 """Another host takes our peer's place once that is silent for this long: before the link counts as lost."""
 _MOST_LOGGED = 32
 """Most different troubles that are logged, each once."""
-_ID_AT = 7
-"""Offset of the message's id in a frame of MAVLink 2: 24 bits."""
 _GARBAGE = "bytes that are no MAVLink (another baud rate or protocol?)"
 INCOMPLETE_FRAME_S = 0.5
 """Seconds after which bytes that begin like a frame and are not completed count as no frame."""
@@ -31,7 +29,7 @@ class MessageHandler(Protocol):
 
     @property
     def decoded_ids(self) -> AbstractSet[int]:
-        """Ids of the messages that are worth decoding."""
+        """Ids of the messages that are worth decoding. Each frame asks."""
 
     def on_message(
         self, frame: Frame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
@@ -118,16 +116,12 @@ class Receiver:
         """
         self._utc_offset_s = utc_now_s - now_s
         reader, peer, handler = self._reader, self._link.peer, self._handler
-        if (
-            handler is not None
-            and self._is_plain
-            and peer is not None
-            and peer == address
-            and len(data) > _ID_AT + 2
-            and data[_ID_AT] | data[_ID_AT + 1] << 8 | data[_ID_AT + 2] << 16 not in handler.decoded_ids
-            and self._takes_unused(data, address, handler, now_s)
-        ):
-            return
+        if handler is not None and self._is_plain and peer is not None and peer == address:
+            assert self._source is not None
+            plain = reader.plain(data, self._source)
+            if plain is not None:  # nearly always
+                self._on_plain(*plain, data, address, handler, now_s, utc_now_s)
+                return
         reader.refill(now_s)
         garbage_count = reader.garbage_count
         if self._is_stream:
@@ -155,17 +149,32 @@ class Receiver:
         """Drops the incomplete frame of the old connection, which the new one does not continue."""
         self._reader.forget()
 
-    def _takes_unused(self, data: bytes, address: Address, handler: MessageHandler, now_s: float) -> bool:
-        """Takes a frame of the selected autopilot whose content is not used: more than half of PX4's stream."""
-        unused = None if self._source is None else self._reader.unused(data, self._source)
-        if unused is None or unused[0] == EVENT_ID:
-            return False
-        self._peer_heard_s = now_s
+    def _on_plain(
+        self,
+        message_id: int,
+        sequence: int,
+        data: bytes,
+        address: Address,
+        handler: MessageHandler,
+        now_s: float,
+        utc_now_s: float,
+    ) -> None:
+        """Takes a frame of the selected autopilot, as `_on_frames` would. More than half of PX4's are not used."""
         try:
-            handler.on_unused(*unused, address, now_s)
+            if message_id in handler.decoded_ids or message_id == EVENT_ID:
+                ids = message_id, data[5], data[6], sequence
+                frame = tuple.__new__(Frame, (*ids, False, data, data[10:-2]))  # as `Frame` does, one call less
+                message = self._codec.decode(frame) if message_id in handler.decoded_ids else None
+                self._peer_heard_s = now_s
+                handler.on_message(frame, message, address, now_s, utc_now_s)
+            else:
+                self._peer_heard_s = now_s
+                handler.on_unused(message_id, sequence, address, now_s)
+        except CorruptFrameError as error:
+            self._undecodable_count += 1
+            _log.debug("dropped a frame: %s", error)
         except Exception:  # noqa: BLE001 - as in `_on_frames`
-            self._log_defect(unused[0])
-        return True
+            self._log_defect(message_id)
 
     def _on_frames(
         self,

@@ -1,6 +1,8 @@
 import logging
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, attitude, heartbeat, packer
 from ual_daemon.backends.engine.link_watch import LinkState, LinkWatch
@@ -34,6 +36,32 @@ def test_a_silence_is_not_counted_as_lost_messages() -> None:
     following = beat(watch, 0.0, 2.0, rate_hz=100.0)
     beat(watch, 5.0, 6.0, rate_hz=100.0, first=following + 300)
     assert watch.statistics(6.0).loss == 0.0
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from((1, 1, 1, 1, 1, 1, 0, 2, 3, 9, 130, 200, 254, 255)),
+            st.sampled_from((0.0, 0.002, 0.01, 0.02, 0.09, 0.11, 0.6, 1.0, 3.0, 12.0)),
+        ),
+        max_size=200,
+    )
+)
+def test_what_is_counted_in_few_steps_is_what_the_long_way_counts(frames: list[tuple[int, float]]) -> None:
+    both = tuple(Supervision(LinkWatch("udp", 1.0)) for _ in range(2))
+    sequence, now_s = 250, 0.0
+    for step, passed_s in frames:
+        sequence, now_s = (sequence + step) % 256, now_s + passed_s
+        for each in both:
+            each.on_frame(sequence, now_s)
+        both[1]._gaps._newest, both[1]._gaps.next = sequence_of(both[1]), None
+        assert both[0].statistics(now_s) == both[1].statistics(now_s)
+        assert (both[0].watch.heard_s, both[0].watch.state) == (both[1].watch.heard_s, both[1].watch.state)
+
+
+def sequence_of(supervision: Supervision) -> int | None:
+    gaps = supervision._gaps
+    return gaps._newest if gaps.next is None else gaps.next - 1
 
 
 # --- In the session ---------------------------------------------------------------------------------------------------

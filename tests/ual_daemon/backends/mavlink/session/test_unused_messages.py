@@ -1,4 +1,4 @@
-"""Messages that no part reads are counted without being decoded: all else is as if they were taken one by one."""
+"""Most frames are taken in few steps, and those that no part reads undecoded: all is as if each took the long way."""
 
 import random
 
@@ -8,6 +8,7 @@ from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, 
 from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.mavlink.wire.receiver import Receiver
+from ual_daemon.backends.payload import PayloadMessage
 
 ELSEWHERE = ("127.0.0.1", 14581)
 STRANGER = ("192.0.2.1", 14580)
@@ -34,14 +35,27 @@ def test_a_damaged_frame_of_an_unused_message_does_not_count_as_heard() -> None:
     assert harness.discovery.receiver.corrupt_count == 1
 
 
-def test_an_unused_message_is_taken_in_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frame_alone_in_its_datagram_is_taken_in_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     harness = connected()
     taken: list[int] = []
     monkeypatch.setattr(Receiver, "_on_frames", lambda *_, **__: taken.append(1))
     harness.receive(UNUSED)
-    assert not taken
     harness.receive(attitude())
+    assert not taken
+    harness.receive(data=harness.pack(attitude()) + harness.pack(UNUSED))
     assert taken
+
+
+def test_a_message_that_an_extension_wants_is_decoded_at_once_and_no_longer_than_that() -> None:
+    harness = connected()
+    heard: list[PayloadMessage] = []
+    unlisten = harness.discovery._payload_messages.add(UNUSED.get_msgId(), heard.append)
+    harness.receive(UNUSED)
+    assert [each.name for each in heard] == ["VFR_HUD"]
+    unlisten()
+    harness.receive(UNUSED)
+    assert len(heard) == 1
+    assert UNUSED.get_msgId() not in harness.session.decoded_ids
 
 
 def test_all_that_is_known_is_as_if_each_frame_were_taken_by_itself() -> None:
