@@ -18,7 +18,16 @@ from ual.geometry import Pose, Twist, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, Control, Setpoint, SetpointLoss, Snapshot, Takes, VelocitySetpoint
+from ual_daemon.backends.values import (
+    Cause,
+    Control,
+    Freshness,
+    Setpoint,
+    SetpointLoss,
+    Snapshot,
+    Takes,
+    VelocitySetpoint,
+)
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.explanation import Explanation
 from ual_daemon.flight.flown import SILENT, Ending, Flown
@@ -48,7 +57,7 @@ from ual_daemon.flight.refusals import (
 )
 from ual_daemon.flight.setpoint_sender import LONGEST_BLIND_S, SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
-from ual_daemon.flight.state import Estimate, estimate
+from ual_daemon.flight.state import Estimate, estimate, noted
 from ual_daemon.flight.stepper import Stepper, has_led_to_ground
 from ual_daemon.flight.stopping import Stopping, next_start
 from ual_daemon.flight.tasks import VehicleTask
@@ -60,6 +69,7 @@ from ual_daemon.trajectory import Motion
 
 _log = logging.getLogger(__name__)
 
+_UNKNOWN = State.UNINITIALIZED
 LEASE, VELOCITY = "lease", "set_velocity"
 _SETPOINTS = (VELOCITY, "set_pose")
 """The commands that are given as streams."""
@@ -147,6 +157,8 @@ class Flight:
         self.is_closing = False
         """Whether commands are refused because of a shutdown. An attribute, because each setpoint looks."""
         self._last_command = LastCommand(0, "")
+        self._stepped: tuple[Snapshot, Freshness, Estimate] = (Snapshot(0.0), backend.freshness, Estimate(_UNKNOWN, ""))
+        """The snapshot of the last step, and the estimate from its data alone, by these limits."""
         self._unstopped: tuple[Manoeuvre, str] | None = None
         """Manoeuvre that was not stopped for the lease, and the reason for the stop: it was not clear yet whether it is
         UAL's.
@@ -163,7 +175,11 @@ class Flight:
         manoeuvre, explanation = self._flown.manoeuvre, self._explanation
         declared = None if manoeuvre is None else manoeuvre.declares
         mission = "" if manoeuvre is None else manoeuvre.mission or manoeuvre.stops_mission
-        found = estimate(snapshot, self._backend.freshness, declared, explanation.note, mission)
+        freshness, (known_of, known_by, known) = self._backend.freshness, self._stepped
+        if declared is None and not mission and known_of is snapshot and known_by is freshness:
+            found = noted(known, explanation.note)  # as `estimate` finds, without looking at all anew
+        else:
+            found = estimate(snapshot, freshness, declared, explanation.note, mission)
         if found.state is not State.UNINITIALIZED:
             is_plain = declared is not None or found.state is State.FLYING_AUTO  # no call for each setpoint
             found = found if is_plain else explanation.taken(self.arming.explained(found), snapshot)
@@ -638,7 +654,10 @@ class Flight:
 
     def step(self, snapshot: Snapshot) -> None:
         """Makes one update."""
-        raw, manoeuvre = self.raw_estimate(snapshot), self._flown.manoeuvre
+        freshness, manoeuvre = self._backend.freshness, self._flown.manoeuvre
+        by_data = estimate(snapshot, freshness)
+        self._stepped = (snapshot, freshness, by_data)
+        raw = self._explanation.explained(by_data, snapshot)
         if snapshot.time_s >= self.position.due_s:
             self.position.update(snapshot)
         if manoeuvre is not None:

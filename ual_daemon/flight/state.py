@@ -61,6 +61,11 @@ def estimate(
     return _in_manual(mode, known.held_by)
 
 
+def noted(found: Estimate, note: str) -> Estimate:
+    """Returns an estimate, with the note of one of FLYING_AUTO: what `estimate` finds where nothing is declared."""
+    return Estimate(found.state, found.why + note) if note and found.state is State.FLYING_AUTO else found
+
+
 def is_surely_auto(snapshot: Snapshot, now_s: float, freshness: Freshness) -> bool:
     """Returns whether `estimate` says FLYING_AUTO now while nothing is declared: the usual case of a stream, in few
     steps.

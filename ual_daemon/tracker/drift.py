@@ -25,6 +25,7 @@ from ual_daemon.tracker.limits import clamped, scaled_down
 from ual_daemon.tracker.place import ExpectedMotion, Place, Seen
 from ual_daemon.tracker.velocity_error import VelocityError
 from ual_daemon.trajectory import Motion
+from ual_daemon.trajectory.envelope import speed_share
 
 _LONGEST_STEP_S = 0.2
 """After a longer pause, the time in between does not count. Nor is a position extrapolated farther."""
@@ -90,12 +91,15 @@ class DriftCorrection:
         passed_s = _passed_s(self._stepped_s, snapshot.time_s)
         self._stepped_s = snapshot.time_s
         seen, asked = self._see(snapshot, snapshot.motion.velocity.value.linear), commanded.linear
-        wanted = (
-            asked
-            + horizontal.step(_level(asked), Seen(*map(_level, seen)), passed_s, responses.horizontal)
-            + vertical.step(_upright(asked), Seen(*map(_upright, seen)), passed_s, responses.vertical)
-        )
-        self.velocity = scaled_down(Twist(wanted), limits).linear - asked
+        p, v, error = seen
+        level = Seen(_level(p), _level(v), _level(error))
+        upright = Seen(_upright(p), _upright(v), _upright(error))
+        along = horizontal.step(_level(asked), level, passed_s, responses.horizontal)
+        up = vertical.step(_upright(asked), upright, passed_s, responses.vertical)
+        wanted = Vector3(asked.x + along.x, asked.y + along.y, asked.z + up.z)
+        if speed_share(wanted, limits) > 1.0:
+            wanted = scaled_down(Twist(wanted), limits).linear
+        self.velocity = wanted - asked
         self._step_heading(commanded.angular.z, snapshot)
 
     def _see(self, snapshot: Snapshot, velocity: Vector3) -> Seen:
@@ -142,7 +146,8 @@ def _position(snapshot: Snapshot) -> Vector3:
     pose, velocity = snapshot.motion.pose, snapshot.motion.velocity
     assert pose is not None
     assert velocity is not None
-    return pose.value.position + velocity.value.linear * _passed_s(pose.time_s, snapshot.time_s)
+    p, v, passed_s = pose.value.position, velocity.value.linear, _passed_s(pose.time_s, snapshot.time_s)
+    return Vector3(p.x + v.x * passed_s, p.y + v.y * passed_s, p.z + v.z * passed_s)
 
 
 def _passed_s(since_s: float, now_s: float) -> float:

@@ -89,17 +89,42 @@ class Place:
         """The directions in which the place goes with the UAV; of length 1, at right angles to each other."""
 
     def step(self, commanded: Vector3, seen: Seen, passed_s: float, response: VelocityResponse) -> Vector3:
-        """Makes one update. Returns what is to be added to the commanded velocity."""
-        here, velocity, error = seen
-        self._expected.advance(commanded, passed_s, response)
-        self._find_free(commanded, here, velocity - error)
-        lag = at_most(self._held(self._expected.position - here), MOST_LAG_M)
-        self._expected.position = here + lag
-        added = Vector3() if response.holds_place else at_most(error, _MOST_VELOCITY_ERROR_M_S)
-        wanted = at_most(lag * _POSITION_GAIN + added, MOST_CORRECTION_M_S)
-        before = wanted if self.correction is None else self.correction
-        self.correction = before + at_most(wanted - before, MOST_CHANGE_M_S2 * passed_s)
-        return self.correction
+        """Makes one update. Returns what is to be added to the commanded velocity.
+
+        In plain numbers, as each update passes here.
+        """
+        (here, velocity, error), expected = seen, self._expected
+        expected.advance(commanded, passed_s, response)
+        if self._free or self._may_not_follow(commanded, velocity, error):
+            self._find_free(commanded, here, velocity - error)
+        p = expected.position
+        x, y, z = p.x - here.x, p.y - here.y, p.z - here.z
+        if self._free:
+            x, y, z = self._held(Vector3(x, y, z))
+        x, y, z = _cut(x, y, z, MOST_LAG_M)
+        expected.position = Vector3(here.x + x, here.y + y, here.z + z)
+        x, y, z = x * _POSITION_GAIN, y * _POSITION_GAIN, z * _POSITION_GAIN
+        if not response.holds_place:
+            ex, ey, ez = _cut(error.x, error.y, error.z, _MOST_VELOCITY_ERROR_M_S)
+            x, y, z = x + ex, y + ey, z + ez
+        x, y, z = _cut(x, y, z, MOST_CORRECTION_M_S)
+        if (before := self.correction) is not None:
+            bx, by, bz = before.x, before.y, before.z
+            x, y, z = _cut(x - bx, y - by, z - bz, MOST_CHANGE_M_S2 * passed_s)
+            x, y, z = bx + x, by + y, bz + z
+        new = self.correction = Vector3(x, y, z)
+        return new
+
+    def _may_not_follow(self, c: Vector3, v: Vector3, error: Vector3) -> bool:
+        """Whether something may carry or stop the UAV: seldom, and then the directions are looked for."""
+        fx, fy, fz, u = v.x - error.x, v.y - error.y, v.z - error.z, self._expected.velocity
+        if math.hypot(fx - u.x, fy - u.y, fz - u.z) > _CARRIED_M_S:
+            return True
+        wanted_m_s = math.hypot(c.x, c.y, c.z)
+        if wanted_m_s <= _FLOWN_M_S:
+            return False
+        speed_m_s = min(wanted_m_s, (u.x * c.x + u.y * c.y + u.z * c.z) / wanted_m_s)
+        return (fx * c.x + fy * c.y + fz * c.z) / wanted_m_s < speed_m_s / 2
 
     def _find_free(self, commanded: Vector3, here: Vector3, flown: Vector3) -> None:
         """Finds the directions in which the UAV cannot follow. `flown` is how its position moves."""
@@ -154,7 +179,10 @@ def _share(passed_s: float, time_constant_s: float) -> float:
     return 1.0 - math.exp(-passed_s / time_constant_s) if time_constant_s > 0.0 else 1.0
 
 
-def at_most(vector: Vector3, length: float) -> Vector3:
-    """Returns the vector, or one of this length in its direction."""
-    own = vector.norm()
-    return vector if own <= length else vector * (length / own)
+def _cut(x: float, y: float, z: float, length: float) -> tuple[float, float, float]:
+    """Returns the components of a vector, or those of one of this length in its direction."""
+    own = math.hypot(x, y, z)
+    if own <= length:
+        return x, y, z
+    factor = length / own
+    return x * factor, y * factor, z * factor

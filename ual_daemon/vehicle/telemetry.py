@@ -104,15 +104,22 @@ def make_telemetry(
         "missed_count": 0,
     }
     # Of immutable values only: what is read late must be as it was now.
-    late: dict[str, Callable[[], Any]] = {
-        "odometry": partial(_odometry, body if odom_loss is None else None, twist, tree.odom, tree.body, stamp_s),
-        "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
-        "position_geo": snapshot.position_geo,
-        "health": partial(_health, snapshot, doing.following.why, doing.holder, daemon_checks),
-    }
+    placed, trouble, holder = body if odom_loss is None else None, doing.following.why, doing.holder
     if is_late:
+        late: dict[str, Callable[[], Any]] = {
+            "odometry": partial(_odometry, placed, twist, tree.odom, tree.body, stamp_s),
+            "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
+            "position_geo": snapshot.position_geo,
+            "health": partial(_health, snapshot, trouble, holder, daemon_checks),
+        }
         return Telemetry.late(lambda name: late[name](), **known)
-    return Telemetry(**known, **{name: make() for name, make in late.items()})
+    return Telemetry(
+        odometry=_odometry(placed, twist, tree.odom, tree.body, stamp_s),
+        transform=_in_map(in_map, body, tree.body, stamp_s),
+        position_geo=snapshot.position_geo(),
+        health=_health(snapshot, trouble, holder, daemon_checks),
+        **known,
+    )
 
 
 def _health(snapshot: Snapshot, trouble: str, holder: Cause | None, daemon_checks: tuple[str, ...]) -> Health | None:

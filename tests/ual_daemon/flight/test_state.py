@@ -22,7 +22,7 @@ from ual_daemon.backends.values import (
     Sample,
     Snapshot,
 )
-from ual_daemon.flight.state import Estimate, estimate, is_surely_auto
+from ual_daemon.flight.state import Estimate, estimate, is_surely_auto, noted
 
 NOW_S = 100.0
 FRESHNESS = Freshness(link_s=1.0, pose_s=2.0, mode_s=3.0, landed_s=4.0, estimator_s=5.0)
@@ -393,6 +393,12 @@ def test_without_a_position_the_reason_says_what_the_autopilot_does_in_the_air(
     assert found.why == (
         f"{NO_POSITION}{does}" if does is not None else "the autopilot has not said its mode for 4.0 s"
     )
+
+
+@given(st.one_of(SNAPSHOTS, st.deferred(lambda: NEARLY_AUTO)), st.sampled_from(("", "; another sends")))
+def test_a_note_is_added_to_what_the_data_alone_show(given_snapshot: Snapshot, note: str) -> None:
+    found = estimate(given_snapshot, FRESHNESS)
+    assert noted(found, note) == estimate(given_snapshot, FRESHNESS, None, note)
 
 
 # --- In few steps -----------------------------------------------------------------------------------------------------

@@ -1,15 +1,17 @@
-"""How a vehicle is expected to move: many steps at once are those steps one by one."""
+"""The place to which a velocity leads: what is computed in numbers is what vectors show, one step after the other."""
 
 from __future__ import annotations
 
 import math
+from random import Random
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ual.geometry import Vector3
 from ual_daemon.backends.values import VelocityResponse
-from ual_daemon.tracker.place import ExpectedMotion
+from ual_daemon.tracker import place
+from ual_daemon.tracker.place import ExpectedMotion, Place, Seen
 
 PARTS = st.floats(-8.0, 8.0)
 VECTORS = st.builds(Vector3, PARTS, PARTS, PARTS)
@@ -63,3 +65,41 @@ def test_time_passes_as_if_in_steps(
             slowly.step(commanded, passed_s / count, response)
         assert (expected.position - slowly.p).norm() <= 1e-9
         assert (expected.velocity - slowly.v).norm() <= 1e-9
+
+
+class SlowPlace(Place):
+    """The same, a vector at a time, and with each direction looked for in each step."""
+
+    def step(self, commanded: Vector3, seen: Seen, passed_s: float, response: VelocityResponse) -> Vector3:
+        here, velocity, error = seen
+        self._expected.advance(commanded, passed_s, response)
+        self._find_free(commanded, here, velocity - error)
+        lag = limited(self._held(self._expected.position - here), place.MOST_LAG_M)
+        self._expected.position = here + lag
+        added = Vector3() if response.holds_place else limited(error, place._MOST_VELOCITY_ERROR_M_S)
+        wanted = limited(lag * place._POSITION_GAIN + added, place.MOST_CORRECTION_M_S)
+        before = wanted if self.correction is None else self.correction
+        self.correction = before + limited(wanted - before, place.MOST_CHANGE_M_S2 * passed_s)
+        return self.correction
+
+
+@given(RESPONSES, st.integers(0, 10**6), st.sampled_from((0.3, 1.0, 3.0)))
+def test_what_is_added_is_what_vectors_show(response: VelocityResponse, seed: int, fast: float) -> None:
+    """Also where a gust carries the UAV, and where something stops it."""
+    both = tuple(kind(ExpectedMotion(Vector3(), Vector3(), Vector3(), response)) for kind in (Place, SlowPlace))
+    chance, here = Random(seed), Vector3()
+    velocity = commanded = error = Vector3()
+    is_stopped = False
+    for _ in range(60):
+        if chance.random() < 0.15:
+            commanded = Vector3(chance.gauss(0.0, fast), chance.gauss(0.0, fast), 0.0)
+            error = Vector3(chance.gauss(0.0, 0.3), chance.gauss(0.0, 0.3), 0.0)
+            is_stopped = chance.random() < 0.3
+        if chance.random() < 0.05:
+            velocity += Vector3(chance.gauss(0.0, 3.0), chance.gauss(0.0, 3.0), 0.0)
+        velocity += (commanded - velocity) * 0.1
+        velocity = Vector3() if is_stopped else velocity
+        here += velocity * 0.04
+        one, other = (each.step(commanded, Seen(here, velocity + error, error), 0.04, response) for each in both)
+        assert (one - other).norm() <= 1e-9
+        assert len(both[0]._free) == len(both[1]._free)

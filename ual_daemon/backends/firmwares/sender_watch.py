@@ -122,10 +122,12 @@ class SenderWatch:
         recent = self._sent.recent
         if not (target.has_position or target.has_velocity) or (recent and _explains(recent[-1][1], target)):
             return False
-        since_s, before = target.time_s - STRANGE_S, None
-        for time_s, sent in reversed(list(recent)):
+        since_s, before, has_position = target.time_s - STRANGE_S, None, target.has_position
+        for time_s, sent in reversed(tuple(recent)):
             if time_s < since_s:
                 break
+            if has_position and sent.__class__ is tuple:  # a velocity explains no position
+                continue
             if sent is not before or sent is None:  # a hover is the same one again and again
                 if _explains(sent, target):
                     return False
