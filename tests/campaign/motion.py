@@ -82,7 +82,8 @@ def asides_m(case: Case) -> Iterator[tuple[Called, float, float]]:
         if not places or places[-1].time_s - places[0].time_s < LONG_S:
             continue
         begin = places[0]
-        off = [_aside_m(call, begin.place, each.place) for each in places]
+        led_m = _led_aside_m(record, call)
+        off = [_beyond_m(_aside_m(call, begin.place, each.place), led_m) for each in places]
         errors = [_error_m(record, call, begin, each) for each in places]
         allowed = [ASIDE_M[record.autopilot] + abs(error) for error in errors]
         worst = max(range(len(off)), key=lambda number: abs(off[number]) - allowed[number])
@@ -119,6 +120,17 @@ def _is_near_a_fence(record: Record, place: Place) -> bool:
     if record.fence_m is None:
         return False
     return max(abs(place[0]), abs(place[1])) > record.fence_m[0] - _NEAR_M
+
+
+def _led_aside_m(record: Record, call: Called) -> float:
+    """How far to the left the position was that was held before: the velocity begins with that reference."""
+    ways = [sent.way for sent in record.sent if call.began_s - _PAUSED_S <= sent.time_s <= call.began_s and sent.way]
+    return _aside_m(call, (0.0, 0.0, 0.0), ways[-1]) if ways else 0.0
+
+
+def _beyond_m(aside_m: float, led_m: float) -> float:
+    """Returns how far it is beside what lies between the line from where it was, and that from where it was led."""
+    return aside_m - min(max(aside_m, min(0.0, led_m)), max(0.0, led_m))
 
 
 def _aside_m(call: Called, begin: Place, place: Place) -> float:

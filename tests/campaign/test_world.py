@@ -111,6 +111,15 @@ def test_how_far_aside_a_velocity_led_is_counted() -> None:
     assert allowed_m == pytest.approx(0.3)
 
 
+def test_a_velocity_leads_along_the_line_from_where_it_was_led_before() -> None:
+    """PX4 holds a position within 0.4 m, and the reference of the velocity begins there (campaign, 13500105)."""
+    for led_m, found in ((0.1, set()), (-0.1, {"aside"})):
+        record = flight(eastwards(SPEEDS, aside_m_s=0.06), LINE)
+        record.sent.append(Sent(BEGUN_S - 0.1, "setpoint", way=(0.0, led_m, 0.0)))
+        record.sent.sort(key=lambda each: each.time_s)
+        assert rules(record) == found
+
+
 def test_what_the_estimate_does_not_show_is_no_breach() -> None:
     record = flight(eastwards(SPEEDS, aside_m_s=0.3), LINE)
     record.estimate = eastwards(SPEEDS)
