@@ -29,7 +29,7 @@ from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.geodesy import Projection
 
-STEP_S = 0.01
+STEP_S = 0.02
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 REJECTED: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 UNSUPPORTED: int = mavlink.MAV_RESULT_UNSUPPORTED
@@ -41,6 +41,8 @@ FORCE = 21196.0
 GEOID_SEPARATION_M = 47.4
 STICKS_LOST_S = 0.5
 _EXTERNAL_FRESH_S = 0.5
+_PARAMETER_S = 0.005
+"""The time between two parameters of a list."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +178,7 @@ class Autopilot(ABC):
     # Time
 
     def step(self) -> None:
-        """Advances its time by a hundredth of a second."""
+        """Advances its time by `STEP_S`."""
         with self.lock:
             self.now_s += STEP_S
             self.elapsed_s += STEP_S
@@ -197,7 +199,7 @@ class Autopilot(ABC):
                 channel.slowdown = self.files_slow_streams if self.elapsed_s - self.files.sent_s < 1.0 else 1.0
             if not self.is_booting:
                 for channel in self.channels:
-                    for message_id in channel.due(self.elapsed_s):
+                    for message_id in channel.due(self.elapsed_s, STEP_S):
                         self._stream(channel, message_id)
 
     def run(self, duration_s: float) -> None:
@@ -540,7 +542,7 @@ class Autopilot(ABC):
 
     def _on_param_request_list(self, message: Message, sender: Sender) -> None:
         for count, name in enumerate(list(self.parameters)):
-            self.at(count * STEP_S / 2.0, partial(self._send_parameter, name, sender))
+            self.at(count * _PARAMETER_S, partial(self._send_parameter, name, sender))
 
     def _send_parameter(self, name: str, sender: Sender) -> None:
         if name in self.parameters and name not in self.withheld_parameters:

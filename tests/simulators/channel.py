@@ -85,14 +85,18 @@ class Channel:
             self._due_s[message_id] = now_s
             self._next_s = min(self._next_s, now_s)
 
-    def due(self, now_s: float) -> list[int]:
-        """Returns the ids of the messages that are due."""
+    def due(self, now_s: float, step_s: float) -> list[int]:
+        """Returns the ids of the messages that are due, one several times that comes more often than each `step_s`."""
         if now_s < self._next_s - 1e-9:
             return []
         found = [message_id for message_id, due_s in self._due_s.items() if now_s >= due_s - 1e-9]
-        for message_id in found:
+        for message_id in found.copy():
             interval_s = self.intervals_s[message_id] * self.slowdown
-            self._due_s[message_id] = max(self._due_s[message_id] + interval_s, now_s - interval_s)
+            next_s = self._due_s[message_id] + interval_s
+            while interval_s < step_s and next_s <= now_s + 1e-9:
+                found.append(message_id)
+                next_s += interval_s
+            self._due_s[message_id] = max(next_s, now_s - interval_s)
         self._next_s = min(self._due_s.values(), default=math.inf)
         return found
 
