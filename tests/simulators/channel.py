@@ -14,15 +14,23 @@ _GROUND_STATION_S = 5.0
 
 class Channel:
     """`rates_hz` are the rates of messages that are sent unrequested, by id. With `forwards`, others' messages are
-    forwarded.
+    forwarded. `most_hz` has the messages that are streamed less often than is asked for.
     """
 
-    def __init__(self, port: Port, rates_hz: Mapping[int, float], *, forwards: bool = False) -> None:
+    def __init__(
+        self,
+        port: Port,
+        rates_hz: Mapping[int, float],
+        *,
+        forwards: bool = False,
+        most_hz: Mapping[int, float] | None = None,
+    ) -> None:
         self.port = port
         self.slowdown = 1.0
         """By how much all streams come less often than was asked for."""
         self.forwards = forwards
         self._rates_hz = dict(rates_hz)
+        self._least_s = {message_id: 1.0 / rate_hz for message_id, rate_hz in (most_hz or {}).items()}
         self._session = port.sessions_count
         self.boot(1, 0.0)
 
@@ -81,7 +89,7 @@ class Channel:
             self.intervals_s.pop(message_id, None)
             self._due_s.pop(message_id, None)
         else:
-            self.intervals_s[message_id] = interval_s
+            self.intervals_s[message_id] = max(interval_s, self._least_s.get(message_id, 0.0))
             self._due_s[message_id] = now_s
             self._next_s = min(self._next_s, now_s)
 

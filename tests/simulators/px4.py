@@ -163,6 +163,11 @@ _UNREAD = frozenset(
 """Messages that come often and the daemon does not read: half of all that a PX4 sends."""
 _TERSE_RATES_HZ = {mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0}
 """Messages that come more often than needed, and their rates instead."""
+_TERSE_MOST_HZ = {
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: 12.5,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 10.0,
+}
+"""Highest rates of messages that the daemon asks for."""
 _OTHER_RATES_HZ = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
 _GROUND_STATION_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
@@ -213,7 +218,7 @@ class Px4(Autopilot):
         rates_hz = _RATES_HZ
         if is_terse:
             rates_hz = {each: rate for each, rate in _RATES_HZ.items() if each not in _UNREAD} | _TERSE_RATES_HZ
-        channels = [Channel(onboard, rates_hz)]
+        channels = [Channel(onboard, rates_hz, most_hz=_TERSE_MOST_HZ if is_terse else None)]
         if ground is not None:
             channels.append(Channel(ground, _GROUND_STATION_RATES_HZ, forwards=True))
         if other is not None:
