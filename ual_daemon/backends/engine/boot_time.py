@@ -53,13 +53,20 @@ class BootTime:
         self.is_foreign = False
         """Whether the last message is of another boot than the present one: another vehicle's, or damaged."""
 
+    def goes_on(self, boot_s: float, now_s: float) -> bool:
+        """Takes the time since boot from a message where the present boot plainly goes on; else returns False."""
+        if 0.0 <= now_s - self._received_s <= REBOOT_S and 0.0 <= boot_s - self.boot_s <= REBOOT_S:
+            self.boot_s, self._received_s, self._candidate = boot_s, now_s, None
+            self.is_doubtful = self.is_foreign = False
+            return True
+        return False
+
     def update(self, boot_s: float, now_s: float) -> bool:
         """Takes the time since boot from a message. Returns whether the autopilot is now known to have rebooted."""
+        if self.goes_on(boot_s, now_s):
+            return False
         self.is_doubtful = self.is_foreign = False
         passed_s = now_s - self._received_s
-        if 0.0 <= passed_s <= REBOOT_S and 0.0 <= boot_s - self.boot_s <= REBOOT_S:  # nearly always: it goes on
-            self.boot_s, self._received_s, self._candidate = boot_s, now_s, None
-            return False
         if has_wrapped(self.boot_s, boot_s) and _follows(self.boot_s, boot_s + WRAP_S, passed_s):
             self.boot_s -= WRAP_S
         # After a silence a new boot may have run for longer than the last one had, but not for as long as the silence.

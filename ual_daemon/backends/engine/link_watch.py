@@ -81,6 +81,9 @@ class LinkWatch:
     def on_boot_time(self, boot_s: float, now_s: float) -> bool:
         """Takes the autopilot's time since boot from a message. Returns whether it is now known to have rebooted."""
         boot_time = self._boot_time
+        if boot_time.goes_on(boot_s, now_s):  # nearly always
+            self.is_boot_doubtful = self.is_boot_foreign = False
+            return False
         has_rebooted = boot_time.update(boot_s, now_s)
         self.is_boot_doubtful, self.is_boot_foreign = boot_time.is_doubtful, boot_time.is_foreign
         if has_rebooted:

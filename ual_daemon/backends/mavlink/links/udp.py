@@ -87,7 +87,8 @@ class UdpLink(Link):
             chunks.append(chunk)
             bytes_count = len(chunk[0])
             # Polled, as nearly always there is no more, and an exception for each datagram is expensive.
-            while bytes_count < BATCH_BYTES and self._poll.poll(0) and len(chunks) < _BATCH:
+            poll = self._poll.poll
+            while poll(0) and bytes_count < BATCH_BYTES and len(chunks) < _BATCH:
                 chunk = sock.recvfrom(_DATAGRAM_SIZE)
                 chunks.append(chunk)
                 bytes_count += len(chunk[0])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 _SEQUENCES, _LATE_FROM = 256, 128
 LATE_COUNT = 128
 """A number that is at most this much behind the newest is of a late or doubled frame; a larger distance is a gap the
@@ -20,18 +22,18 @@ class SequenceUnwrapper:
         self.value = 0
         """Of the last message."""
         self._late_s = late_s
-        self._newest: int | None = None
-        self._newest_s = 0.0
+        self.newest = 0
+        """The newest number, and when it came. Whoever finds that a message has the next one may count it by himself.
+        """
+        self.newest_s = -math.inf
 
     def update(self, sequence: int, now_s: float) -> int:
         """Takes the number of a message that has arrived. Returns the one that keeps growing."""
-        newest = self._newest
-        if newest is None:
-            newest = sequence
+        newest = self.newest
         step = (sequence - newest) % _SEQUENCES
-        if step < _LATE_FROM or now_s - self._newest_s > self._late_s:
-            self._newest_s = now_s
-            self._newest = self.value = value = newest + step
+        if step < _LATE_FROM or now_s - self.newest_s > self._late_s:
+            self.newest_s = now_s
+            self.newest = self.value = value = newest + step
         else:
             self.value = value = newest + step - _SEQUENCES
         return value

@@ -207,12 +207,14 @@ class Session:
         }
         """Handlers of messages, which are called after `telemetry` has taken their values."""
         self._own_decoded_ids = self.decoded_ids = frozenset(self.telemetry.decoded_ids | self._handlers.keys())
-        """Ids of the messages that are worth decoding; of others only the arrival counts. An attribute, as each frame
-        asks."""
+        """Ids of the messages that are worth decoding; of others, but `used_ids`, only the arrival counts."""
+        self.used_ids = self.decoded_ids | {EVENT_ID}
+        """An attribute, as each frame asks."""
         self._payload_messages.listen_by(self._decode_also)
 
     def _decode_also(self, wanted_ids: frozenset[int]) -> None:
         self.decoded_ids = self._own_decoded_ids | wanted_ids
+        self.used_ids = self.decoded_ids | {EVENT_ID}
 
     @property
     def mission_heard(self) -> Heard | None:

@@ -10,6 +10,7 @@ from ual_daemon.backends.engine.link_watch import LinkState, LinkWatch
 from ual_daemon.backends.mavlink.session.sequence import LATE_COUNT, SequenceGaps
 from ual_daemon.backends.mavlink.session.timesync import Timesync
 
+_CONNECTED = LinkState.CONNECTED
 WINDOW_S = 10.0
 """Seconds over which rate and loss are measured."""
 _SHORT_SILENCE_S = 0.1
@@ -67,7 +68,7 @@ class Supervision:
         """Takes note of a frame of the autopilot."""
         watch, gaps = self.watch, self._gaps
         heard_s = watch.heard_s
-        if heard_s is not None and now_s - heard_s <= _SHORT_SILENCE_S and watch.state is LinkState.CONNECTED:
+        if heard_s is not None and now_s - heard_s <= _SHORT_SILENCE_S and watch.state is _CONNECTED:
             watch.heard_s, silence_s = now_s, 0.0  # as `on_heard` does, without a call
             if sequence == gaps.next and now_s < self._counted_until_s:  # nearly always
                 gaps.next = sequence + 1 & 0xFF

@@ -186,7 +186,13 @@ class Telemetry:
     def on_frame(self, sequence: int, now_s: float) -> None:
         """Takes note of a frame of the autopilot with this number; its content, if used, is taken next."""
         self.heard_s = now_s
-        self._readings.order = self._sequence.update(sequence, now_s)
+        numbers = self._sequence
+        number = numbers.newest + 1
+        if number & 0xFF == sequence:  # nearly always: as `update` does, without a call
+            numbers.newest = numbers.value = self._readings.order = number
+            numbers.newest_s = now_s
+        else:
+            self._readings.order = numbers.update(sequence, now_s)
 
     def on_content(self, message_id: int, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes the content of a frame that was noted."""

@@ -14,8 +14,9 @@ from ual_daemon.backends.mavlink.wire import checksum
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 _MAGICS = (b"\xfd", b"\xfe")
 _HEADER_V1, _HEADER_V2 = 6, 10
-_read_header = struct.Struct("<BBBxBBBHB").unpack_from
-"""Of MAVLink 2: magic, length, flags, sequence, system, component, and the id in two parts."""
+_read_header = struct.Struct("<HBxBHHB").unpack_from
+"""Of MAVLink 2: magic and length, flags, sequence, system and component, and the id in two parts."""
+_seed_of, _crc = checksum.seed_of, checksum.crc
 _CHECKSUM, _SIGNATURE = 2, 13
 _SIGNED = 0x01
 
@@ -139,25 +140,24 @@ class FrameReader:
             return self.read_beginning(datagram)
         return self._read_pieces(datagram, source)
 
-    def plain(self, datagram: bytes, source: Source) -> tuple[int, int] | None:
+    def plain(self, datagram: bytes, source: Source) -> int:
         """Takes a datagram that is one valid frame, of MAVLink 2, of a source, not signed: nearly each one is.
 
-        Returns its message id and sequence number. None for any other datagram, which is not taken.
+        Returns its message id times 256, plus its sequence number. -1 for any other datagram, which is not taken.
         """
         size = len(datagram)
-        if size < _HEADER_V2 + _CHECKSUM:
-            return None
-        magic, length, flags, sequence, system_id, component_id, low, high = _read_header(datagram)
-        if magic != MAGIC_V2 or flags or size != length + (_HEADER_V2 + _CHECKSUM):
-            return None
-        if system_id != source[0] or component_id != source[1]:
-            return None
+        if size < 12:
+            return -1
+        begin, flags, sequence, sender, low, high = _read_header(datagram)
+        # The magic byte and the length, and one sender in one number.
+        if begin != MAGIC_V2 | size - 12 << 8 or flags or sender != source[0] | source[1] << 8:
+            return -1
         message_id = low | high << 16
-        seed = checksum.seed_of(message_id)  # as `checksum.is_valid`, without a call
-        if seed is None or checksum.crc(datagram[1:-2] + seed) != datagram[-2] | datagram[-1] << 8:
-            return None
+        seed = _seed_of(message_id)  # as `checksum.is_valid`, without a call
+        if seed is None or _crc(datagram[1:-2] + seed) != datagram[-2] | datagram[-1] << 8:
+            return -1
         self._is_in_garbage = False
-        return message_id, sequence
+        return message_id << 8 | sequence
 
     def read_beginning(self, datagram: bytes) -> list[Frame]:
         """Returns the frames with which a datagram begins, without a search: for one that is likely not for us."""

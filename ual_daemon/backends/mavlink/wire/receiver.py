@@ -9,7 +9,7 @@ from typing import Protocol
 
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader, Source
-from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Codec, CorruptFrameError, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING, Signer, Verdict
 from ual_daemon.backends.mavlink.wire.untaken import Untaken
 
@@ -29,7 +29,11 @@ class MessageHandler(Protocol):
 
     @property
     def decoded_ids(self) -> AbstractSet[int]:
-        """Ids of the messages that are worth decoding. Each frame asks."""
+        """Ids of the messages that are worth decoding."""
+
+    @property
+    def used_ids(self) -> AbstractSet[int]:
+        """The same, and those that are taken without being decoded (`EVENT_ID`). Each frame asks."""
 
     def on_message(
         self, frame: Frame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
@@ -114,14 +118,20 @@ class Receiver:
 
         `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
         """
-        self._utc_offset_s = utc_now_s - now_s
-        reader, peer, handler = self._reader, self._link.peer, self._handler
-        if handler is not None and self._is_plain and peer is not None and peer == address:
-            assert self._source is not None
-            plain = reader.plain(data, self._source)
-            if plain is not None:  # nearly always
-                self._on_plain(*plain, data, address, handler, now_s, utc_now_s)
+        reader, peer, handler, source = self._reader, self._link.peer, self._handler, self._source
+        if handler is not None and self._is_plain and peer is not None and peer == address and source is not None:
+            plain = reader.plain(data, source)
+            if plain >= 0:  # nearly always
+                if plain >> 8 in handler.used_ids:
+                    self._on_used(plain, data, address, handler, now_s, utc_now_s)
+                    return
+                self._peer_heard_s = now_s
+                try:
+                    handler.on_unused(plain >> 8, plain & 0xFF, address, now_s)
+                except Exception:  # noqa: BLE001 - as in `_on_frames`
+                    self._log_defect(plain >> 8)
                 return
+        self._utc_offset_s = utc_now_s - now_s
         reader.refill(now_s)
         garbage_count = reader.garbage_count
         if self._is_stream:
@@ -149,27 +159,17 @@ class Receiver:
         """Drops the incomplete frame of the old connection, which the new one does not continue."""
         self._reader.forget()
 
-    def _on_plain(
-        self,
-        message_id: int,
-        sequence: int,
-        data: bytes,
-        address: Address,
-        handler: MessageHandler,
-        now_s: float,
-        utc_now_s: float,
+    def _on_used(
+        self, plain: int, data: bytes, address: Address, handler: MessageHandler, now_s: float, utc_now_s: float
     ) -> None:
-        """Takes a frame of the selected autopilot, as `_on_frames` would. More than half of PX4's are not used."""
+        """Takes a plain frame of the selected autopilot, as `_on_frames` would."""
+        message_id = plain >> 8
         try:
-            if message_id in handler.decoded_ids or message_id == EVENT_ID:
-                ids = message_id, data[5], data[6], sequence
-                frame = tuple.__new__(Frame, (*ids, False, data, data[10:-2]))  # as `Frame` does, one call less
-                message = self._codec.decode(frame) if message_id in handler.decoded_ids else None
-                self._peer_heard_s = now_s
-                handler.on_message(frame, message, address, now_s, utc_now_s)
-            else:
-                self._peer_heard_s = now_s
-                handler.on_unused(message_id, sequence, address, now_s)
+            ids = message_id, data[5], data[6], plain & 0xFF, False
+            frame = tuple.__new__(Frame, (*ids, data, data[10:-2]))  # as `Frame` does, one call less
+            message = self._codec.decode(frame) if message_id in handler.decoded_ids else None
+            self._peer_heard_s = now_s
+            handler.on_message(frame, message, address, now_s, utc_now_s)
         except CorruptFrameError as error:
             self._undecodable_count += 1
             _log.debug("dropped a frame: %s", error)
