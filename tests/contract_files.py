@@ -17,7 +17,7 @@ def _files() -> tuple[FileDescriptor, ...]:
     return tuple(each.DESCRIPTOR for each in found)
 
 
-FILES: Final = _files()
-"""Files of the contract, the UAV's first, as the others use it."""
+FILES: Final[tuple[FileDescriptor, ...]] = _files()
+"""That of the UAV first, as the others use it."""
 SERVICES: Final = tuple(each.full_name for file in FILES for each in file.services_by_name.values())
 """The full names of the services."""

@@ -8,11 +8,13 @@ from dataclasses import replace
 import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
+from tools.contract import values_source, wire_source
 from tools.contract.__main__ import out_of_date
 from tools.contract.compiled import compiled, without_options
 from tools.contract.description import services
 from tools.contract.faces_source import source as faces
 from tools.contract.parts import parts
+from tools.contract.values import all_values
 from ual.access.roles import Role
 from ual.contract.method import Kind, Moves
 from ual.contract.methods import METHODS
@@ -65,6 +67,27 @@ def test_a_method_that_needs_the_lease_must_take_it(contract: FileDescriptorSet)
         other = replace(member, needs_lease=not member.needs_lease)
         with pytest.raises(SystemExit, match=rf"^the lease: .*VehicleGripper\.{member.name} takes"):
             faces([replace(gripper, members=[other])])
+
+
+def test_a_new_field_of_telemetry_needs_its_line_only(contract: FileDescriptorSet) -> None:
+    """What changes rarely is written, and all is read, by what is derived."""
+    copy = FileDescriptorSet()
+    copy.CopyFrom(contract)
+    [file] = [each for each in copy.file if each.name == "ual/v1/ual.proto"]
+    [sample] = [each for each in file.message_type if each.name == "Telemetry"]
+    [like] = [each for each in sample.field if each.name == "status_text"]
+    [optional] = [each for message in file.message_type for each in message.field if each.name == "link_quality"]
+    wind = sample.field.add(name="wind_m_s", number=41, label=like.label, options=like.options)
+    wind.type, wind.proto3_optional, wind.oneof_index = optional.type, True, 0
+    sample.oneof_decl.add(name="_wind_m_s")
+    sample.field.add(name="words", number=42, label=like.label, type=like.type)
+    values = all_values(copy)["ual"]
+    made = wire_source.source(values)
+    assert '    wind_m_s: float | None = None\n    words: str = ""\n' in values_source.source(values)
+    assert '"wind_m_s": lambda message: message.wind_m_s if message.HasField("wind_m_s") else None,' in made
+    assert "    if value.wind_m_s is not None:\n        message.wind_m_s = value.wind_m_s\n" in made
+    assert '"words": lambda message: message.words,' in made
+    assert "message.words = value.words" not in made
 
 
 def test_the_stubs_of_python_import_no_options(contract: FileDescriptorSet) -> None:

@@ -11,7 +11,8 @@ import pytest
 from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto, FileDescriptorProto
 
 from tests import wire
-from tests.wire import SERVICES, Record, read_records
+from tests.contract_files import SERVICES
+from tests.wire import Record, read_records
 
 ALL = [record for service in SERVICES for record in read_records(service)]
 BUF = wire.ROOT / "tools" / "node_modules" / ".bin" / "buf"

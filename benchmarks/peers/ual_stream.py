@@ -14,7 +14,7 @@ from benchmarks.peers.ual_samples import listen
 from ual.types import State
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
-from ual.wire import convert
+from ual.wire import motions
 
 
 class Peer(SynchronousPeer):
@@ -41,7 +41,7 @@ class Peer(SynchronousPeer):
 
 
 def _setpoint(number: int) -> pb.StreamSetpointsRequest:
-    return convert.setpoint_to_proto(ual.TwistStamped(velocity(number)))
+    return motions.setpoint_to_proto(ual.TwistStamped(velocity(number)))
 
 
 def velocity(number: int) -> ual.Twist:

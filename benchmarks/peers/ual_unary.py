@@ -9,7 +9,7 @@ from benchmarks.peers.base import SynchronousPeer, until
 from benchmarks.peers.ual_stream import velocity
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
-from ual.wire import convert
+from ual.wire import motions
 
 
 class Peer(SynchronousPeer):
@@ -24,7 +24,7 @@ class Peer(SynchronousPeer):
         self.send(0)
 
     def send(self, number: int) -> None:
-        twist = convert.setpoint_to_proto(ual.TwistStamped(velocity(number))).velocity
+        twist = motions.setpoint_to_proto(ual.TwistStamped(velocity(number))).velocity
         self._stub.SetVelocity(pb.SetVelocityRequest(velocity=twist))
 
     def close(self) -> None:

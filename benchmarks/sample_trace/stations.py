@@ -59,9 +59,9 @@ def of_client() -> Iterator[Station]:
     """Returns the stations in a program that uses the client."""
     from ual._subscription import _Feed
     from ual.shared.callbacks import Listener
-    from ual.wire import convert
+    from ual.wire import samples
 
-    yield Station(convert, "telemetry_from_proto", "the client has read it", begins=True)
+    yield Station(samples, "telemetry_from_proto", "the client has read it", begins=True)
     yield Station(_Feed, "_hand_out", after="handed out")
     yield Station(Listener, "run", "called")
     yield _callback()

@@ -29,7 +29,7 @@ from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.types import State
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
-from ual.wire import convert
+from ual.wire import motions
 from ual_tools.access import certificates
 from ual_tools.main import cli
 
@@ -155,7 +155,7 @@ def test_setpoints_are_not_held_back(gateway: str) -> None:
         up(uav)
         stub: Any = ual_pb2_grpc.UalServiceStub(channel)
         moving = pb.StreamSetpointsRequest(
-            velocity=convert.setpoint_to_proto(TwistStamped(Twist(Vector3(1.0, 0.0, 0.0)))).velocity
+            velocity=motions.setpoint_to_proto(TwistStamped(Twist(Vector3(1.0, 0.0, 0.0)))).velocity
         )
         is_moving = False
 

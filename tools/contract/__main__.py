@@ -51,7 +51,7 @@ def derived() -> dict[Path, str]:
 def _values(values: Sequence[Values]) -> dict[Path, str]:
     return {
         **{_path(each.module): formatted(values_source.source(each)) for each in values},
-        **{CLIENT / "wire" / f"{each.file}.py": formatted(wire_source.source(each)) for each in values},
+        **{CLIENT / "wire" / f"{each.wire}.py": formatted(wire_source.source(each)) for each in values},
     }
 
 

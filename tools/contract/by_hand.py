@@ -31,11 +31,17 @@ MESSAGES: Mapping[str, ByHand | None] = {
     "PointStamped": ByHand("ual.geometry", "PointStamped", "convert.point_stamped", names_field=True),
     "Quaternion": ByHand("ual.geometry", "Quaternion", "convert.quaternion"),
     "Vector3": ByHand("ual.geometry", "Vector3", "convert.vector3"),
-    "GeoPoint": ByHand("ual.types", "GeoPoint", "convert.geo_point"),
-    "Task": ByHand("ual.types", "TaskInfo", "convert.task"),
+    "Pose": ByHand("ual.geometry", "Pose", "convert.pose"),
+    "Twist": ByHand("ual.geometry", "Twist", "convert.twist"),
+    "Transform": ByHand("ual.geometry", "Transform", "convert.transform"),
+    "Odometry": ByHand("ual.contract.odometry", "Odometry", "convert.odometry"),
+    "TaskError": ByHand("ual.errors", "UalError", "convert.task_error"),
     "RallyPoint": ByHand("ual.contract.rally_point", "RallyPoint", "rally_points.rally_point"),
     "MissionItem": ByHand("ual.missions.items", "Item", "mission_items.item"),
     "ImageInfo": None,
+    "Header": None,
+    "TwistStamped": None,
+    "ExternalPose": None,
     **dict.fromkeys(
         (
             "MissionPlace",
@@ -55,13 +61,24 @@ MESSAGES: Mapping[str, ByHand | None] = {
     ),
 }
 """By the name of the message. None: it is no value by itself."""
+OF_UAV: Mapping[str, ByHand] = {
+    "GeoPoint": ByHand("ual.types", "GeoPoint", "uav.geo_point"),
+    "Task": ByHand("ual.types", "TaskInfo", "uav.task_info"),
+}
+"""Values of ``ual.proto`` that other files have, too."""
 ENUMS = frozenset({"CameraAction"})
-FILES = frozenset({"ual", "simulation", "network"})
+FILES = frozenset({"simulation", "network"})
 """The files whose values are all written by hand."""
 PLACES: Mapping[str, str] = {
     "gimbal": "ual.gimbals",
     "logs": "ual.logs.values",
     "mission": "ual.missions.plan",
+    "ual": "ual.contract.uav",
     **{each: f"ual.contract.{each}" for each in ("camera", "corrections", "fence", "parameters")},
 }
 """The modules of values that are not called as their file. What is in ``ual.contract`` is named by a module by hand."""
+
+
+def of(name: str) -> ByHand | None:
+    """Returns the value of a message by hand, or of the UAV's own file, where there is one."""
+    return MESSAGES.get(name) or OF_UAV.get(name)

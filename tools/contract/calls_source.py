@@ -55,6 +55,7 @@ def _head(values: Values, part: Part, body: str, special: list[str]) -> str:
         + f"from ual.v1 import {values.file}_pb2 as pb\n" * ("pb" in used)
         + f"from ual.wire import {values.file} as wire\n" * ("wire" in used)
         + "from ual.wire import convert\n" * ("convert" in used)
+        + "from ual.wire import uav\n" * ("uav" in used)
         + "from ual.wire import requests\n" * ("requests" in used)
     )
 

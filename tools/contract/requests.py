@@ -54,7 +54,7 @@ def result(values: Values, member: Member) -> Result:
 
 def _codec(values: Values, field: FieldDescriptorProto) -> tuple[str, str]:
     name = field.type_name.rpartition(".")[2]
-    known = by_hand.MESSAGES.get(name)
+    known = by_hand.of(name)
     if known is not None:
         return known.writer(), known.reader()
     codec = f"wire.{values.messages[name].codec}"
@@ -105,7 +105,7 @@ def _read(values: Values, field: FieldDescriptorProto) -> str:
     if field.type == _Type.TYPE_ENUM:
         return f'wire.{_enum(values, field)}_from_proto({value}, "{field.name}")'
     if field.type == _Type.TYPE_MESSAGE:
-        known = by_hand.MESSAGES.get(field.type_name.rpartition(".")[2])
+        known = by_hand.of(field.type_name.rpartition(".")[2])
         more = f', "{field.name}"' if known is not None and known.names_field else ""
         return f"{_codec(values, field)[1]}({value}{more})"
     return f'{value} if request.HasField("{field.name}") else None' if field.proto3_optional else value

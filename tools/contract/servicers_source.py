@@ -52,6 +52,7 @@ def _head(owner: Part, does: Behaviour, body: str, base: str) -> str:
         f"from ual.v1 import {owner.file}_pb2 as pb\nfrom ual.v1 import {owner.file}_pb2_grpc\n"
         + f"from ual.wire import {owner.file} as wire\n" * ("wire" in used)
         + "from ual.wire import convert\n" * ("convert" in used)
+        + "from ual.wire import uav\n" * ("uav" in used)
         + "from ual.wire import requests\n" * ("requests" in used)
         + "from ual_daemon.extensions.base import lease_of\n" * ("lease_of" in used)
         + f"from {does.module} import {', '.join(does.named({does.name, does.vehicle}))}\n"

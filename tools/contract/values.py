@@ -29,6 +29,7 @@ _SCALARS = {
     **dict.fromkeys((_Type.TYPE_UINT32, _Type.TYPE_UINT64, _Type.TYPE_INT32), ("int", "0")),
 }
 _TIME, _SPAN = ".google.protobuf.Timestamp", ".google.protobuf.Duration"
+_HEADER = ".ual.v1.Header"
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class EnumValue:
     text: str
     members: Sequence[tuple[str, int, str]]
     unknown: str
+    is_rising: bool = False
 
     @property
     def table(self) -> str:
@@ -59,6 +61,9 @@ class Field:
     read: str
     modules: Mapping[str, str] = field(default_factory=dict)
     """The modules of the classes that the annotation names, where they are of another file."""
+    is_rare: bool = False
+    after: str = ""
+    """The declaration of an attribute before it that only the value has."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,7 @@ class MessageValue:
     fields: Sequence[Field]
     given: int
     is_tuple: bool
+    is_late: bool = False
 
     @property
     def annotation(self) -> str:
@@ -99,6 +105,11 @@ class Values:
         """The module of the values: ``ual.gripper``, unless another one is named."""
         return by_hand.PLACES.get(self.file, f"ual.{self.file}")
 
+    @property
+    def wire(self) -> str:
+        """The module of their codec."""
+        return "uav" if self.file == "ual" else self.file
+
 
 def all_values(contract: FileDescriptorSet) -> dict[str, Values]:
     """Returns the values of each file that has some, by the name of the file."""
@@ -121,6 +132,9 @@ class _Reader:
             for message in file.message_type
             if file.name.startswith("ual/")
         }
+        self._file = self._package = ""
+        self._asked: set[str] = set()
+        """The messages that requests have."""
         self._enums: dict[str, EnumValue] = {}
         self._messages: dict[str, MessageValue | None] = {}
         self._declared: dict[str, tuple[FileDescriptorProto, DescriptorProto]] = {
@@ -130,6 +144,9 @@ class _Reader:
         }
 
     def values(self, file: FileDescriptorProto) -> Values:
+        self._file, self._package = _name(file), file.package
+        requests = [each for each in file.message_type if each.name.endswith("Request")]
+        self._asked = {part.type_name for each in requests for part in each.field}
         about = comments(file)
         enums = {
             f".{file.package}.{each.name}": self._enum(each, about)
@@ -138,7 +155,6 @@ class _Reader:
         }
         self._enums |= enums
         messages = {each.name: self.message(f".{file.package}.{each.name}") for each in file.message_type}
-        requests = (each for each in file.message_type if each.name.endswith("Request"))
         asked = frozenset(part.type_name for each in requests for part in each.field if part.type_name in enums)
         kept = {name: each for name, each in messages.items() if each is not None}
         text = comment_text(about[""], self._names)
@@ -156,43 +172,86 @@ class _Reader:
         if is_wrapper or message.name in by_hand.MESSAGES:
             return None
         about = comments(file)
-        fields = [self._field(message, each, about) for each in message.field]
+        fields = [field for each in message.field for field in self._fields(message, each, about)]
         text = comment_text(about[message.name], self._names)
-        return MessageValue(message.name, self._names[message.name], text, fields, facts.given, facts.is_tuple)
+        return MessageValue(
+            message.name, self._names[message.name], text, fields, facts.given, facts.is_tuple, facts.is_late
+        )
 
     def _facts(self, message: DescriptorProto) -> Any:  # noqa: ANN401 (a message that is made at run time)
         return self._options.read("Message", "value_facts", message.options)
 
     def _enum(self, enum: EnumDescriptorProto, about: Mapping[str, str]) -> EnumValue:
-        unknown: str = self._options.read("Enum", "enum_facts", enum.options).unknown
-        prefix = f"{shouted(enum.name)}_"
-        names = {each.number: each.name.removeprefix(prefix) for each in enum.value}
+        facts = self._options.read("Enum", "enum_facts", enum.options)
+        unknown: str = facts.unknown
+        names = {each.number: _member_name(enum.name, each.name) for each in enum.value}
         if unknown and unknown not in names.values():
             names[0] = unknown
         else:
             del names[0]
         texts = {each.number: comment_text(about[f"{enum.name}.{each.name}"], self._names) for each in enum.value}
         members = [(name, number, texts[number]) for number, name in sorted(names.items())]
-        return EnumValue(enum.name, comment_text(about[enum.name], self._names), members, unknown)
+        return EnumValue(enum.name, comment_text(about[enum.name], self._names), members, unknown, facts.is_rising)
 
-    def _field(self, message: DescriptorProto, part: FieldDescriptorProto, about: Mapping[str, str]) -> Field:
+    def _fields(
+        self, message: DescriptorProto, part: FieldDescriptorProto, about: Mapping[str, str]
+    ) -> Iterator[Field]:
+        """Yields the attributes of a field: one, or of a header the stamp and the frame."""
         facts = self._options.read("Field", "field_facts", part.options)
         text = comment_text(about[f"{message.name}.{part.name}"], self._names)
-        made = _Made(self, part, facts)
-        return Field(
-            part.name, made.attribute, made.annotation, made.default, text, made.write, made.read, made.modules
+        if part.type_name == _HEADER:
+            yield from _of_header(part.name, facts, text)
+            return
+        is_told = not self._facts(message).is_late and f".{self._package}.{message.name}" not in self._asked
+        made = _Made(self, part, facts, f"{snake(message.name)}." * is_told)
+        yield Field(
+            part.name,
+            made.attribute,
+            made.annotation,
+            facts.default or made.default,
+            text,
+            made.write,
+            made.read,
+            made.modules,
+            facts.is_rare,
+            facts.after_attribute,
         )
+
+    def by_hand(self, full_name: str) -> ByHand | None:
+        """Returns the value of a message that is by hand, or that this file has from that of the UAV."""
+        name = full_name.rpartition(".")[2]
+        return by_hand.MESSAGES.get(name) if self._file == "ual" else by_hand.of(name)
 
     def enum(self, full_name: str) -> EnumValue:
         """Returns an enum of this file."""
         return self._enums[full_name]
 
 
+def _member_name(enum: str, value: str) -> str:
+    """Returns the name of a member: ``FIX_2D`` of ``GPS_FIX_2D``, as no name begins with a digit."""
+    prefix = shouted(enum)
+    name = value.removeprefix(f"{prefix}_")
+    return name if name.isidentifier() else f"{prefix.rpartition('_')[2]}_{name}"
+
+
+def _of_header(name: str, facts: Any, text: str) -> Iterator[Field]:  # noqa: ANN401
+    """Yields the attributes of a header: of one that has another name, only its frame."""
+    frame = f"message.{name}.frame_id"
+    if facts.name:
+        made = f"pb.Header(frame_id=value.{facts.name})"
+        yield Field(name, facts.name, "str", facts.default or '""', text, made, frame)
+        return
+    of_stamp, _, of_frame = text.partition(". ")
+    yield Field(name, "stamp_s", "float", "0.0", f"{of_stamp}.", "", f"convert.stamp_from_proto(message.{name}.stamp)")
+    yield Field(name, "frame_id", "str", '""', of_frame, "", frame)
+
+
 class _Made:
     """Code of one field: its declaration, writing and reading."""
 
-    def __init__(self, reader: _Reader, part: FieldDescriptorProto, facts: Any) -> None:  # noqa: ANN401
+    def __init__(self, reader: _Reader, part: FieldDescriptorProto, facts: Any, owner: str) -> None:  # noqa: ANN401
         self._reader = reader
+        self._error_name = f"{owner}{part.name}"
         self._part = part
         self._facts = facts
         self.attribute = facts.name or (f"{part.name}_s" if part.type_name in (_TIME, _SPAN) else part.name)
@@ -209,6 +268,8 @@ class _Made:
         if part.type == _Type.TYPE_MESSAGE:
             return self._message()
         kind, zero = _SCALARS[part.type]
+        if self._facts.zero_is_none:
+            return f"{kind} | None", "None", f"{self._of_value} or {zero}", f"{self._of_message} or None"
         if self._is_repeated:
             return f"tuple[{kind}, ...]", "()", self._of_value, f"tuple({self._of_message})"
         if part.proto3_optional:
@@ -221,6 +282,15 @@ class _Made:
             write = f"[{number}(each) for each in sorted(each.value for each in {self._of_value})]"
             read = f"frozenset({enum.table}[each] for each in {self._of_message} if each in {enum.table})"
             return f"frozenset[{enum.name}]", "frozenset()", write, read
+        if enum.is_rising:
+            names = [name for name, _, _ in enum.members]
+            lowest, highest = f"{enum.name}.{names[0]}", f"{enum.name}.{names[-1]}"
+            read = f"{enum.name}(min(max({self._of_message}, {lowest}), {highest}))"
+            return enum.name, lowest, f"{number}({self._of_value}.value)", read
+        if self._facts.is_there:
+            unset = f"{enum.name}.{enum.unknown}" if enum.unknown else ""
+            arguments = ", ".join(filter(None, (self._of_message, enum.table, f'"{self._error_name}"', unset)))
+            return enum.name, unset, f"{number}({self._of_value}.value)", f"member_of({arguments})"
         if enum.unknown:
             known = f"{enum.name}.{enum.unknown}"
             read = f"{enum.table}.get({self._of_message}, {known})"
@@ -245,7 +315,7 @@ class _Made:
         if name in (_TIME, _SPAN):
             writer, reader = ("timestamp", "stamp") if name == _TIME else ("duration", "duration")
             return "float", f"convert.{writer}_to_proto", f"convert.{reader}_from_proto", ""
-        known = by_hand.MESSAGES.get(name.rpartition(".")[2])
+        known = self._reader.by_hand(name)
         if isinstance(known, ByHand):
             self.modules[known.name] = known.module
             return known.name, known.writer(), known.reader(), f', "{self._part.name}"' * known.names_field

@@ -29,18 +29,25 @@ def source(values: Values) -> str:
 def _imports(values: Values, messages: list[MessageValue], bases: set[str]) -> Iterator[str]:
     parts = [part.modules for each in messages for part in each.fields]
     named = sorted({(module, name) for modules in parts for name, module in modules.items()})
+    is_made = any("field(" in part.default for each in messages for part in each.fields)
     if messages:
-        yield "from dataclasses import dataclass\n"
-    if any(f"{each.name}Base" not in bases for each in values.enums.values()):
-        yield "from enum import Enum\n"
+        yield f"from dataclasses import dataclass{', field' * is_made}\n"
+    kinds = {_base(each, bases) for each in values.enums.values()} & {"Enum", "IntEnum"}
+    if kinds:
+        yield f"from enum import {', '.join(sorted(kinds))}\n"
     yield from (f"from {module} import {name}\n" for module, name in named)
     made = [each.name for each in values.enums.values()] + [each.name for each in messages]
     if used := sorted(f"{name}Base" for name in made if f"{name}Base" in bases):
         yield f"from ual.contract._bases import {', '.join(used)}\n"
 
 
+def _base(enum: EnumValue, bases: set[str]) -> str:
+    base = f"{enum.name}Base"
+    return base if base in bases else "IntEnum" if enum.is_rising else "Enum"
+
+
 def _enum(enum: EnumValue) -> str:
-    base = f"{enum.name}Base" if f"{enum.name}Base" in set(classes(BASES)) else "Enum"
+    base = _base(enum, set(classes(BASES)))
     members = "".join(
         f"    {name} = {number}\n{docstring(text) if text else ''}" for name, number, text in enum.members
     )
@@ -49,9 +56,15 @@ def _enum(enum: EnumValue) -> str:
 
 def _dataclass(value: MessageValue, bases: set[str]) -> str:
     base = f"({value.name}Base)" if f"{value.name}Base" in bases else ""
-    about = docstring(value.text, {each.attribute: each.text for each in value.fields})
+    texts: dict[str, str] = {}
+    for each in value.fields:
+        declared, _, text = each.after.partition("  # ")
+        texts |= {declared.partition(":")[0]: text, each.attribute: each.text}
+    about = docstring(value.text, texts)
     fields = "".join(
-        f"    {each.attribute}: {each.annotation}{'' if index < value.given else f' = {each.default}'}\n"
+        (f"    {each.after.partition('  # ')[0]}\n" if each.after else "")
+        + f"    {each.attribute}: {each.annotation}{'' if index < value.given else f' = {each.default}'}\n"
         for index, each in enumerate(value.fields)
     )
-    return f"\n\n@dataclass(frozen=True, slots=True)\nclass {value.name}{base}:\n{about}\n{fields}"
+    late = ", repr=False" * value.is_late
+    return f"\n\n@dataclass(frozen=True, slots=True{late})\nclass {value.name}{base}:\n{about}\n{fields}"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from tools.contract.values import EnumValue, MessageValue, Values
-from tools.contract.words import snake
+from collections.abc import Iterator
 
-_BY_HAND = ("convert", "mission_items", "rally_points")
-"""The modules of codecs by hand."""
+from tools.contract.values import EnumValue, Field, MessageValue, Values
+from tools.contract.words import shouted, snake
+
+_OTHERS = ("convert", "mission_items", "rally_points", "uav")
+"""The modules of codecs that others use."""
 
 
 def source(values: Values) -> str:
@@ -20,14 +22,16 @@ def source(values: Values) -> str:
 def _head(values: Values, body: str) -> str:
     classes = [each.name for each in values.enums.values()] + [each.name for each in values.messages.values()]
     used = sorted({name for name in classes if name in body and not _is_tuple(values, name)})
+    checks = [each for each in ("member_of", "number_of") if f"{each}(" in body]
     return (
         f'"""Between the messages of ``{values.file}.proto`` and their values. ``make proto`` writes this file: do not '
         'edit it."""\n\nfrom __future__ import annotations\n\n'
-        + "from collections.abc import Mapping\n\n" * ("Mapping[" in body)
+        + "from collections.abc import Callable, Mapping\n\n" * ("Callable[" in body)
+        + "from collections.abc import Mapping\n\n" * ("Mapping[" in body and "Callable[" not in body)
         + f"from {values.module} import {', '.join(used)}\n"
         + f"from ual.v1 import {values.file}_pb2 as pb\n"
-        + "".join(f"from ual.wire import {each}\n" for each in _BY_HAND if f"{each}." in body)
-        + "from ual.wire.enums import member_of, number_of\n" * ("number_of(" in body)
+        + "".join(f"from ual.wire import {each}\n" for each in _OTHERS if f" {each}." in body or f"({each}." in body)
+        + (f"from ual.wire.enums import {', '.join(checks)}\n" if checks else "")
     )
 
 
@@ -56,6 +60,8 @@ def {name}_from_proto(number: int, field: str) -> {enum.name}:
 
 
 def _codec(value: MessageValue) -> str:
+    if value.is_late:
+        return _late(value)
     private = value.is_tuple
     made = "".join(f"        {each.name}={each.write},\n" for each in value.fields)
     read = "".join(f"        {each.read},\n" for each in value.fields)
@@ -75,3 +81,45 @@ def {value.codec}_from_proto(message: pb.{value.message}) -> {value.annotation}:
     """Reads a message."""
     return {call}
 '''
+
+
+def _late(value: MessageValue) -> str:
+    """The parts of a codec: how each field is read, and how those that change rarely are written."""
+    kind, message = value.name, f"pb.{value.message}"
+    readers = "".join(f'    "{each.attribute}": lambda message: {each.read},\n' for each in value.fields)
+    rare = [each for each in value.fields if each.is_rare]
+    told = "".join(f"        value.{each.attribute},\n" for each in rare)
+    written = "".join(f"    {line}\n" for each in rare for line in _written(each))
+    return f'''
+
+{shouted(kind)}_READERS: Mapping[str, Callable[[{message}], object]] = {{
+{readers}}}
+"""How each field is read."""
+
+
+def rare_of_{value.codec}(value: {kind}) -> tuple[object, ...]:
+    """Returns what `write_rare_of_{value.codec}` writes: while it is equal, that writes the same."""
+    return (
+{told}    )
+
+
+def write_rare_of_{value.codec}(value: {kind}, message: {message}) -> None:
+    """Writes what changes rarely into an empty message."""
+{written}'''
+
+
+def _written(each: Field) -> Iterator[str]:
+    """Yields the statements that write a field."""
+    attribute, part = f"value.{each.attribute}", f"message.{each.name}"
+    made = each.write.removeprefix(f"None if {attribute} is None else ")
+    if each.annotation.startswith(("tuple[", "frozenset[")):
+        yield f"if {attribute}:"
+        yield f"    {part}.extend({made})"
+    elif made != each.write:
+        yield f"if {attribute} is not None:"
+        yield f"    {part}.CopyFrom({made})"
+    elif each.annotation.endswith(" | None") and made == attribute:
+        yield f"if {attribute} is not None:"
+        yield f"    {part} = {made}"
+    else:
+        yield f"{part} = {made}"

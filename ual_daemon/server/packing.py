@@ -18,7 +18,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from ual.geometry import Quaternion, Transform, Twist, Vector3
 from ual.types import GeoPoint, Odometry, Telemetry
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert
+from ual.wire import convert, uav
 
 _VARINT, _FIXED64, _DELIMITED = 0, 1, 2
 _MORE = 0x80
@@ -109,16 +109,16 @@ class TelemetryPacker:
         if (point := sample.position_geo) is not None:
             parts.append(_geo(point))
         if task is not None:
-            parts.append(_delimited(_TASK, convert.task_to_proto(task).SerializeToString()))
+            parts.append(_delimited(_TASK, uav.task_info_to_proto(task).SerializeToString()))
         parts += (_SEQUENCE, _varint(sample.sequence))
         return b"".join(parts)
 
     def _packed_rare(self, sample: Telemetry) -> bytes:
-        rare = convert.rare_of_telemetry(sample)
+        rare = uav.rare_of_telemetry(sample)
         known, packed = self._rare
         if rare != known:
             message = pb.Telemetry()
-            convert.write_rare(sample, message)
+            uav.write_rare_of_telemetry(sample, message)
             packed = message.SerializeToString()
             self._rare = rare, packed
         return packed

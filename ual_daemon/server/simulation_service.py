@@ -14,7 +14,7 @@ from typing_extensions import override
 from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb
 from ual.v1 import simulation_pb2_grpc
-from ual.wire import convert
+from ual.wire import simulation
 
 T = TypeVar("T")
 
@@ -63,7 +63,7 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def ListParts(self, request: pb.ListPartsRequest, context: object) -> pb.ListPartsResponse:
-        return convert.parts_to_proto(self._simulation.parts())
+        return simulation.parts_to_proto(self._simulation.parts())
 
     @override
     async def PilotArm(self, request: pb.PilotArmRequest, context: object) -> pb.PilotArmResponse:
@@ -98,7 +98,7 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def BeginFault(self, request: pb.BeginFaultRequest, context: object) -> pb.BeginFaultResponse:
-        fault = convert.fault_from_proto(request.fault)
+        fault = simulation.fault_from_proto(request.fault)
         return pb.BeginFaultResponse(fault_id=await self._act(self._simulation.begin_fault, fault, request.duration_s))
 
     @override
@@ -108,7 +108,7 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def ListFaults(self, request: pb.ListFaultsRequest, context: object) -> pb.ListFaultsResponse:
-        return convert.faults_to_proto(await self._act(self._simulation.faults))
+        return simulation.faults_to_proto(await self._act(self._simulation.faults))
 
     @override
     async def SetSpeedFactor(self, request: pb.SetSpeedFactorRequest, context: object) -> pb.SetSpeedFactorResponse:
@@ -133,12 +133,12 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def SetWind(self, request: pb.SetWindRequest, context: object) -> pb.SetWindResponse:
-        await self._act(self._simulation.set_wind, convert.wind_from_proto(request))
+        await self._act(self._simulation.set_wind, simulation.wind_from_proto(request))
         return pb.SetWindResponse()
 
     @override
     async def PlaceOnGround(self, request: pb.PlaceOnGroundRequest, context: object) -> pb.PlaceOnGroundResponse:
-        await self._act(self._simulation.place_on_ground, convert.place_from_proto(request), request.yaw_rad)
+        await self._act(self._simulation.place_on_ground, simulation.place_from_proto(request), request.yaw_rad)
         return pb.PlaceOnGroundResponse()
 
 

@@ -15,7 +15,7 @@ from ual.access.roles import Role
 from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
-from ual.wire import convert
+from ual.wire import convert, motions, samples, uav
 from ual_daemon import logs, validation
 from ual_daemon.extensions.base import lease_of
 from ual_daemon.flight.flight import LastCommand
@@ -61,11 +61,11 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def GetInfo(self, request: pb.GetInfoRequest, context: object) -> pb.GetInfoResponse:
-        return convert.info_to_proto(self._vehicle.info())
+        return uav.info_to_proto(self._vehicle.info())
 
     @override
     def GetTelemetry(self, request: pb.GetTelemetryRequest, context: object) -> pb.GetTelemetryResponse:
-        return pb.GetTelemetryResponse(telemetry=convert.telemetry_to_proto(self._vehicle.telemetry()))
+        return pb.GetTelemetryResponse(telemetry=samples.telemetry_to_proto(self._vehicle.telemetry()))
 
     @override
     def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `dispatch`
@@ -80,21 +80,21 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def ListFrames(self, request: pb.ListFramesRequest, context: object) -> pb.ListFramesResponse:
-        return pb.ListFramesResponse(frames=[convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
+        return pb.ListFramesResponse(frames=[uav.frame_to_proto(frame) for frame in self._vehicle.frames()])
 
     @override
     def GetGeofence(self, request: pb.GetGeofenceRequest, context: object) -> pb.GetGeofenceResponse:
-        return pb.GetGeofenceResponse(geofence=convert.geofence_to_proto(self._vehicle.geofence()))
+        return pb.GetGeofenceResponse(geofence=uav.geofence_to_proto(self._vehicle.geofence()))
 
     @override
     async def GetRoute(self, request: pb.GetRouteRequest, context: object) -> pb.GetRouteResponse:
         # The outline of a path with thousands of waypoints takes a while: nothing that flies or serves waits for it.
         route = await ended(self._routing.begin("route", self._vehicle.route))
-        return pb.GetRouteResponse(route=None if route is None else convert.route_to_proto(route))
+        return pb.GetRouteResponse(route=None if route is None else uav.route_to_proto(route))
 
     @override
     def AddFrame(self, request: pb.AddFrameRequest, context: object) -> pb.AddFrameResponse:
-        self._vehicle.frame_editor.add(convert.new_frame_from_proto(request))
+        self._vehicle.frame_editor.add(motions.new_frame_from_proto(request))
         return pb.AddFrameResponse()
 
     @override
@@ -145,23 +145,23 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         response = self._begun(await ended(planned), request, lease_id, pb.FollowPathResponse)
         return await response if isinstance(response, Awaitable) else response
 
-    def _prepare(self, request: convert.TaskRequestMessage, lease_id: str, since: LastCommand) -> Prepared[VehicleTask]:
-        return self._vehicle.commands.prepare(convert.task_request_from_proto(request), lease_id, since)
+    def _prepare(self, request: motions.TaskRequestMessage, lease_id: str, since: LastCommand) -> Prepared[VehicleTask]:
+        return self._vehicle.commands.prepare(motions.task_request_from_proto(request), lease_id, since)
 
-    def _task(self, request: convert.TaskRequestMessage, lease_id: str, make: Callable[..., R]) -> _Maybe[R]:
-        prepared = self._vehicle.commands.prepare(convert.task_request_from_proto(request), lease_id)
+    def _task(self, request: motions.TaskRequestMessage, lease_id: str, make: Callable[..., R]) -> _Maybe[R]:
+        prepared = self._vehicle.commands.prepare(motions.task_request_from_proto(request), lease_id)
         return self._begun(prepared, request, lease_id, make)
 
     def _begun(
         self,
         prepared: Prepared[VehicleTask],
-        request: convert.TaskRequestMessage,
+        request: motions.TaskRequestMessage,
         lease_id: str,
         make: Callable[..., R],
     ) -> _Maybe[R]:
         """The response with the plan of a dry run, or with the task that begins now."""
         if request.dry_run:
-            return make(plan=convert.plan_to_proto(prepared.plan))
+            return make(plan=uav.plan_to_proto(prepared.plan))
         return self._outcome(prepared.begin(), lease_id, make, request.non_blocking)
 
     async def _outcome(self, task: VehicleTask, lease_id: str, make: Callable[..., R], non_blocking: bool) -> R:
@@ -178,21 +178,21 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
                     _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=is_cancelled
                 )
                 raise
-        return make(task=convert.task_to_proto(task.info()))
+        return make(task=uav.task_info_to_proto(task.info()))
 
     @override
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
-        pose, lease_id = convert.pose_from_proto(request), lease_of(context)
+        pose, lease_id = motions.pose_setpoint_from_proto(request), lease_of(context)
         if request.dry_run:
-            return pb.SetPoseResponse(plan=convert.plan_to_proto(self._vehicle.commands.plan(pose, lease_id)))
+            return pb.SetPoseResponse(plan=uav.plan_to_proto(self._vehicle.commands.plan(pose, lease_id)))
         self._vehicle.commands.setpoints.set_pose(pose, lease_id)
         return pb.SetPoseResponse()
 
     @override
     def SetVelocity(self, request: pb.SetVelocityRequest, context: object) -> pb.SetVelocityResponse:
-        velocity, lease_id = convert.velocity_from_proto(request), lease_of(context)
+        velocity, lease_id = motions.velocity_setpoint_from_proto(request), lease_of(context)
         if request.dry_run:
-            return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._vehicle.commands.plan(velocity, lease_id)))
+            return pb.SetVelocityResponse(plan=uav.plan_to_proto(self._vehicle.commands.plan(velocity, lease_id)))
         self._vehicle.commands.setpoints.set_velocity(velocity, lease_id)
         return pb.SetVelocityResponse()
 
@@ -203,7 +203,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         accepted_count = 0
         setpoints, lease_id = self._vehicle.commands.setpoints, lease_of(context)
         while (request := (yield)) is not None:
-            setpoint = convert.setpoint_from_proto(request)
+            setpoint = motions.setpoint_from_proto(request)
             if isinstance(setpoint, TwistStamped):
                 setpoints.set_velocity(setpoint, lease_id)
             else:
@@ -213,7 +213,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def SetExternalPose(self, request: pb.SetExternalPoseRequest, context: object) -> pb.SetExternalPoseResponse:
-        dropped = self._vehicle.external_poses.set(convert.external_pose_from_proto(request))
+        dropped = self._vehicle.external_poses.set(motions.external_pose_from_proto(request))
         return pb.SetExternalPoseResponse(dropped=dropped)
 
     @override
@@ -222,7 +222,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     ) -> Generator[None, pb.StreamExternalPosesRequest | None, pb.StreamExternalPosesResponse]:
         accepted_count = dropped_count = 0
         while (request := (yield)) is not None:
-            if self._vehicle.external_poses.offer(convert.external_pose_from_proto(request)):
+            if self._vehicle.external_poses.offer(motions.external_pose_from_proto(request)):
                 dropped_count += 1
             else:
                 accepted_count += 1
@@ -234,7 +234,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     ) -> _Maybe[pb.RecoverFromManualResponse]:
         prepared = self._vehicle.commands.recover_from_manual(lease_of(context), force=request.force)
         if request.dry_run:
-            return pb.RecoverFromManualResponse(plan=convert.plan_to_proto(prepared.plan))
+            return pb.RecoverFromManualResponse(plan=uav.plan_to_proto(prepared.plan))
         return _after(prepared.begin(), pb.RecoverFromManualResponse())
 
     @override
@@ -266,7 +266,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         lease_id = self._vehicle.acquire_lease(holder, who.name, take=request.take, lease_id=lease_of(context))
         return pb.AcquireLeaseResponse(
             lease_id=lease_id,
-            lease=convert.lease_to_proto(self._vehicle.lease()),
+            lease=self._lease(),
             expires_after_s=EXPIRES_AFTER_S,
         )
 
@@ -282,11 +282,15 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def GetLease(self, request: pb.GetLeaseRequest, context: object) -> pb.GetLeaseResponse:
-        return pb.GetLeaseResponse(lease=convert.lease_to_proto(self._vehicle.lease()))
+        return pb.GetLeaseResponse(lease=self._lease())
+
+    def _lease(self) -> pb.Lease | None:
+        lease = self._vehicle.lease()
+        return None if lease is None else uav.lease_info_to_proto(lease)
 
     @override
     def GetTask(self, request: pb.GetTaskRequest, context: object) -> pb.GetTaskResponse:
-        return pb.GetTaskResponse(task=convert.task_to_proto(self._vehicle.task(request.task_id).info()))
+        return pb.GetTaskResponse(task=uav.task_info_to_proto(self._vehicle.task(request.task_id).info()))
 
     @override
     async def WatchTask(self, request: pb.WatchTaskRequest, context: object) -> AsyncIterator[pb.WatchTaskResponse]:
@@ -294,9 +298,9 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         task = self._vehicle.task(request.task_id)
         done = completion(task.future)
         while not done.done():
-            yield pb.WatchTaskResponse(task=convert.task_to_proto(task.info()))
+            yield pb.WatchTaskResponse(task=uav.task_info_to_proto(task.info()))
             await asyncio.wait((done,), timeout=period_s)
-        yield pb.WatchTaskResponse(task=convert.task_to_proto(task.info()))
+        yield pb.WatchTaskResponse(task=uav.task_info_to_proto(task.info()))
 
 
 async def _after(future: Future[None], response: R) -> R:

@@ -57,7 +57,7 @@ from ual.types import (
 )
 from ual.v1 import simulation_pb2 as sim_pb
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert
+from ual.wire import convert, motions, samples, simulation, uav
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -186,13 +186,13 @@ def built(make: Callable[[], Message], field: str, value: object = None) -> Mess
 
 @member("GetInfo")
 def info() -> Call[Info]:
-    return of("GetInfo", pb.GetInfoRequest(), convert.info_from_proto)
+    return of("GetInfo", pb.GetInfoRequest(), uav.info_from_proto)
 
 
 @member("GetTelemetry")
 def telemetry() -> Call[Telemetry]:
     def read(response: pb.GetTelemetryResponse) -> Telemetry:
-        return convert.telemetry_from_proto(response.telemetry)
+        return samples.telemetry_from_proto(response.telemetry)
 
     return of("GetTelemetry", pb.GetTelemetryRequest(), read)
 
@@ -213,7 +213,7 @@ def transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
 @member("ListFrames")
 def frames() -> Call[list[Frame]]:
     def read(response: pb.ListFramesResponse) -> list[Frame]:
-        return [convert.frame_from_proto(each) for each in response.frames]
+        return [uav.frame_from_proto(each) for each in response.frames]
 
     return of("ListFrames", pb.ListFramesRequest(), read)
 
@@ -221,7 +221,7 @@ def frames() -> Call[list[Frame]]:
 @member("GetGeofence")
 def geofence() -> Call[Geofence]:
     def read(response: pb.GetGeofenceResponse) -> Geofence:
-        return convert.geofence_from_proto(response.geofence)
+        return uav.geofence_from_proto(response.geofence)
 
     return of("GetGeofence", pb.GetGeofenceRequest(), read)
 
@@ -229,7 +229,7 @@ def geofence() -> Call[Geofence]:
 @member("GetRoute")
 def route() -> Call[Route | None]:
     def read(response: pb.GetRouteResponse) -> Route | None:
-        return convert.route_from_proto(response.route) if response.HasField("route") else None
+        return uav.route_from_proto(response.route) if response.HasField("route") else None
 
     return of("GetRoute", pb.GetRouteRequest(), read)
 
@@ -304,7 +304,10 @@ def release_lease(lease_id: str) -> Call[None]:
 
 @member("GetLease")
 def lease_info() -> Call[LeaseInfo | None]:
-    return of("GetLease", pb.GetLeaseRequest(), convert.lease_from_proto)
+    def read(response: pb.GetLeaseResponse) -> LeaseInfo | None:
+        return uav.lease_info_from_proto(response.lease) if response.HasField("lease") else None
+
+    return of("GetLease", pb.GetLeaseRequest(), read)
 
 
 def get_task(task_id: str) -> Call[TaskInfo]:
@@ -331,13 +334,13 @@ def begin_task(request: TaskRequest, blocking: bool = True) -> Call[TaskInfo]:
     """The call that begins a task, and waits for its end where it is blocking."""
     method, field = _TASK_METHODS[type(request)]
     is_waited_for = flag(blocking, "blocking")
-    message = built(lambda: convert.task_request_to_proto(request, non_blocking=not is_waited_for), field, request)
+    message = built(lambda: motions.task_request_to_proto(request, non_blocking=not is_waited_for), field, request)
     call = of(method, message, _read_task)
     return call if is_waited_for else replace(call, quick_s=QUICK_S, at_timeout=_GOES_ON)
 
 
 def _read_task(response: Any) -> TaskInfo:  # noqa: ANN401 (each task's response has a type of its own)
-    return convert.task_from_proto(response.task)
+    return uav.task_info_from_proto(response.task)
 
 
 def has_ended(task: TaskInfo) -> bool:
@@ -368,7 +371,7 @@ def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response h
         raise NotSupportedError(
             "the daemon is too old for dry runs, and has taken this for the command itself; abort stops the UAV"
         )
-    return convert.plan_from_proto(response.plan)
+    return uav.plan_from_proto(response.plan)
 
 
 # Setpoints
@@ -389,7 +392,7 @@ def setpoint(reference: Setpoint, field: str) -> pb.StreamSetpointsRequest:
     try:
         if isinstance(reference.frame_id, bytes):  # protobuf would take them; the only part that each setpoint checks
             raise TypeError("bytes")
-        return convert.setpoint_to_proto(reference)
+        return motions.setpoint_to_proto(reference)
     except _UNFIT as error:
         raise wrong_part(reference, field, error) from None
 
@@ -412,7 +415,7 @@ def set_external_pose(
     try:
         if isinstance(measured.pose.frame_id, bytes):
             raise TypeError("bytes")
-        return convert.external_pose_to_proto(measured)
+        return motions.external_pose_to_proto(measured)
     except _UNFIT as error:
         raise wrong_part(measured, "external_pose", error) from None
 
@@ -428,7 +431,7 @@ def single_external_pose(element: pb.StreamExternalPosesRequest) -> Call[None]:
 
 @member("ListParts")
 def parts() -> Call[frozenset[SimulationPart]]:
-    return of("ListParts", sim_pb.ListPartsRequest(), convert.parts_from_proto)
+    return of("ListParts", sim_pb.ListPartsRequest(), simulation.parts_from_proto)
 
 
 @member("PilotArm")
@@ -463,7 +466,7 @@ def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
         return response.fault_id
 
     request = built(
-        lambda: sim_pb.BeginFaultRequest(fault=convert.fault_to_proto(fault), duration_s=duration_s), "fault"
+        lambda: sim_pb.BeginFaultRequest(fault=simulation.fault_to_proto(fault), duration_s=duration_s), "fault"
     )
     return of("BeginFault", request, read)
 
@@ -476,7 +479,7 @@ def end_fault(fault_id: str) -> Call[None]:
 @member("ListFaults")
 def faults() -> Call[dict[str, Fault]]:
     def read(response: sim_pb.ListFaultsResponse) -> dict[str, Fault]:
-        return convert.faults_from_proto(response.faults)
+        return simulation.faults_from_proto(response.faults)
 
     return of("ListFaults", sim_pb.ListFaultsRequest(), read)
 

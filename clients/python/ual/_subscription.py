@@ -24,7 +24,7 @@ from ual.shared import views
 from ual.shared.callbacks import Callbacks, Listener
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert
+from ual.wire import samples
 
 _log = logging.getLogger(__name__)
 
@@ -281,7 +281,7 @@ class _Feed:
                 stream.close()
             self._responses = stream.read()
         response = next(self._responses, None)
-        return None if response is None else convert.telemetry_from_proto(response.telemetry, response.missed_count)
+        return None if response is None else samples.telemetry_from_proto(response.telemetry, response.missed_count)
 
     def _hand_out(self, sample: Telemetry) -> tuple[Subscription, ...]:
         with self._lock:

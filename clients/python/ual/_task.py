@@ -13,7 +13,7 @@ from ual._connection import Connection
 from ual.errors import InvalidArgumentError, UalTimeoutError, WrongStateError
 from ual.shared.time_limit import time_limit
 from ual.types import TaskInfo, TaskKind
-from ual.wire import convert
+from ual.wire import uav
 
 WAIT_RATE_HZ = 1.0
 """Waiting needs only the last message, which the daemon sends at once when the task ends."""
@@ -99,7 +99,7 @@ class Task(KnownTask[Connection], interface.Task):
         call = self._connection.watch_task(self.id, rate_hz, timeout_s)
         try:
             for response in call:
-                yield convert.task_from_proto(response.task)
+                yield uav.task_info_from_proto(response.task)
         except grpc.RpcError as error:
             if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
                 raise not_ended(self.kind, timeout_s) from error

@@ -44,7 +44,7 @@ from ual.types import (
 )
 from ual.v1 import simulation_pb2 as sim_pb
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert
+from ual.wire import convert, motions, samples, simulation, uav
 
 M = TypeVar("M", bound=Message)
 
@@ -79,7 +79,7 @@ def test_durations_keep_their_microseconds(duration_s: float) -> None:
 @given(values.pose_goals)
 def test_poses_come_back_as_they_were(pose: PoseStamped) -> None:
     assert convert.pose_stamped_from_proto(wire(convert.pose_stamped_to_proto(pose))) == pose
-    assert convert.setpoint_from_proto(wire(convert.setpoint_to_proto(pose))) == pose
+    assert motions.setpoint_from_proto(wire(motions.setpoint_to_proto(pose))) == pose
 
 
 @pytest.mark.parametrize("yaw_rad", [None, 0.0, -1.5])
@@ -87,19 +87,19 @@ def test_poses_come_back_as_they_were(pose: PoseStamped) -> None:
 def test_geographic_waypoints_come_back_as_they_were(reference: AltitudeReference, yaw_rad: float | None) -> None:
     waypoints = [GeoWaypoint(37.4, -6.0, 12.5, reference, yaw_rad), GeoWaypoint(0.0, 0.0, 0.0)]
     request = FollowPathRequest(waypoints)
-    assert convert.task_request_from_proto(wire(convert.task_request_to_proto(request))) == request
+    assert motions.task_request_from_proto(wire(motions.task_request_to_proto(request))) == request
 
 
 @given(values.velocities)
 def test_velocities_come_back_as_they_were(velocity: TwistStamped) -> None:
-    assert convert.setpoint_from_proto(wire(convert.setpoint_to_proto(velocity))) == velocity
+    assert motions.setpoint_from_proto(wire(motions.setpoint_to_proto(velocity))) == velocity
 
 
 def test_the_origin_and_standing_still_are_values_not_absence() -> None:
     pose = PoseStamped(Pose.at(0.0, 0.0, 0.0))
     assert convert.pose_stamped_from_proto(wire(convert.pose_stamped_to_proto(pose))) == pose
-    assert convert.setpoint_from_proto(wire(convert.setpoint_to_proto(TwistStamped()))) == TwistStamped()
-    assert convert.wind_from_proto(wire(sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(Vector3()))))
+    assert motions.setpoint_from_proto(wire(motions.setpoint_to_proto(TwistStamped()))) == TwistStamped()
+    assert simulation.wind_from_proto(wire(sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(Vector3()))))
 
 
 @given(values.transforms)
@@ -112,9 +112,9 @@ def test_transforms_come_back_as_they_were(transform: Transform) -> None:
 
 @given(values.telemetries)
 def test_telemetry_comes_back_as_it_was(telemetry: Telemetry) -> None:
-    first = wire(convert.telemetry_to_proto(telemetry))
-    back = convert.telemetry_from_proto(first, telemetry.missed_count)
-    assert wire(convert.telemetry_to_proto(back)) == first
+    first = wire(samples.telemetry_to_proto(telemetry))
+    back = samples.telemetry_from_proto(first, telemetry.missed_count)
+    assert wire(samples.telemetry_to_proto(back)) == first
     for field in (
         "state",
         "pose",
@@ -136,10 +136,10 @@ def test_telemetry_comes_back_as_it_was(telemetry: Telemetry) -> None:
 
 def test_a_received_sample_is_as_any_other() -> None:
     made = Telemetry(State.FLYING_AUTO, pose=Pose.at(1.0, 2.0, 3.0), frame_id="uav_1/odom", armed=True)
-    message = wire(convert.telemetry_to_proto(made))
+    message = wire(samples.telemetry_to_proto(made))
 
     def received() -> Telemetry:
-        return convert.telemetry_from_proto(message)
+        return samples.telemetry_from_proto(message)
 
     assert received().pose is not None
     first = received()
@@ -158,7 +158,7 @@ def test_a_received_sample_is_as_any_other() -> None:
 
 @given(values.task_infos, values.ual_errors)
 def test_tasks_come_back_with_their_errors(task: TaskInfo, error: UalError) -> None:
-    back = convert.task_from_proto(wire(convert.task_to_proto(task)))
+    back = uav.task_info_from_proto(wire(uav.task_info_to_proto(task)))
     assert back.elapsed_s == pytest.approx(task.elapsed_s, rel=0.0, abs=1e-6)
     assert (back.id, back.kind, back.status) == (task.id, task.kind, task.status)
     assert (back.progress, back.distance_left_m) == (task.progress, task.distance_left_m)
@@ -169,12 +169,12 @@ def test_tasks_come_back_with_their_errors(task: TaskInfo, error: UalError) -> N
 def test_a_failed_task_carries_its_error() -> None:
     error = UalError("it fell", {"state": "LANDED_ARMED"})
     task = TaskInfo("1", TaskKind.LAND, TaskStatus.FAILED, error=error)
-    assert values.error_equal(convert.task_from_proto(wire(convert.task_to_proto(task))).error, error)
+    assert values.error_equal(uav.task_info_from_proto(wire(uav.task_info_to_proto(task))).error, error)
 
 
 @given(values.frames)
 def test_frames_come_back_as_they_were(frame: Frame) -> None:
-    back = convert.frame_from_proto(wire(convert.frame_to_proto(frame)))
+    back = uav.frame_from_proto(wire(uav.frame_to_proto(frame)))
     assert (back.frame_id, back.parent_frame_id, back.is_static) == (
         frame.frame_id,
         frame.parent_frame_id,
@@ -185,56 +185,56 @@ def test_frames_come_back_as_they_were(frame: Frame) -> None:
 
 @given(values.infos)
 def test_info_comes_back_as_it_was(info: Info) -> None:
-    assert convert.info_from_proto(wire(convert.info_to_proto(info))) == info
+    assert uav.info_from_proto(wire(uav.info_to_proto(info))) == info
 
 
 @given(values.faults)
 def test_faults_come_back_as_they_were(fault: Fault) -> None:
-    assert convert.fault_from_proto(wire(convert.fault_to_proto(fault))) == fault
-    assert convert.faults_from_proto(wire(convert.faults_to_proto({"f1": fault})).faults) == {"f1": fault}
+    assert simulation.fault_from_proto(wire(simulation.fault_to_proto(fault))) == fault
+    assert simulation.faults_from_proto(wire(simulation.faults_to_proto({"f1": fault})).faults) == {"f1": fault}
 
 
 def test_capabilities_of_a_newer_daemon_are_left_out() -> None:
     message = pb.GetInfoResponse(capabilities=[pb.CAPABILITY_ARM, pb.Capability.ValueType(99)])
-    assert convert.info_from_proto(message).capabilities == {Capability.ARM}
+    assert uav.info_from_proto(message).capabilities == {Capability.ARM}
 
 
 def test_a_better_fix_than_any_known_is_the_best_known() -> None:
     message = pb.Telemetry(state=pb.STATE_LANDING, gps=pb.GpsInfo(fix=pb.GpsFix.ValueType(42)))
-    gps = convert.telemetry_from_proto(message).gps
+    gps = samples.telemetry_from_proto(message).gps
     assert gps is not None
     assert gps.fix is GpsFix.RTK_FIXED
 
 
 def test_an_orientation_that_is_not_set_keeps_the_heading() -> None:
     request = pb.SetPoseRequest(pose=pb.PoseStamped(pose=pb.Pose(position=pb.Vector3(x=1.0))))
-    assert convert.pose_from_proto(request).pose == Pose.at(1.0, 0.0, 0.0)
-    assert convert.pose_from_proto(request).pose.orientation == KEEP_HEADING
+    assert motions.pose_setpoint_from_proto(request).pose == Pose.at(1.0, 0.0, 0.0)
+    assert motions.pose_setpoint_from_proto(request).pose.orientation == KEEP_HEADING
 
 
 def test_parts_of_a_twist_that_are_not_set_are_zero() -> None:
     request = pb.SetVelocityRequest(velocity=pb.TwistStamped(twist=pb.Twist(angular=pb.Vector3(z=1.0))))
-    assert convert.velocity_from_proto(request).twist == Twist(angular=Vector3(0.0, 0.0, 1.0))
+    assert motions.velocity_setpoint_from_proto(request).twist == Twist(angular=Vector3(0.0, 0.0, 1.0))
     empty = pb.SetVelocityRequest(velocity=pb.TwistStamped(twist=pb.Twist()))
-    assert convert.velocity_from_proto(empty).twist == Twist()
+    assert motions.velocity_setpoint_from_proto(empty).twist == Twist()
 
 
 def test_a_frame_without_rotation_is_not_rotated() -> None:
     request = pb.AddFrameRequest(transform=pb.Transform(child_frame_id="pad", translation=pb.Vector3(x=1.0)))
-    assert convert.new_frame_from_proto(request) == Transform(Vector3(1.0), IDENTITY, "", "pad")
+    assert motions.new_frame_from_proto(request) == Transform(Vector3(1.0), IDENTITY, "", "pad")
 
 
 def test_no_altitude_reference_is_home() -> None:
-    unset = convert.task_request_from_proto(pb.GoToWaypointGeoRequest())
+    unset = motions.task_request_from_proto(pb.GoToWaypointGeoRequest())
     assert unset == GoToWaypointGeoRequest(GeoWaypoint(0.0, 0.0, 0.0, AltitudeReference.HOME))
     for reference in AltitudeReference:
         request = GoToWaypointGeoRequest(GeoWaypoint(1.0, 2.0, 3.0, reference), max_speed_m_s=4.0)
-        assert convert.task_request_from_proto(convert.task_request_to_proto(request)) == request
+        assert motions.task_request_from_proto(motions.task_request_to_proto(request)) == request
 
 
 @given(values.plans)
 def test_plans_come_back_as_they_were(plan: Plan) -> None:
-    back = convert.plan_from_proto(wire(convert.plan_to_proto(plan)))
+    back = uav.plan_from_proto(wire(uav.plan_to_proto(plan)))
     assert back.length_m == plan.length_m
     assert (back.duration_s is None) == (plan.duration_s is None)
     assert back.duration_s == pytest.approx(plan.duration_s, abs=1e-6)
@@ -244,24 +244,24 @@ def test_plans_come_back_as_they_were(plan: Plan) -> None:
 def test_points_of_interest_come_back_as_they_were(place: Vector3, frame_id: str) -> None:
     point = PointStamped(place, frame_id)
     request = FollowPathRequest([PoseStamped(Pose())], point_of_interest=point)
-    assert convert.task_request_from_proto(wire(convert.task_request_to_proto(request))) == request
+    assert motions.task_request_from_proto(wire(motions.task_request_to_proto(request))) == request
 
 
 @pytest.mark.parametrize("request_", [ReturnToLaunchRequest(), ReturnToLaunchRequest(0.0), ReturnToLaunchRequest(12.5)])
 def test_returns_home_come_back_as_they_were(request_: ReturnToLaunchRequest) -> None:
-    assert convert.task_request_from_proto(wire(convert.task_request_to_proto(request_))) == request_
+    assert motions.task_request_from_proto(wire(motions.task_request_to_proto(request_))) == request_
 
 
 def test_holds_come_back_as_they_were() -> None:
     request = FollowPathRequest([PoseStamped(Pose())] * 2, holds_s=(0.0, 2.5))
-    assert convert.task_request_from_proto(wire(convert.task_request_to_proto(request))) == request
+    assert motions.task_request_from_proto(wire(motions.task_request_to_proto(request))) == request
 
 
 def test_no_path_heading_is_that_of_the_waypoints() -> None:
-    assert convert.task_request_from_proto(pb.FollowPathRequest()) == FollowPathRequest([])
+    assert motions.task_request_from_proto(pb.FollowPathRequest()) == FollowPathRequest([])
     for heading in PathHeading:
         request = FollowPathRequest([PoseStamped(Pose())], heading=heading)
-        assert convert.task_request_from_proto(convert.task_request_to_proto(request)) == request
+        assert motions.task_request_from_proto(motions.task_request_to_proto(request)) == request
 
 
 pose_without_position = pb.PoseStamped(pose=pb.Pose(orientation=pb.Quaternion(w=1.0)))
@@ -271,59 +271,62 @@ pose_without_pose = pb.PoseStamped(header=pb.Header(frame_id="map"))
 @pytest.mark.parametrize(
     ("read", "field"),
     [
-        (lambda: convert.task_request_from_proto(pb.GoToWaypointRequest()), "waypoint"),
-        (lambda: convert.task_request_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_pose)), "waypoint.pose"),
+        (lambda: motions.task_request_from_proto(pb.GoToWaypointRequest()), "waypoint"),
+        (lambda: motions.task_request_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_pose)), "waypoint.pose"),
         (
-            lambda: convert.task_request_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_position)),
+            lambda: motions.task_request_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_position)),
             "waypoint.pose.position",
         ),
         (
-            lambda: convert.task_request_from_proto(
+            lambda: motions.task_request_from_proto(
                 pb.FollowPathRequest(
                     waypoints=[convert.pose_stamped_to_proto(PoseStamped(Pose())), pose_without_position]
                 )
             ),
             "waypoints[1].pose.position",
         ),
-        (lambda: convert.pose_from_proto(pb.SetPoseRequest()), "pose"),
-        (lambda: convert.pose_from_proto(pb.SetPoseRequest(pose=pose_without_pose)), "pose.pose"),
-        (lambda: convert.velocity_from_proto(pb.SetVelocityRequest()), "velocity"),
-        (lambda: convert.velocity_from_proto(pb.SetVelocityRequest(velocity=pb.TwistStamped())), "velocity.twist"),
-        (lambda: convert.setpoint_from_proto(pb.StreamSetpointsRequest()), "setpoint"),
+        (lambda: motions.pose_setpoint_from_proto(pb.SetPoseRequest()), "pose"),
+        (lambda: motions.pose_setpoint_from_proto(pb.SetPoseRequest(pose=pose_without_pose)), "pose.pose"),
+        (lambda: motions.velocity_setpoint_from_proto(pb.SetVelocityRequest()), "velocity"),
         (
-            lambda: convert.setpoint_from_proto(pb.StreamSetpointsRequest(velocity=pb.TwistStamped())),
+            lambda: motions.velocity_setpoint_from_proto(pb.SetVelocityRequest(velocity=pb.TwistStamped())),
             "velocity.twist",
         ),
-        (lambda: convert.setpoint_from_proto(pb.StreamSetpointsRequest(pose=pb.PoseStamped())), "pose.pose"),
-        (lambda: convert.new_frame_from_proto(pb.AddFrameRequest()), "transform"),
+        (lambda: motions.setpoint_from_proto(pb.StreamSetpointsRequest()), "setpoint"),
         (
-            lambda: convert.task_request_from_proto(pb.FollowPathRequest(point_of_interest=pb.PointStamped())),
+            lambda: motions.setpoint_from_proto(pb.StreamSetpointsRequest(velocity=pb.TwistStamped())),
+            "velocity.twist",
+        ),
+        (lambda: motions.setpoint_from_proto(pb.StreamSetpointsRequest(pose=pb.PoseStamped())), "pose.pose"),
+        (lambda: motions.new_frame_from_proto(pb.AddFrameRequest()), "transform"),
+        (
+            lambda: motions.task_request_from_proto(pb.FollowPathRequest(point_of_interest=pb.PointStamped())),
             "point_of_interest.point",
         ),
         (
-            lambda: convert.task_request_from_proto(pb.FollowPathRequest(heading=pb.PathHeading.ValueType(9))),
+            lambda: motions.task_request_from_proto(pb.FollowPathRequest(heading=pb.PathHeading.ValueType(9))),
             "heading",
         ),
-        (lambda: convert.wind_from_proto(sim_pb.SetWindRequest()), "velocity_m_s"),
-        (lambda: convert.fault_from_proto(sim_pb.Fault()), "fault.kind"),
+        (lambda: simulation.wind_from_proto(sim_pb.SetWindRequest()), "velocity_m_s"),
+        (lambda: simulation.fault_from_proto(sim_pb.Fault()), "fault.kind"),
         (
-            lambda: convert.fault_from_proto(sim_pb.Fault(estimator_jumps=sim_pb.EstimatorJumps(period_s=1.0))),
+            lambda: simulation.fault_from_proto(sim_pb.Fault(estimator_jumps=sim_pb.EstimatorJumps(period_s=1.0))),
             "fault.estimator_jumps.offset",
         ),
         (
-            lambda: convert.task_request_from_proto(
+            lambda: motions.task_request_from_proto(
                 pb.GoToWaypointGeoRequest(altitude_reference=pb.AltitudeReference.ValueType(7))
             ),
             "altitude_reference",
         ),
         (
-            lambda: convert.fault_from_proto(
+            lambda: simulation.fault_from_proto(
                 sim_pb.Fault(ack_lost=sim_pb.AckLost(command=sim_pb.Command.ValueType(77)))
             ),
             "fault.ack_lost.command",
         ),
-        (lambda: convert.telemetry_from_proto(pb.Telemetry()), "state"),
-        (lambda: convert.task_from_proto(pb.Task(kind=pb.TASK_KIND_LAND)), "task.status"),
+        (lambda: samples.telemetry_from_proto(pb.Telemetry()), "state"),
+        (lambda: uav.task_info_from_proto(pb.Task(kind=pb.TASK_KIND_LAND)), "task.status"),
     ],
 )
 def test_what_is_missing_or_unknown_is_named(read: object, field: str) -> None:

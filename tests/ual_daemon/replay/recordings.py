@@ -12,7 +12,7 @@ from ual.recording.file import File
 from ual.recording.recorder import Clock, Entry
 from ual.recording.telemetry import TelemetryTopics
 from ual.types import Telemetry
-from ual.wire import convert
+from ual.wire import samples
 from ual_daemon.backends.values import Packet
 from ual_daemon.program.recording.packets import PacketTopics
 
@@ -48,4 +48,4 @@ def light_flight(**light: Any) -> list[Telemetry]:
         uav.end(uav.prepare.take_off(2.0).begin().future)
         uav.end(uav.prepare.go_to_waypoint(at(1.0, 2.0, 2.0)).begin().future)
         uav.end(uav.prepare.land().begin().future)
-        return [convert.telemetry_from_proto(convert.telemetry_to_proto(sample)) for sample in uav.samples]
+        return [samples.telemetry_from_proto(samples.telemetry_to_proto(sample)) for sample in uav.samples]

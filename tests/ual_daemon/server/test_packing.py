@@ -15,7 +15,7 @@ from tests.ual import values
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, Odometry, State, Telemetry
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert
+from ual.wire import samples
 from ual_daemon.server.packing import TelemetryPacker
 
 HERE = Pose(Vector3(1.0, 0.0, -0.0), Quaternion(0.0, 0.0, 0.6, 0.8))
@@ -30,7 +30,7 @@ SHARED = st.builds(
 
 
 def expected(sample: Telemetry) -> pb.StreamTelemetryResponse:
-    return pb.StreamTelemetryResponse(telemetry=convert.telemetry_to_proto(sample))
+    return pb.StreamTelemetryResponse(telemetry=samples.telemetry_to_proto(sample))
 
 
 @given(st.lists(values.telemetries | SHARED, min_size=1, max_size=3))
@@ -55,13 +55,13 @@ def test_what_changes_rarely_is_packed_anew_when_it_changes() -> None:
         sample,
     )
     for each in changed:
-        assert pb.Telemetry.FromString(packer.pack(each)) == convert.telemetry_to_proto(each)
+        assert pb.Telemetry.FromString(packer.pack(each)) == samples.telemetry_to_proto(each)
 
 
 @pytest.mark.parametrize("stamp_s", [0.0, -1.25, 1e-6, 0.9999995, 1_700_000_000.123456, 4_102_444_799.999999])
 def test_stamps_are_packed_as_protobuf_packs_them(stamp_s: float) -> None:
     sample = Telemetry(State.LANDED_ARMED, stamp_s=stamp_s, frame_id="uav_1/odom")
-    assert pb.Telemetry.FromString(TelemetryPacker().pack(sample)) == convert.telemetry_to_proto(sample)
+    assert pb.Telemetry.FromString(TelemetryPacker().pack(sample)) == samples.telemetry_to_proto(sample)
 
 
 @given(SHARED)

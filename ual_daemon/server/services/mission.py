@@ -9,8 +9,8 @@ from typing_extensions import override
 
 from ual.v1 import mission_pb2 as pb
 from ual.v1 import mission_pb2_grpc
-from ual.wire import convert, requests
 from ual.wire import mission as wire
+from ual.wire import requests, uav
 from ual_daemon.extensions.base import lease_of
 from ual_daemon.server.services.waiting import answer, answers
 from ual_daemon.services.mission import VehicleMission
@@ -61,7 +61,7 @@ class MissionServicer(mission_pb2_grpc.MissionServiceServicer):
             self._of_vehicle.start(**requests.start_mission_arguments(request), lease_id=lease_of(context)),
             "StartMission",
         )
-        return pb.StartMissionResponse(task=convert.task_to_proto(result))
+        return pb.StartMissionResponse(task=uav.task_info_to_proto(result))
 
     @override
     async def PauseMission(self, request: pb.PauseMissionRequest, context: object) -> pb.PauseMissionResponse:

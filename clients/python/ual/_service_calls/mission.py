@@ -10,8 +10,8 @@ from ual.missions.items import Item
 from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
 from ual.types import TaskInfo
 from ual.v1 import mission_pb2 as pb
-from ual.wire import convert, requests
 from ual.wire import mission as wire
+from ual.wire import requests, uav
 
 
 def plan(items: Sequence[Item]) -> Call[MissionPlan]:
@@ -50,7 +50,7 @@ def start(first_item: int, on_link_loss: LinkLossAction | None) -> Call[TaskInfo
             "first_item",
             first_item,
         ),
-        lambda response: convert.task_from_proto(response.task),
+        lambda response: uav.task_info_from_proto(response.task),
     )
 
 

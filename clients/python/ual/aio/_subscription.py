@@ -15,7 +15,7 @@ from ual.errors import UalError
 from ual.shared import views
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert
+from ual.wire import samples
 
 _log = logging.getLogger(__name__)
 
@@ -59,7 +59,7 @@ class Subscription:
             await self._changed.wait()
         response, self._newest = self._newest, None
         missed_count, self._missed_count = self._missed_count, 0
-        return convert.telemetry_from_proto(response.telemetry, missed_count)
+        return samples.telemetry_from_proto(response.telemetry, missed_count)
 
     @property
     def interruption(self) -> UalError | None:

@@ -14,7 +14,7 @@ from ual.errors import InvalidArgumentError, WrongStateError
 from ual.shared.time_limit import time_limit
 from ual.types import TaskInfo
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert
+from ual.wire import uav
 
 
 class Task(KnownTask[Connection]):
@@ -80,7 +80,7 @@ class Task(KnownTask[Connection]):
             call = route.stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self._connection.target.metadata)
             try:
                 async for response in call:
-                    yield convert.task_from_proto(response.task)
+                    yield uav.task_info_from_proto(response.task)
             except grpc.aio.AioRpcError as error:
                 if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
                     raise not_ended(self.kind, timeout_s) from error

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import fields
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from typing_extensions import Self
+from typing_extensions import Self, override
 
 from ual.geometry import Quaternion
 from ual.shared.real32 import LARGEST_REAL32, real32_text
 
+_UNTOLD: tuple[object, ...] = (None, "", ())
 _EARTH_M = 6_371_000.0
 _WHOLE_LIMITS = {
     "UINT8": (0, 2**8 - 1),
@@ -20,6 +23,41 @@ _WHOLE_LIMITS = {
     "UINT32": (0, 2**32 - 1),
     "INT32": (-(2**31), 2**31 - 1),
 }
+
+
+class TelemetryBase:
+    """A sample, whose fields may be made when they are first read. Any thread may be the first."""
+
+    __slots__ = ("_make",)
+
+    @classmethod
+    def late(cls, make: Callable[[str], object], **known: object) -> Self:
+        """A value with these fields; each other one is made by its name."""
+        new = object.__new__(cls)
+        object.__setattr__(new, "_make", make)
+        for name, value in known.items():
+            object.__setattr__(new, name, value)
+        return new
+
+    if not TYPE_CHECKING:  # to a type checker, any name would be a field
+
+        def __getattr__(self, name: str) -> object:
+            """Python asks here for what is not there."""
+            if name not in self.__dataclass_fields__:
+                text = f"{type(self).__name__!r} object has no attribute {name!r}"
+                raise AttributeError(text, name=name, obj=self)  # with both, Python says "Did you mean"
+            value = self._make(name)
+            object.__setattr__(self, name, value)
+            return value
+
+    @override
+    def __repr__(self) -> str:
+        """What is known, a line for each field."""
+        value: Any = self  # its fields are those of the value
+        lines = (
+            f"  {each.name}={part!r}," for each in fields(value) if (part := getattr(self, each.name)) not in _UNTOLD
+        )
+        return "\n".join(("Telemetry(", *lines, ")"))
 
 
 class CameraIntrinsicsBase:

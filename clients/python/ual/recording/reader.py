@@ -13,7 +13,7 @@ from ual.errors import InvalidArgumentError
 from ual.recording import requirements
 from ual.types import Frame, Telemetry
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert
+from ual.wire import samples, uav
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Schema
@@ -52,11 +52,11 @@ class Message(NamedTuple):
 
     def telemetry(self) -> Telemetry:
         """Returns the sample of a message of the topic ``telemetry``."""
-        return convert.telemetry_from_proto(pb.Telemetry.FromString(self.data))
+        return samples.telemetry_from_proto(pb.Telemetry.FromString(self.data))
 
     def frames(self) -> list[Frame]:
         """Returns the frames of a message of the topic ``frames``."""
-        return [convert.frame_from_proto(frame) for frame in pb.ListFramesResponse.FromString(self.data).frames]
+        return [uav.frame_from_proto(frame) for frame in pb.ListFramesResponse.FromString(self.data).frames]
 
 
 @dataclass(slots=True)

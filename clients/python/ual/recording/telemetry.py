@@ -16,7 +16,7 @@ from ual.recording.recorder import Entry, Output
 from ual.recording.topics import Schema, json_schema, of_json, of_protobuf
 from ual.types import Frame, GeoPoint, State, Telemetry
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert
+from ual.wire import samples, uav
 
 STATE_SCHEMA: Schema = json_schema(
     "UalStateChange",
@@ -50,7 +50,7 @@ class TelemetryTopics:
         """Writes a sample of the telemetry, and the state if it has changed."""
         sample: Telemetry = entry.value
         log_ns, stamp_ns = entry.log_ns, round(sample.stamp_s * 1e9) or entry.log_ns
-        message = convert.telemetry_to_proto(sample)
+        message = samples.telemetry_to_proto(sample)
         output.write(self._telemetry, message.SerializeToString(), log_ns, stamp_ns, sample.sequence)
         if sample.state is not self._state:
             self._write_state(output, entry)
@@ -71,7 +71,7 @@ class TelemetryTopics:
     def write_frames(self, output: Output, entry: Entry) -> None:
         """Writes frames, as they are told and as viewers draw them: those of `FrameChanges.due`."""
         frames: Sequence[Frame] = entry.value
-        told = pb.ListFramesResponse(frames=[convert.frame_to_proto(frame) for frame in frames])
+        told = pb.ListFramesResponse(frames=[uav.frame_to_proto(frame) for frame in frames])
         output.write(self._frames, told.SerializeToString(), entry.log_ns, entry.log_ns)
         stamp = stamp_of(entry.log_ns)
         transforms = [
@@ -84,7 +84,7 @@ class TelemetryTopics:
 
     def write_info(self, output: Output, entry: Entry) -> None:
         """Writes who the UAV is, and what it can do."""
-        message = convert.info_to_proto(entry.value)
+        message = uav.info_to_proto(entry.value)
         output.write(self._info_topic, message.SerializeToString(), entry.log_ns, entry.log_ns)
 
     def _write_state(self, output: Output, entry: Entry) -> None:

@@ -1,1 +1,1 @@
-"""The contract, generated from ``proto/ual/v1`` by ``make proto``. `ual.wire.convert` reads and writes its messages."""
+"""The contract, generated from ``proto/ual/v1`` by ``make proto``. `ual.wire` reads and writes its messages."""

@@ -103,7 +103,7 @@ class _StateEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumType
     """A landing is under way."""
 
 class State(_State, metaclass=_StateEnumTypeWrapper):
-    """What the UAV does, asked of the autopilot's data at each update in the order below; the first that holds is it."""
+    """What the UAV does, asked of the autopilot's data at each update in this order; the first that holds is it."""
 
 STATE_UNSPECIFIED: State.ValueType  # 0
 STATE_UNINITIALIZED: State.ValueType  # 1
@@ -168,7 +168,7 @@ class _PathHeadingEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._En
     """At the point of interest."""
 
 class PathHeading(_PathHeading, metaclass=_PathHeadingEnumTypeWrapper):
-    """Where the nose points on a path. It turns within the UAV's limits, and the motion waits for a turn where it must."""
+    """Where the nose points on a path. It turns within the UAV's limits, and the motion waits where it must."""
 
 PATH_HEADING_UNSPECIFIED: PathHeading.ValueType  # 0
 """Taken as WAYPOINTS."""
@@ -702,7 +702,8 @@ class Health(google.protobuf.message.Message):
     @property
     def failing_checks(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[builtins.str]:
         """What fails of its checks and sensors, human-readable; empty where nothing does, or where it does not say. What begins
-        with "daemon: " fails in the daemon itself, such as its audit.
+        with "daemon: " fails in the daemon itself, such as its audit. Texts of the autopilot that are critical or worse begin
+        with "autopilot: ", for 30 s, and what is wrong with the position with "position: ".
         """
 
     def __init__(
@@ -729,8 +730,9 @@ class Telemetry(google.protobuf.message.Message):
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
-    HEADER_FIELD_NUMBER: builtins.int
     STATE_FIELD_NUMBER: builtins.int
+    STATE_REASON_FIELD_NUMBER: builtins.int
+    HEADER_FIELD_NUMBER: builtins.int
     POSE_FIELD_NUMBER: builtins.int
     VELOCITY_FIELD_NUMBER: builtins.int
     ODOMETRY_FIELD_NUMBER: builtins.int
@@ -741,19 +743,18 @@ class Telemetry(google.protobuf.message.Message):
     GPS_FIELD_NUMBER: builtins.int
     FLIGHT_MODE_FIELD_NUMBER: builtins.int
     ARMED_FIELD_NUMBER: builtins.int
-    STATE_REASON_FIELD_NUMBER: builtins.int
     TASK_FIELD_NUMBER: builtins.int
     SEQUENCE_FIELD_NUMBER: builtins.int
     STATUS_TEXT_FIELD_NUMBER: builtins.int
     FRAME_LOST_FIELD_NUMBER: builtins.int
-    BATTERIES_FIELD_NUMBER: builtins.int
     HEALTH_FIELD_NUMBER: builtins.int
+    BATTERIES_FIELD_NUMBER: builtins.int
     state: Global___State.ValueType
+    state_reason: builtins.str
+    """Why the state is UNINITIALIZED; else what the state follows from. For people."""
     flight_mode: builtins.str
     """The autopilot's own name of its mode, human-readable."""
     armed: builtins.bool
-    state_reason: builtins.str
-    """Why the state is UNINITIALIZED; else what the state follows from. For people."""
     sequence: builtins.int
     """Counts the samples of this daemon from its start."""
     status_text: builtins.str
@@ -764,9 +765,7 @@ class Telemetry(google.protobuf.message.Message):
     """
     @property
     def header(self) -> Global___Header:
-        """Time of the pose, and the frame of pose, velocity and reference_pose (`<ns>/odom`, or the configured
-        `pose_frame_id`).
-        """
+        """Time of the pose, UTC. Frame of pose, velocity and reference_pose (`<ns>/odom`, or the configured `pose_frame_id`)."""
 
     @property
     def pose(self) -> Global___Pose: ...
@@ -797,16 +796,17 @@ class Telemetry(google.protobuf.message.Message):
         """The running task."""
 
     @property
+    def health(self) -> Global___Health: ...
+    @property
     def batteries(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___Battery]:
         """All batteries in the order of their ids, where the autopilot tells of each; `battery` is one of them."""
 
-    @property
-    def health(self) -> Global___Health: ...
     def __init__(
         self,
         *,
-        header: Global___Header | None = ...,
         state: Global___State.ValueType = ...,
+        state_reason: builtins.str = ...,
+        header: Global___Header | None = ...,
         pose: Global___Pose | None = ...,
         velocity: Global___Twist | None = ...,
         odometry: Global___Odometry | None = ...,
@@ -817,13 +817,12 @@ class Telemetry(google.protobuf.message.Message):
         gps: Global___GpsInfo | None = ...,
         flight_mode: builtins.str = ...,
         armed: builtins.bool = ...,
-        state_reason: builtins.str = ...,
         task: Global___Task | None = ...,
         sequence: builtins.int = ...,
         status_text: builtins.str = ...,
         frame_lost: builtins.str = ...,
-        batteries: collections.abc.Iterable[Global___Battery] | None = ...,
         health: Global___Health | None = ...,
+        batteries: collections.abc.Iterable[Global___Battery] | None = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["battery", b"battery", "gps", b"gps", "header", b"header", "health", b"health", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> builtins.bool: ...
     def ClearField(self, field_name: typing.Literal["armed", b"armed", "batteries", b"batteries", "battery", b"battery", "flight_mode", b"flight_mode", "frame_lost", b"frame_lost", "gps", b"gps", "header", b"header", "health", b"health", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "sequence", b"sequence", "state", b"state", "state_reason", b"state_reason", "status_text", b"status_text", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> None: ...
@@ -993,7 +992,7 @@ Global___Frame: typing_extensions.TypeAlias = Frame
 
 @typing.final
 class Limits(google.protobuf.message.Message):
-    """The limits that the tracker and the velocity references keep."""
+    """The limits that the tracker and the velocity references keep. The defaults are those of a small multirotor."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -1033,7 +1032,9 @@ class Circle(google.protobuf.message.Message):
     RADIUS_M_FIELD_NUMBER: builtins.int
     radius_m: builtins.float
     @property
-    def center(self) -> Global___Vector3: ...
+    def center(self) -> Global___Vector3:
+        """Its z says nothing."""
+
     def __init__(
         self,
         *,
@@ -1139,6 +1140,8 @@ Global___GetInfoRequest: typing_extensions.TypeAlias = GetInfoRequest
 
 @typing.final
 class GetInfoResponse(google.protobuf.message.Message):
+    """Who a UAV is and what it can do."""
+
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     NAMESPACE_FIELD_NUMBER: builtins.int
@@ -2309,7 +2312,9 @@ class Lease(google.protobuf.message.Message):
     identity: builtins.str
     """Whose certificate or token it showed; `local` for a program on the daemon's computer without either."""
     @property
-    def since(self) -> google.protobuf.timestamp_pb2.Timestamp: ...
+    def since(self) -> google.protobuf.timestamp_pb2.Timestamp:
+        """UTC."""
+
     def __init__(
         self,
         *,

@@ -17,7 +17,7 @@ from ual.contract.camera import (
     VideoStream,
 )
 from ual.v1 import camera_pb2 as pb
-from ual.wire import convert
+from ual.wire import convert, uav
 from ual.wire.enums import member_of, number_of
 
 _CAMERA_ABILITY: Mapping[int, CameraAbility] = {each.value: each for each in CameraAbility}
@@ -99,7 +99,7 @@ def photo_to_proto(value: Photo) -> pb.Photo:
         is_stored=value.is_stored,
         body=None if value.body is None else convert.pose_stamped_to_proto(value.body),
         camera=None if value.camera is None else convert.pose_stamped_to_proto(value.camera),
-        position_geo=None if value.position_geo is None else convert.geo_point_to_proto(value.position_geo),
+        position_geo=None if value.position_geo is None else uav.geo_point_to_proto(value.position_geo),
         file_url=value.file_url,
     )
 
@@ -112,7 +112,7 @@ def photo_from_proto(message: pb.Photo) -> Photo:
         message.is_stored,
         convert.pose_stamped_from_proto(message.body, "body") if message.HasField("body") else None,
         convert.pose_stamped_from_proto(message.camera, "camera") if message.HasField("camera") else None,
-        convert.geo_point_from_proto(message.position_geo) if message.HasField("position_geo") else None,
+        uav.geo_point_from_proto(message.position_geo) if message.HasField("position_geo") else None,
         message.file_url,
     )
 

@@ -11,7 +11,7 @@ from ual.geometry import PoseStamped
 from ual.v1 import camera_pb2 as pb
 from ual.v1 import ual_pb2
 from ual.wire import camera as wire
-from ual.wire import convert
+from ual.wire import convert, uav
 
 CHUNK_BYTES = 64 << 10
 """Bytes of a picture in one message: other traffic of the connection waits for no more than one of them."""
@@ -27,7 +27,7 @@ def image_to_protos(image: Image) -> Iterator[pb.GetImageResponse]:
         intrinsics=None if image.intrinsics is None else wire.camera_intrinsics_to_proto(image.intrinsics),
         body=_pose_to_proto(image.body),
         camera=_pose_to_proto(image.camera),
-        position_geo=None if image.position_geo is None else convert.geo_point_to_proto(image.position_geo),
+        position_geo=None if image.position_geo is None else uav.geo_point_to_proto(image.position_geo),
         size_bytes=len(image.data),
         kind=wire.image_kind_to_proto(image.kind, "kind"),
     )
@@ -63,7 +63,7 @@ def image_from_protos(messages: Sequence[pb.GetImageResponse], wanted: ImageKind
         wire.camera_intrinsics_from_proto(info.intrinsics) if info.HasField("intrinsics") else None,
         _pose(info, "body"),
         _pose(info, "camera"),
-        convert.geo_point_from_proto(info.position_geo) if info.HasField("position_geo") else None,
+        uav.geo_point_from_proto(info.position_geo) if info.HasField("position_geo") else None,
         wanted,
     )
 

@@ -13,7 +13,7 @@ from ual.shared.text import printable
 from ual.types import Telemetry
 from ual.v1 import network_pb2 as pb
 from ual.v1 import ual_pb2
-from ual.wire import convert
+from ual.wire import convert, samples
 
 _NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 _ADDRESS = re.compile(r"unix:\S{1,200}|(?:\[[0-9A-Fa-f:.]{2,45}\]|[A-Za-z0-9._-]{1,255}):[0-9]{1,5}")
@@ -81,7 +81,7 @@ def _write_uav(uav: UavReport, message: pb.NetworkUav) -> None:
     message.has_tls = uav.has_tls
     message.needed_role = uav.needed_role
     message.is_watch_only = uav.is_watch_only
-    convert.write_telemetry(uav.telemetry, message.telemetry)
+    samples.write_telemetry(uav.telemetry, message.telemetry)
 
 
 def _read_teller(message: pb.NetworkReport) -> Teller:
@@ -106,7 +106,7 @@ def _read_uav(message: pb.NetworkUav) -> UavReport:
     _make_printable(message.telemetry)
     return UavReport(
         message.namespace,
-        convert.telemetry_from_proto(message.telemetry),
+        samples.telemetry_from_proto(message.telemetry),
         printable(message.backend),
         addresses,
         message.has_tls,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from pathlib import Path
+from typing import Any
 
 import grpc
 import grpc.aio
@@ -20,9 +21,10 @@ from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.transport.selection import Choice
 
 PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "security.md"
+DESCRIPTORS: tuple[Any, ...] = (*FILES, health_pb2.DESCRIPTOR, reflection_pb2.DESCRIPTOR)
 METHODS = {
     f"/{service.full_name}/{name}": method
-    for file in (*FILES, health_pb2.DESCRIPTOR, reflection_pb2.DESCRIPTOR)
+    for file in DESCRIPTORS
     for service in file.services_by_name.values()
     for name, method in service.methods_by_name.items()
 }
