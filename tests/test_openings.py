@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.openings import FOLDERS, ROOT, files, of_module
+from tests.openings import FOLDERS, files, of_module
+from tests.sentences import ROOT
 
 pytestmark = pytest.mark.xdist_group("sentences")  # all files are read once
 
