@@ -14,6 +14,7 @@ DOCS = ROOT / "docs"
 MOST_WORDS_IN_A_CELL = 25
 MOST_WORDS_IN_A_SENTENCE = 25
 MOST_WORDS_IN_A_PAGE = 1500
+MOST_WORDS_IN_A_HOW_TO = 600
 DERIVED = {DOCS / "reference" / f"{name}.md" for name in ("command-line", "settings", "telemetry")}
 """Their words are those of the programs and the contract."""
 PAGES = [path for path in sorted(DOCS.rglob("*.md")) if DOCS / "evidence" not in path.parents]
@@ -53,6 +54,11 @@ def test_cells_and_sentences_are_short(path: Path) -> None:
 def test_a_page_is_short_unless_it_is_looked_up(path: Path) -> None:
     if DOCS / "reference" not in path.parents:
         assert words_count(path.read_text(encoding="utf-8")) <= MOST_WORDS_IN_A_PAGE
+
+
+@pytest.mark.parametrize("path", sorted((DOCS / "how-to").glob("*.md")), ids=name_of)
+def test_a_how_to_is_one_short_task(path: Path) -> None:
+    assert words_count(path.read_text(encoding="utf-8")) <= MOST_WORDS_IN_A_HOW_TO
 
 
 WORD = "word "
