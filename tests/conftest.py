@@ -50,7 +50,7 @@ pytest.MonkeyPatch().setattr(providers, "is_local_module_file", lambda _: False)
 
 
 _GARBAGE_COUNT = 50_000
-"""How many objects are made between two looks for garbage; Python looks after 700."""
+"""Objects made between two looks for garbage; Python looks after 700."""
 
 
 def pytest_collection() -> None:

@@ -18,6 +18,6 @@ def _files() -> tuple[FileDescriptor, ...]:
 
 
 FILES: Final[tuple[FileDescriptor, ...]] = _files()
-"""That of the UAV first, as the others use it."""
+"""Files of the contract; the UAV's first, as the others use it."""
 SERVICES: Final = tuple(each.full_name for file in FILES for each in file.services_by_name.values())
 """The full names of the services."""

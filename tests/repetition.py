@@ -94,7 +94,7 @@ CROSSED = (
     "tests/ual_daemon/flight/test_following_recorded.py",
     _MAVLINK,
 )
-"""Where several series of values cross, in flights and property tests: `make test` has each value of each series beside
+"""Flights and property tests in which several series of values cross: `make test` has each value of each series beside
 the first values of the others, and one seed of noise. A value that is special is special there, too.
 """
 

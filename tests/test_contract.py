@@ -70,7 +70,7 @@ def test_a_method_that_needs_the_lease_must_take_it(contract: FileDescriptorSet)
 
 
 def test_a_new_field_of_telemetry_needs_its_line_only(contract: FileDescriptorSet) -> None:
-    """What changes rarely is written, and all is read, by what is derived."""
+    """Derived code writes the fields that change rarely, and reads all fields."""
     copy = FileDescriptorSet()
     copy.CopyFrom(contract)
     [file] = [each for each in copy.file if each.name == "ual/v1/ual.proto"]

@@ -123,7 +123,7 @@ def _is_near_a_fence(record: Record, place: Place) -> bool:
 
 
 def _led_aside_m(record: Record, call: Called) -> float:
-    """How far to the left the position was that was held before: the velocity begins with that reference."""
+    """Returns how far to the left, in m, the position lay that was held before: the velocity begins with it."""
     ways = [sent.way for sent in record.sent if call.began_s - _PAUSED_S <= sent.time_s <= call.began_s and sent.way]
     return _aside_m(call, (0.0, 0.0, 0.0), ways[-1]) if ways else 0.0
 

@@ -94,7 +94,7 @@ def _late(value: MessageValue) -> str:
 
 {shouted(kind)}_READERS: Mapping[str, Callable[[{message}], object]] = {{
 {readers}}}
-"""How each field is read."""
+"""Reader of each field."""
 
 
 def rare_of_{value.codec}(value: {kind}) -> tuple[object, ...]:

@@ -116,7 +116,7 @@ class Place:
         return new
 
     def _may_not_follow(self, c: Vector3, v: Vector3, error: Vector3) -> bool:
-        """Whether something may carry or stop the UAV: seldom, and then the directions are looked for."""
+        """Returns whether something may carry or stop the UAV: seldom, and then the directions are looked for."""
         fx, fy, fz, u = v.x - error.x, v.y - error.y, v.z - error.z, self._expected.velocity
         if math.hypot(fx - u.x, fy - u.y, fz - u.z) > _CARRIED_M_S:
             return True

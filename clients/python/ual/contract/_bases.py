@@ -52,7 +52,7 @@ class TelemetryBase:
 
     @override
     def __repr__(self) -> str:
-        """What is known, a line for each field."""
+        """Returns the known values, a line for each field."""
         value: Any = self  # its fields are those of the value
         lines = (
             f"  {each.name}={part!r}," for each in fields(value) if (part := getattr(self, each.name)) not in _UNTOLD

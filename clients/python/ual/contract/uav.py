@@ -15,7 +15,7 @@ from ual.geometry import Pose, Transform, Twist, Vector3
 
 
 class State(Enum):
-    """What the UAV does, asked of the autopilot's data at each update in this order; the first that holds is it."""
+    """State of the UAV, estimated from the autopilot's data at each update: the first of these that holds."""
 
     UNINITIALIZED = 1
     """Nothing can be done: no fresh data, no pose, or the estimator has not converged.
@@ -37,7 +37,7 @@ class State(Enum):
 
 
 class AltitudeReference(Enum):
-    """What an altitude is measured from."""
+    """Reference of an altitude."""
 
     HOME = 1
     """Above the autopilot's home position."""
@@ -48,7 +48,7 @@ class AltitudeReference(Enum):
 
 
 class PathHeading(Enum):
-    """Where the nose points on a path. It turns within the UAV's limits, and the motion waits where it must."""
+    """Heading of the nose on a path. It turns within the UAV's limits, and the motion waits where it must."""
 
     WAYPOINTS = 1
     """Turns on the way to each waypoint's orientation."""
@@ -61,7 +61,7 @@ class PathHeading(Enum):
 
 
 class TaskKind(Enum):
-    """Which manoeuvre a task is."""
+    """Kind of manoeuvre of a task."""
 
     TAKE_OFF = 1
     LAND = 2
@@ -74,7 +74,7 @@ class TaskKind(Enum):
 
 
 class TaskStatus(Enum):
-    """How a task stands."""
+    """Status of a task."""
 
     RUNNING = 1
     SUCCEEDED = 2
@@ -165,7 +165,7 @@ class GpsInfo:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """What the autopilot says of itself before and beside the flight.
+    """Health of the autopilot by its own report, before and during the flight.
 
     Args:
         is_ready_to_arm: Whether its own checks would let it be armed; None where it does not say.
@@ -215,7 +215,7 @@ class TaskInfo:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a motion would be, from where the UAV is (or is told to be) now.
+    """Motion that a request would make, from where the UAV is (or is told to be) now.
 
     What cannot be told is None: of a landing, which the autopilot flies by itself, and of a reference. That of
     ReturnToLaunch ends where its landing begins.
@@ -312,7 +312,7 @@ class GeoWaypoint:
 
 @dataclass(frozen=True, slots=True)
 class LeaseInfo:
-    """Who is the only one that flies a UAV.
+    """Only caller that may fly a UAV.
 
     Args:
         holder: The program, as it calls itself.
@@ -375,7 +375,7 @@ class Telemetry(TelemetryBase):
 
 @dataclass(frozen=True, slots=True)
 class Geofence:
-    """Where the UAV may fly: inside all of the following at once. What is None does not limit it.
+    """Bounds of flight: the UAV stays inside all of the following at once. What is None does not limit it.
 
     Args:
         frame_id: The frame of all others, `map`.
@@ -396,7 +396,7 @@ class Geofence:
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """Who a UAV is and what it can do.
+    """Identity of a UAV, and what it can do.
 
     Args:
         backend: Name of the backend: "light", "mavlink", ...

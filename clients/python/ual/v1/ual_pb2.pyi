@@ -103,7 +103,7 @@ class _StateEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumType
     """A landing is under way."""
 
 class State(_State, metaclass=_StateEnumTypeWrapper):
-    """What the UAV does, asked of the autopilot's data at each update in this order; the first that holds is it."""
+    """State of the UAV, estimated from the autopilot's data at each update: the first of these that holds."""
 
 STATE_UNSPECIFIED: State.ValueType  # 0
 STATE_UNINITIALIZED: State.ValueType  # 1
@@ -138,7 +138,7 @@ class _AltitudeReferenceEnumTypeWrapper(google.protobuf.internal.enum_type_wrapp
     """Above the WGS 84 ellipsoid (what GNSS receivers measure)."""
 
 class AltitudeReference(_AltitudeReference, metaclass=_AltitudeReferenceEnumTypeWrapper):
-    """What an altitude is measured from."""
+    """Reference of an altitude."""
 
 ALTITUDE_REFERENCE_UNSPECIFIED: AltitudeReference.ValueType  # 0
 """Taken as HOME."""
@@ -168,7 +168,7 @@ class _PathHeadingEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._En
     """At the point of interest."""
 
 class PathHeading(_PathHeading, metaclass=_PathHeadingEnumTypeWrapper):
-    """Where the nose points on a path. It turns within the UAV's limits, and the motion waits where it must."""
+    """Heading of the nose on a path. It turns within the UAV's limits, and the motion waits where it must."""
 
 PATH_HEADING_UNSPECIFIED: PathHeading.ValueType  # 0
 """Taken as WAYPOINTS."""
@@ -199,7 +199,7 @@ class _TaskKindEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumT
     """Of MissionService."""
 
 class TaskKind(_TaskKind, metaclass=_TaskKindEnumTypeWrapper):
-    """Which manoeuvre a task is."""
+    """Kind of manoeuvre of a task."""
 
 TASK_KIND_UNSPECIFIED: TaskKind.ValueType  # 0
 TASK_KIND_TAKE_OFF: TaskKind.ValueType  # 1
@@ -228,7 +228,7 @@ class _TaskStatusEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._Enu
     """It could not be done (timeout, refused by the autopilot, link lost); `error` says why."""
 
 class TaskStatus(_TaskStatus, metaclass=_TaskStatusEnumTypeWrapper):
-    """How a task stands."""
+    """Status of a task."""
 
 TASK_STATUS_UNSPECIFIED: TaskStatus.ValueType  # 0
 TASK_STATUS_RUNNING: TaskStatus.ValueType  # 1
@@ -678,7 +678,7 @@ Global___GpsInfo: typing_extensions.TypeAlias = GpsInfo
 
 @typing.final
 class Health(google.protobuf.message.Message):
-    """What the autopilot says of itself before and beside the flight."""
+    """Health of the autopilot by its own report, before and during the flight."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -932,7 +932,7 @@ Global___Task: typing_extensions.TypeAlias = Task
 
 @typing.final
 class Plan(google.protobuf.message.Message):
-    """What a motion would be, from where the UAV is (or is told to be) now. What cannot be told is not set: of a landing,
+    """Motion that a request would make, from where the UAV is (or is told to be) now. What cannot be told is not set: of a landing,
     which the autopilot flies by itself, and of a reference. That of ReturnToLaunch ends where its landing begins.
     """
 
@@ -1048,7 +1048,7 @@ Global___Circle: typing_extensions.TypeAlias = Circle
 
 @typing.final
 class Geofence(google.protobuf.message.Message):
-    """Where the UAV may fly: inside all of the following at once. What is not set does not limit it."""
+    """Bounds of flight: the UAV stays inside all of the following at once. What is not set does not limit it."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -1140,7 +1140,7 @@ Global___GetInfoRequest: typing_extensions.TypeAlias = GetInfoRequest
 
 @typing.final
 class GetInfoResponse(google.protobuf.message.Message):
-    """Who a UAV is and what it can do."""
+    """Identity of a UAV, and what it can do."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -1754,7 +1754,7 @@ class FollowPathRequest(google.protobuf.message.Message):
 
     @property
     def point_of_interest(self) -> Global___PointStamped:
-        """Where the nose points, with PATH_HEADING_POINT_OF_INTEREST, and with that only."""
+        """Point at which the nose points, with PATH_HEADING_POINT_OF_INTEREST, and with that only."""
 
     @property
     def geo_waypoints(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___GeoWaypoint]:
@@ -2300,7 +2300,7 @@ Global___WatchTaskResponse: typing_extensions.TypeAlias = WatchTaskResponse
 
 @typing.final
 class Lease(google.protobuf.message.Message):
-    """Who is the only one that flies a UAV."""
+    """Only caller that may fly a UAV."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 

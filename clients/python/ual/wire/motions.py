@@ -46,7 +46,7 @@ TaskRequestMessage: TypeAlias = (
 
 
 def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -> TaskRequestMessage:
-    """What begins a task, as the message of its method."""
+    """Converts the request of a task into the message of its method."""
     if isinstance(request, TakeOffRequest):
         return pb.TakeOffRequest(height_m=_given(request.height_m), non_blocking=non_blocking, force=request.force)
     if isinstance(request, LandRequest):
@@ -95,7 +95,7 @@ def _follow_path_to_proto(request: FollowPathRequest, non_blocking: bool) -> pb.
 
 
 def task_request_from_proto(message: TaskRequestMessage) -> TaskRequest:
-    """What begins a task. Raises `InvalidArgumentError` for a part that is missing or unknown."""
+    """Converts the message of a task's method. Raises `InvalidArgumentError` for a part that is missing or unknown."""
     if isinstance(message, pb.TakeOffRequest):
         return TakeOffRequest(message.height_m, message.force)
     if isinstance(message, pb.LandRequest):

@@ -64,7 +64,7 @@ def telemetry_from_proto(message: pb.Telemetry, missed_count: int = 0) -> Teleme
 
 
 def _write_odometry(odometry: Odometry, message: pb.Odometry, telemetry: Telemetry, written: pb.Telemetry) -> None:
-    """What `written` has of `telemetry` already is copied: that is faster."""
+    """Writes odometry. Values of `telemetry` that `written` has already are copied: that is faster."""
     stamp_to_proto(odometry.stamp_s, message.header.stamp)
     message.header.frame_id = odometry.frame_id
     message.child_frame_id = odometry.child_frame_id

@@ -351,7 +351,7 @@ TELEMETRY_READERS: Mapping[str, Callable[[pb.Telemetry], object]] = {
     "health": lambda message: health_from_proto(message.health) if message.HasField("health") else None,
     "batteries": lambda message: tuple(map(battery_from_proto, message.batteries)),
 }
-"""How each field is read."""
+"""Reader of each field."""
 
 
 def rare_of_telemetry(value: Telemetry) -> tuple[object, ...]:
