@@ -92,6 +92,7 @@ CROSSED = (
     "tests/ual_daemon/backends/dji/test_dji_take_off.py",
     "tests/ual_daemon/flight/policy/test_velocity_rule.py",
     "tests/ual_daemon/flight/test_following_recorded.py",
+    "tests/ual_daemon/tracker/test_tracker.py",
     _MAVLINK,
 )
 """Flights and property tests in which several series of values cross: `make test` has each value of each series beside

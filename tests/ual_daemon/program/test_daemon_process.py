@@ -16,9 +16,9 @@ import pytest
 import yaml
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
-from tests import forkserver
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ports import free_port
+from tests.ual_daemon.program.refusal import refused
 from ual import discovery
 from ual.errors import TaskAbortedError
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2_grpc
@@ -26,7 +26,8 @@ from ual.v1 import ual_pb2 as pb
 from ual.wire import rpc_errors
 
 TLS = Path(__file__).parents[2] / "data" / "tls"
-pytestmark = pytest.mark.usefixtures("started_daemons")
+started = pytest.mark.usefixtures("started_daemons")
+"""For how it starts, and how a signal ends it; what it does in between is that of one which was forked off."""
 
 
 def stub_of(daemon: DaemonProcess) -> ual_pb2_grpc.UalServiceStub[Any]:
@@ -66,6 +67,7 @@ def let_time_stand_still(daemon: DaemonProcess) -> None:
 # --- Starting ---------------------------------------------------------------------------------------------------------
 
 
+@started
 def test_two_daemons_fly_side_by_side(start_daemon: StartDaemon) -> None:
     daemons = [start_daemon(ns=ns) for ns in ("uav_1", "uav_2")]
     for daemon in daemons:
@@ -86,6 +88,7 @@ def test_a_namespace_flies_once_on_a_computer(start_daemon: StartDaemon) -> None
     assert namespace_of(first.channel()) == "uav_1"
 
 
+@started
 def test_what_a_killed_daemon_left_is_in_nobodys_way(start_daemon: StartDaemon) -> None:
     listen = f"127.0.0.1:{free_port()}"
     killed = start_daemon(listen=listen)
@@ -191,14 +194,7 @@ def refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., st
     monkeypatch.chdir(tmp_path)
 
     def run(*flags: str, **environment: str) -> str:
-        refusing = forkserver.start(
-            flags, {**os.environ, discovery.RUNTIME_DIR_VARIABLE: str(tmp_path / "ual"), **environment}
-        )
-        with refusing.stderr:
-            said = refusing.stderr.read()
-        assert refusing.wait(LIMIT_S) == 2, said
-        (line,) = said.splitlines()
-        return line
+        return refused(flags, {**os.environ, discovery.RUNTIME_DIR_VARIABLE: str(tmp_path / "ual"), **environment})
 
     return run
 
@@ -332,6 +328,7 @@ def test_a_daemon_that_only_watches_says_so_and_cannot_arm(
 # --- Ending -----------------------------------------------------------------------------------------------------------
 
 
+@started
 def test_a_shell_that_ignores_ctrl_c_does_not_make_the_daemon_deaf(start_daemon: StartDaemon) -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as of what a script starts with `&`
     try:
@@ -344,6 +341,7 @@ def test_a_shell_that_ignores_ctrl_c_does_not_make_the_daemon_deaf(start_daemon:
     assert daemon.wait_for("signal", name="SIGINT")["level"] == "info"
 
 
+@started
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_on_the_ground_a_signal_ends_it_cleanly(start_daemon: StartDaemon, number: signal.Signals) -> None:
     if number is signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
@@ -357,6 +355,7 @@ def test_on_the_ground_a_signal_ends_it_cleanly(start_daemon: StartDaemon, numbe
     daemon.wait_for("ended")
 
 
+@started
 def test_in_a_go_to_a_signal_makes_the_autopilot_hold_and_tells_the_callers(daemon: DaemonProcess) -> None:
     stub = flying(daemon)
     telemetry = stub.StreamTelemetry(pb.StreamTelemetryRequest())
@@ -412,6 +411,7 @@ def test_many_long_paths_are_refused_and_do_not_delay_the_end(daemon: DaemonProc
     assert daemon.wait() == 0
 
 
+@started
 def test_a_daemon_that_leaves_a_uav_in_motion_has_an_exit_status_of_its_own_and_says_what_it_did(
     start_daemon: StartDaemon,
 ) -> None:
@@ -432,6 +432,7 @@ def test_a_daemon_that_leaves_a_uav_in_motion_has_an_exit_status_of_its_own_and_
     assert not any(event.get("event") == "ended" for event in daemon.events)
 
 
+@started
 def test_a_second_signal_ends_it_at_once(daemon: DaemonProcess) -> None:
     """Time stands still, so that the first signal waits for the take-off until the second comes."""
     daemon.wait_for("state", new="LANDED_ARMED")

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import itertools
-import os
 import resource
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -15,7 +12,8 @@ from pathlib import Path
 import pytest
 
 import ual
-from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon, daemon_environment
+from tests.ual_daemon.program.refusal import refused
 from ual import discovery
 from ual.errors import InvalidArgumentError, LinkLostError
 from ual.geometry import Pose, PoseStamped, Vector3
@@ -283,11 +281,4 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
     ],
 )
 def test_what_a_fleet_cannot_be_is_told_in_one_line(flags: list[str], expected: str, tmp_path: Path) -> None:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
-    environment["UAL_RUNTIME_DIR"] = str(tmp_path)
-    done = subprocess.run(
-        [sys.executable, "-m", "ual_daemon", *flags], env=environment, capture_output=True, text=True, timeout=LIMIT_S
-    )
-    assert done.returncode == 2
-    assert done.stderr.startswith(expected)
-    assert done.stderr.count("\n") == 1
+    assert refused(tuple(flags), daemon_environment(tmp_path)).startswith(expected)
