@@ -93,6 +93,8 @@ CROSSED = (
     "tests/ual_daemon/flight/policy/test_velocity_rule.py",
     "tests/ual_daemon/flight/test_following_recorded.py",
     "tests/ual_daemon/tracker/test_tracker.py",
+    "tests/ual_daemon/vehicle/test_changing_world.py",
+    "tests/ual_daemon/vehicle/test_pause.py",
     _MAVLINK,
 )
 """Flights and property tests in which several series of values cross: `make test` has each value of each series beside

@@ -577,6 +577,7 @@ def test_wait_fails_where_no_daemon_comes_in_time() -> None:
 
 
 def test_each_state_has_its_reason_under_one_name(daemon: DaemonProcess) -> None:
+    wait_for_state(State.LANDED_ARMED)  # its simulated safety pilot arms at any time before
     with ual.Uav(daemon.ns) as uav:
         reason = uav.telemetry().state_reason
     for words in (("state",), ("list",), ("watch", "--once")):

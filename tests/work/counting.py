@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cProfile
+import math
 import statistics
 import sys
 import threading
@@ -35,15 +36,22 @@ class Work(NamedTuple):
 
 
 class Counter:
-    """Counts on the threads on which `note` is set as the profile function."""
+    """Counts on the threads on which `note` is set as the profile function.
 
-    def __init__(self) -> None:
+    Without `has_blocks` it counts none: Python looks through all of its memory for their number, at each call.
+    """
+
+    def __init__(self, *, has_blocks: bool = True) -> None:
         self.calls = 0
         self.blocks = 0
         self._blocks_before = sys.getallocatedblocks()
+        self._has_blocks = has_blocks
 
     def note(self, frame: FrameType, event: str, _: Any) -> None:
         """Counts an event; see `sys.setprofile`."""
+        if not self._has_blocks:
+            self.calls += event in ("call", "c_call") and frame.f_code.co_filename.startswith(_PACKAGES)
+            return
         blocks = sys.getallocatedblocks()
         if frame.f_code.co_filename.startswith(_PACKAGES):
             self.calls += event in ("call", "c_call")
@@ -52,14 +60,14 @@ class Counter:
 
     def taken(self) -> Work:
         """Returns what was counted since the last time."""
-        work = Work(self.calls, self.blocks)
+        work = Work(self.calls, self.blocks if self._has_blocks else math.inf)
         self.calls = self.blocks = 0
         return work
 
 
-def counted(act: Callable[[], object]) -> Work:
-    """Returns the work of a function on this thread."""
-    counter = Counter()
+def counted(act: Callable[[], object], *, has_blocks: bool = True) -> Work:
+    """Returns the work of a function on this thread; infinitely many blocks where they are not counted."""
+    counter = Counter(has_blocks=has_blocks)
     interval_s = sys.getswitchinterval()
     sys.setswitchinterval(_LONG_S)  # the blocks that other threads take would count, too
     sys.setprofile(counter.note)

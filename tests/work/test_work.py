@@ -20,6 +20,8 @@ from ual.types import State
 from ual_daemon import UAL
 
 COUNT = 30
+BLOCKS_EVERY = 6
+"""Blocks are counted in each sixth: the least of them counts."""
 SLOW = Vector3(0.3, 0.3, 0.0)
 _AT_NS = 1_800_000_000_000_000_000
 
@@ -43,7 +45,8 @@ def setpoints(uav: UAL) -> list[Work]:
         until(lambda last=last: backend_of(uav).snapshot().motion.pose is not last, "a position")  # type: ignore[misc]
         twist = Twist(SLOW if len(works) % 2 else -SLOW)
         try:
-            works.append(counted(lambda twist=twist: uav.set_velocity(twist)))  # type: ignore[misc]
+            has_blocks = len(works) % BLOCKS_EVERY == 0
+            works.append(counted(lambda twist=twist: uav.set_velocity(twist), has_blocks=has_blocks))  # type: ignore[misc]
         except (LinkLostError, WrongStateError):  # it was not heard, because its thread did not run
             works.clear()
             until_state(uav, State.FLYING_AUTO)
@@ -74,7 +77,7 @@ def test_a_served_setpoint_is_no_more_work(case: str, tmp_path: Path) -> None:
         works = []
         for number in range(COUNT):
             uav.step()
-            works.append(counted(ready(SLOW if number % 2 else -SLOW)))
+            works.append(counted(ready(SLOW if number % 2 else -SLOW), has_blocks=number % BLOCKS_EVERY == 0))
         return works
 
     assert_within(served(fly, tmp_path, has_all=case.endswith("everything")), limits.SERVED_SETPOINTS[case])
@@ -88,9 +91,9 @@ def test_a_served_sample_is_no_more_work(case: str, tmp_path: Path, monkeypatch:
     def fly(uav: Served) -> list[Work]:
         ready = uav.stream()
         works = []
-        for _ in range(COUNT):
+        for number in range(COUNT):
             ready(SLOW)()
-            works.append(counted(uav.step))
+            works.append(counted(uav.step, has_blocks=number % BLOCKS_EVERY == 0))
         return works
 
     works = served(fly, tmp_path, has_all=case == "everything")
