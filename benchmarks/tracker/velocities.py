@@ -23,12 +23,13 @@ from typing import NamedTuple
 from benchmarks.tracker.autopilots import ARDUPILOT, PX4, Autopilot, RealUav
 from benchmarks.tracker.truth import Truth
 from tests.backend_of import backend_of
+from tests.ual_daemon.tracker.craft import at_most
 from ual.errors import UalError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Telemetry
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocityResponses
 from ual_daemon.settings import Tracker
-from ual_daemon.tracker.place import MOST_LAG_M, ExpectedMotion, at_most
+from ual_daemon.tracker.place import MOST_LAG_M, ExpectedMotion
 
 _AUTOPILOTS = {"px4": PX4, "ardupilot": ARDUPILOT}
 _PERIOD_S = 0.05

@@ -395,12 +395,6 @@ def test_without_a_position_the_reason_says_what_the_autopilot_does_in_the_air(
     )
 
 
-@given(st.one_of(SNAPSHOTS, st.deferred(lambda: NEARLY_AUTO)), st.sampled_from(("", "; another sends")))
-def test_a_note_is_added_to_what_the_data_alone_show(given_snapshot: Snapshot, note: str) -> None:
-    found = estimate(given_snapshot, FRESHNESS)
-    assert noted(found, note) == estimate(given_snapshot, FRESHNESS, None, note)
-
-
 # --- In few steps -----------------------------------------------------------------------------------------------------
 
 
@@ -427,6 +421,12 @@ NEARLY_AUTO = st.builds(
     pose=aged(st.just(Pose())),
     conflict=often("", "two vehicles"),
 )
+
+
+@given(st.one_of(SNAPSHOTS, NEARLY_AUTO), st.sampled_from(("", "; another sends")))
+def test_a_note_is_added_to_what_the_data_alone_show(given_snapshot: Snapshot, note: str) -> None:
+    found = estimate(given_snapshot, FRESHNESS)
+    assert noted(found, note) == estimate(given_snapshot, FRESHNESS, None, note)
 
 
 @given(NEARLY_AUTO, st.permutations((1.0, 2.0, 3.0, 4.0, 5.0)) | st.just([9.0] * 5))

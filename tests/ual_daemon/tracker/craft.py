@@ -15,8 +15,14 @@ from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.values import MotionState, PositionSetpoint, Sample, Setpoint, Snapshot, VelocityResponses
 from ual_daemon.flight.stopping import motion_if_near
 from ual_daemon.tracker.drift import DriftCorrection
-from ual_daemon.tracker.place import at_most
 from ual_daemon.tracker.references import Reference, Velocity
+
+
+def at_most(vector: Vector3, length: float) -> Vector3:
+    """The vector, or one of this length in its direction."""
+    own = vector.norm()
+    return vector if own <= length else vector * (length / own)
+
 
 STEP_S = 0.02
 """The daemon steps as often."""

@@ -526,7 +526,7 @@ def grow_old(name: str, limit: str) -> Callable[[_Twin], None]:
     return act
 
 
-def learn(**values: object) -> Callable[[_Twin], None]:
+def learn(**values: Any) -> Callable[[_Twin], None]:
     def act(twin: _Twin) -> None:
         twin.backend.told = replace(twin.backend.told, **values)
 

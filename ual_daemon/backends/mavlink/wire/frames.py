@@ -157,7 +157,8 @@ class FrameReader:
         if seed is None or _crc(datagram[1:-2] + seed) != datagram[-2] | datagram[-1] << 8:
             return -1
         self._is_in_garbage = False
-        return message_id << 8 | sequence
+        found: int = message_id << 8 | sequence
+        return found
 
     def read_beginning(self, datagram: bytes) -> list[Frame]:
         """Returns the frames with which a datagram begins, without a search: for one that is likely not for us."""
