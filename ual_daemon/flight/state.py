@@ -10,6 +10,11 @@ from ual_daemon.backends.values import NEVER_S, Cause, Control, Freshness, Lande
 
 _SCHEDULING_GAP_S = 0.5
 """A backend publishes every 0.1 s at least; one that has not for this long is starved."""
+_FLYING_AUTO, _TAKING_OFF, _LANDING = State.FLYING_AUTO, State.TAKING_OFF, State.LANDING
+_IN_AIR, _ON_GROUND = LandedState.IN_AIR, LandedState.ON_GROUND
+_TAKES_OFF, _LANDS = LandedState.TAKING_OFF, LandedState.LANDING
+_REFERENCES, _TAKE_OFF, _LAND = Control.REFERENCES, Control.TAKE_OFF, Control.LAND
+"""As names of the module: Python looks up a member of an enumeration by a call, and each update would pay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,26 +49,26 @@ def estimate(
     if not known.armed.value:
         starts = known.mode.value.arming_starts
         return Estimate(State.LANDED_DISARMED, f"not armed; {starts}" if starts else "not armed")
-    if landed is LandedState.ON_GROUND:
+    if landed is _ON_GROUND:
         return Estimate(State.LANDED_ARMED, "armed, on the ground")
-    if manoeuvre is State.TAKING_OFF:
-        return Estimate(State.TAKING_OFF, "our take-off is under way")
-    if landed is LandedState.TAKING_OFF or control is Control.TAKE_OFF:
-        return Estimate(State.TAKING_OFF, f"the autopilot takes off (mode {mode})")
-    if manoeuvre is State.LANDING:
-        return Estimate(State.LANDING, "our landing is under way")
-    if landed is LandedState.LANDING or control is Control.LAND:
-        return Estimate(State.LANDING, _how_it_lands(snapshot, mission))
+    if manoeuvre is _TAKING_OFF:
+        return Estimate(_TAKING_OFF, "our take-off is under way")
+    if landed is _TAKES_OFF or control is _TAKE_OFF:
+        return Estimate(_TAKING_OFF, f"the autopilot takes off (mode {mode})")
+    if manoeuvre is _LANDING:
+        return Estimate(_LANDING, "our landing is under way")
+    if landed is _LANDS or control is _LAND:
+        return Estimate(_LANDING, _how_it_lands(snapshot, mission))
     if mission:
-        return Estimate(State.FLYING_AUTO, f"in the air, {mission} (mode {mode})")
-    if control is Control.REFERENCES:
+        return Estimate(_FLYING_AUTO, f"in the air, {mission} (mode {mode})")
+    if control is _REFERENCES:
         return _in_auto(mode, note)
     return _in_manual(mode, known.held_by)
 
 
 def noted(found: Estimate, note: str) -> Estimate:
     """Returns an estimate, with the note of one of FLYING_AUTO: what `estimate` finds where nothing is declared."""
-    return Estimate(found.state, found.why + note) if note and found.state is State.FLYING_AUTO else found
+    return Estimate(found.state, found.why + note) if note and found.state is _FLYING_AUTO else found
 
 
 def is_surely_auto(snapshot: Snapshot, now_s: float, freshness: Freshness) -> bool:
@@ -72,13 +77,13 @@ def is_surely_auto(snapshot: Snapshot, now_s: float, freshness: Freshness) -> bo
     """
     known = snapshot.control
     armed, mode, landed = known.armed, known.mode, known.landed
-    if armed is None or not armed.value or mode is None or mode.value.control is not Control.REFERENCES:
+    if armed is None or not armed.value or mode is None or mode.value.control is not _REFERENCES:
         return False
     motion, heard_s = snapshot.motion, snapshot.heard_s
     estimator, pose = motion.estimator, motion.pose
     return (  # as `_is_all_fresh`, which would be a call
         landed is not None
-        and landed.value is LandedState.IN_AIR
+        and landed.value is _IN_AIR
         and heard_s is not None
         and now_s - heard_s <= freshness.link_s
         and now_s - armed.time_s <= freshness.mode_s
@@ -103,7 +108,7 @@ def _with_doing(missing: Estimate, snapshot: Snapshot, freshness: Freshness) -> 
     is_old = now_s - min(armed.time_s, mode.time_s) > freshness.mode_s or now_s - landed.time_s > freshness.landed_s
     if is_old or snapshot.link.conflict:
         return missing
-    if landed.value is LandedState.LANDING or mode.value.control is Control.LAND:
+    if landed.value is LandedState.LANDING or mode.value.control is _LAND:
         does = f"the autopilot lands{_in_mode(snapshot)}"
     else:
         does = f"it is in the air, in mode {mode.value.text}{_because(control.held_by)}"
@@ -121,7 +126,7 @@ def _not_blaming(missing: Estimate, snapshot: Snapshot) -> Estimate:
 
 @lru_cache(maxsize=64)  # every setpoint calls it
 def _in_auto(mode: str, note: str) -> Estimate:
-    return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode}){note}")
+    return Estimate(_FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode}){note}")
 
 
 def _in_manual(mode: str, held_by: Cause | None) -> Estimate:
@@ -140,7 +145,7 @@ def _in_mode(snapshot: Snapshot) -> str:
     """Returns in which mode it lands, and why. The landed state may come ahead of its mode: that is then an old one."""
     assert snapshot.control.mode is not None
     mode = snapshot.control.mode.value
-    if mode.control is not Control.LAND and not mode.is_autonomous:
+    if mode.control is not _LAND and not mode.is_autonomous:
         return f"; its mode was still {mode.text} when it was told last"
     return f" (mode {mode.text}){_because(snapshot.control.held_by)}"
 

@@ -90,10 +90,10 @@ def scaled_down(twist: Twist, limits: Limits) -> Twist:
     """Returns the velocity within the limits: scaled down, its direction kept. The yaw rate is limited by itself."""
     v, w = twist.linear, twist.angular
     excess = max(1.0, speed_share(v, limits))
-    yaw_rate_rad_s = clamped(w.z, limits.yaw_rate_rad_s)
-    if excess == 1.0 and yaw_rate_rad_s == w.z and w.x == w.y == 0.0:
+    fastest_rad_s = limits.yaw_rate_rad_s
+    if excess == 1.0 and -fastest_rad_s <= w.z <= fastest_rad_s and w.x == w.y == 0.0:
         return twist
-    return Twist(v if excess == 1.0 else v / excess, Vector3(0.0, 0.0, yaw_rate_rad_s))
+    return Twist(v if excess == 1.0 else v / excess, Vector3(0.0, 0.0, clamped(w.z, fastest_rad_s)))
 
 
 def clamped(value: float, limit: float) -> float:

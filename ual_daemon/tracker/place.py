@@ -33,8 +33,9 @@ class ExpectedMotion:
 
     def __init__(self, position: Vector3, velocity: Vector3, acceleration: Vector3, response: VelocityResponse) -> None:
         self.position, self.velocity = position, velocity
-        self._acceleration = acceleration
-        self._heard = velocity + acceleration * response.time_s
+        a, heard = acceleration, velocity + acceleration * response.time_s
+        self._acceleration = a.x, a.y, a.z
+        self._heard = heard.x, heard.y, heard.z
         """The commanded velocity through the low pass of the delay."""
 
     def advance(self, commanded: Vector3, passed_s: float, response: VelocityResponse) -> None:
@@ -42,10 +43,10 @@ class ExpectedMotion:
         count = math.ceil(passed_s / _STEP_S)
         if not count:
             return
-        h, v, a, p, step_s = self._heard, self.velocity, self._acceleration, self.position, passed_s / count
+        v, p, step_s = self.velocity, self.position, passed_s / count
         cx, cy, cz = commanded.x, commanded.y, commanded.z
-        hx, hy, hz, vx, vy, vz = h.x, h.y, h.z, v.x, v.y, v.z
-        ax, ay, az, px, py, pz = a.x, a.y, a.z, p.x, p.y, p.z
+        (hx, hy, hz), vx, vy, vz = self._heard, v.x, v.y, v.z
+        (ax, ay, az), px, py, pz = self._acceleration, p.x, p.y, p.z
         share, risen = _share(step_s, response.delay_s), _share(step_s, response.rise_s)
         time_s, half_s = max(response.time_s, step_s), step_s * step_s / 2
         most_a, most_j = response.acceleration_m_s2, response.jerk_m_s3 * step_s
@@ -60,14 +61,17 @@ class ExpectedMotion:
             ax, ay, az = ax + jx * part, ay + jy * part, az + jz * part
             px, py, pz = px + vx * step_s + ax * half_s, py + vy * step_s + ay * half_s, pz + vz * step_s + az * half_s
             vx, vy, vz = vx + ax * step_s, vy + ay * step_s, vz + az * step_s
-        self._heard, self._acceleration = Vector3(hx, hy, hz), Vector3(ax, ay, az)
+        self._heard, self._acceleration = (hx, hy, hz), (ax, ay, az)
         self.position, self.velocity = Vector3(px, py, pz), Vector3(vx, vy, vz)
 
     def follow(self, velocity: Vector3, direction: Vector3) -> None:
         """Takes the part of a velocity along a direction as its own."""
+        heard, acceleration = Vector3(*self._heard), Vector3(*self._acceleration)
         self.velocity += direction * (velocity - self.velocity).dot(direction)
-        self._heard += direction * (velocity - self._heard).dot(direction)
-        self._acceleration -= direction * self._acceleration.dot(direction)
+        heard += direction * (velocity - heard).dot(direction)
+        acceleration -= direction * acceleration.dot(direction)
+        self._heard = heard.x, heard.y, heard.z
+        self._acceleration = acceleration.x, acceleration.y, acceleration.z
 
 
 class Seen(NamedTuple):

@@ -98,7 +98,9 @@ class Velocity(Reference):
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         # Most velocities need not be turned: each function called here delays the setpoints of a stream.
         velocity = self.velocity(snapshot) if self._in_body else self.twist.linear
-        return VelocitySetpoint(velocity + self._drift.velocity, self.twist.angular.z + self._drift.yaw_rate_rad_s)
+        more = self._drift.velocity
+        velocity = Vector3(velocity.x + more.x, velocity.y + more.y, velocity.z + more.z)
+        return VelocitySetpoint(velocity, self.twist.angular.z + self._drift.yaw_rate_rad_s)
 
     def velocity(self, snapshot: Snapshot) -> Vector3:
         """Returns the commanded velocity along the local axes."""

@@ -12,6 +12,8 @@ from ual_daemon.backends.firmwares.numbers import Sensor, SystemStatus, sensor_n
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Cause, Control, ControlState, LandedState, Mode, Sample
 
+_REFERENCES, _NOT_IN_AIR = Control.REFERENCES, (LandedState.ON_GROUND, LandedState.UNKNOWN)
+"""As names of the module: Python looks up a member of an enumeration by a call, and each update would pay."""
 BEFORE_S = 1.5
 """Seconds by which a sign may come before the mode that it explains. PX4's events come 10 to 20 ms before it, ArduPilot
 distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s late.
@@ -168,7 +170,7 @@ class CauseWatch:
         """Takes the number of the mode, and of the one that the autopilot was asked for (0: it does not say)."""
         is_unintended = bool(intended_custom_mode) and intended_custom_mode != custom_mode
         self._intention = (self._autopilot.mode(custom_mode).name, is_unintended)
-        self._is_ours_intended = self._autopilot.mode(intended_custom_mode).control is Control.REFERENCES
+        self._is_ours_intended = self._autopilot.mode(intended_custom_mode).control is _REFERENCES
         if not is_unintended:
             self._episode = None
         elif self._episode is None:
@@ -249,7 +251,7 @@ class CauseWatch:
             self._was_found, self._is_settled = True, False
             self._lasting.clear()
             return None
-        if mode.control is Control.REFERENCES:
+        if mode.control is _REFERENCES:
             return None
         if mode.name == self._autopilot.termination_mode:
             return Cause.TERMINATION
@@ -271,7 +273,7 @@ class CauseWatch:
         self._mode_name, self._since_s, self._is_settled = mode.name, now_s, False
         if mode.name == self._autopilot.hold_mode:
             self._held_s, self._held_before_s = now_s, self._held_s
-        self._was_ours, self._is_ours = self._is_ours, mode.control is Control.REFERENCES
+        self._was_ours, self._is_ours = self._is_ours, mode.control is _REFERENCES
 
     @property
     def _is_unintended(self) -> bool | None:
@@ -360,4 +362,4 @@ class CauseWatch:
 
 
 def _is_in_air(landed: Sample[LandedState] | None) -> bool:
-    return landed is not None and landed.value not in (LandedState.ON_GROUND, LandedState.UNKNOWN)
+    return landed is not None and landed.value not in _NOT_IN_AIR

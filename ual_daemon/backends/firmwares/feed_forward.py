@@ -22,9 +22,8 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, overload
+from typing import Annotated, NamedTuple, overload
 
 from msgspec import Meta
 
@@ -69,15 +68,14 @@ Drag = Annotated[float, Meta(ge=0.0, le=MOST_DRAG_1_S)]
 """The setting of a backend: the drag to begin with, 1/s."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Smooth:
+class _Smooth(NamedTuple):
     """All values through the same low pass, so that they still belong together."""
 
     time_s: float
-    velocity: Vector3
-    pull: Vector3
+    velocity: tuple[float, float, float]
+    pull: tuple[float, float]
     """The horizontal acceleration caused by the thrust, from the tilt."""
-    error: Vector3
+    error: tuple[float, float, float]
     """The estimated velocity minus the velocity of the estimated position."""
     newest: tuple[Vector3, Vector3]
     """The position and the velocity as they came."""
@@ -115,23 +113,24 @@ class FeedForward:
         )
         upright = 1.0 - 2.0 * (q.x * q.x + q.y * q.y)  # the vertical part of the body's upward axis
         if old is None or not is_continued or upright < _LEAST_UPRIGHT:
-            self._smooth = _Smooth(time_s, velocity, Vector3(), Vector3(), (pose.position, velocity))
+            self._smooth = _Smooth(
+                time_s, (velocity.x, velocity.y, velocity.z), (0.0, 0.0), (0.0, 0.0, 0.0), (pose.position, velocity)
+            )
             self.velocity_error = Vector3()
             return
         # In plain numbers, as each sample passes here.
-        share, v, p = 1.0 - math.exp(-passed_s / _SMOOTHING_S), old.velocity, old.pull
-        factor = (GRAVITY_M_S2 + (velocity.z - v.z) / _SMOOTHING_S) / upright
+        share, (vx, vy, vz), (px, py) = 1.0 - math.exp(-passed_s / _SMOOTHING_S), old.velocity, old.pull
+        factor = (GRAVITY_M_S2 + (velocity.z - vz) / _SMOOTHING_S) / upright
         pull_x, pull_y = 2.0 * (q.x * q.z + q.w * q.y) * factor, 2.0 * (q.y * q.z - q.w * q.x) * factor
-        smooth = Vector3(
-            v.x + (velocity.x - v.x) * share, v.y + (velocity.y - v.y) * share, v.z + (velocity.z - v.z) * share
-        )
-        pull = Vector3(p.x + (pull_x - p.x) * share, p.y + (pull_y - p.y) * share, 0.0)
-        error = _error(old, pose.position, velocity, passed_s, share)
-        self._smooth = _Smooth(time_s, smooth, pull, error, (pose.position, velocity))
-        kept = min(1.0, MOST_VELOCITY_ERROR_M_S / max(math.hypot(error.x, error.y, error.z), 1e-9))
-        self.velocity_error = Vector3(error.x * kept, error.y * kept, error.z * kept)
-        if math.hypot(smooth.x, smooth.y) > _LEAST_SPEED_M_S:
-            self._sums.add(smooth, pull - (velocity - smooth) / _SMOOTHING_S, passed_s)
+        vx, vy, vz = vx + (velocity.x - vx) * share, vy + (velocity.y - vy) * share, vz + (velocity.z - vz) * share
+        px, py = px + (pull_x - px) * share, py + (pull_y - py) * share
+        error = x, y, z = _error(old, pose.position, velocity, passed_s, share)
+        self._smooth = _Smooth(time_s, (vx, vy, vz), (px, py), error, (pose.position, velocity))
+        kept = min(1.0, MOST_VELOCITY_ERROR_M_S / max(math.hypot(x, y, z), 1e-9))
+        self.velocity_error = Vector3(x * kept, y * kept, z * kept)
+        if math.hypot(vx, vy) > _LEAST_SPEED_M_S:
+            smooth = Vector3(vx, vy, vz)
+            self._sums.add(smooth, Vector3(px, py, 0.0) - (velocity - smooth) / _SMOOTHING_S, passed_s)
             self.drag_1_s = max(0.0, min(MOST_DRAG_1_S, self._sums.slope()))
             self._tell()
 
@@ -202,15 +201,15 @@ def _jumps(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> bool
     return math.hypot(*off) > _JUMP_M
 
 
-def _error(old: _Smooth, p: Vector3, v: Vector3, passed_s: float, share: float) -> Vector3:
+def _error(old: _Smooth, p: Vector3, v: Vector3, passed_s: float, share: float) -> tuple[float, float, float]:
     """Returns the error of the velocity with that since the last position, in plain numbers, as each sample passes."""
     if passed_s <= 0.0:
         return old.error
-    error, (q, u) = old.error, old.newest
-    return Vector3(
-        error.x + ((u.x + v.x) / 2 - (p.x - q.x) / passed_s - error.x) * share,
-        error.y + ((u.y + v.y) / 2 - (p.y - q.y) / passed_s - error.y) * share,
-        error.z + ((u.z + v.z) / 2 - (p.z - q.z) / passed_s - error.z) * share,
+    (x, y, z), (q, u) = old.error, old.newest
+    return (
+        x + ((u.x + v.x) / 2 - (p.x - q.x) / passed_s - x) * share,
+        y + ((u.y + v.y) / 2 - (p.y - q.y) / passed_s - y) * share,
+        z + ((u.z + v.z) / 2 - (p.z - q.z) / passed_s - z) * share,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 
 from ual.geometry import Vector3
 from ual.types import GeoPoint
@@ -59,19 +60,15 @@ class LocalOrigin:
         passed_s = (boot_ms - newest[0]) / 1000.0
         if abs(passed_s) > _LONGEST_S:
             return
-        if self._distance_m(origin, point, newest[1] + newest[2] * passed_s) <= _tolerance_m(newest[1], passed_s):
+        # In plain numbers: 50 come each second.
+        _, p, v = newest
+        there = origin.to_local(point.latitude_deg, point.longitude_deg, origin.altitude_amsl_m)
+        off_m = math.hypot(there.x - p.x - v.x * passed_s, there.y - p.y - v.y * passed_s)
+        far_m = math.hypot(p.x, p.y, p.z)
+        if off_m <= TOLERANCE_M + _TOLERANCE_SHARE * far_m + _ACCELERATION_M_S2 / 2 * passed_s * passed_s:
             self._doubts_count = 0
             return
         self._doubts_count += 1
         if self._doubts_count == _DOUBTS_COUNT:
             logs.event(_log, logging.WARNING, "origin_doubted", why="its positions contradict its origin on Earth")
         self.is_wanted = self._doubts_count >= _DOUBTS_COUNT
-
-    @staticmethod
-    def _distance_m(origin: Projection, point: GeoPoint, position: Vector3) -> float:
-        there = origin.to_local(point.latitude_deg, point.longitude_deg, origin.altitude_amsl_m)
-        return Vector3(there.x - position.x, there.y - position.y, 0.0).norm()
-
-
-def _tolerance_m(position: Vector3, passed_s: float) -> float:
-    return TOLERANCE_M + _TOLERANCE_SHARE * position.norm() + _ACCELERATION_M_S2 / 2 * passed_s * passed_s

@@ -30,6 +30,9 @@ that was stuck delivers late.
 SENDING_S = 0.5
 """Seconds of our sending from which a target is judged by ours: an older one is from before."""
 _SILENT = "another program sends setpoints: {}"
+_REFERENCES = Control.REFERENCES
+_IN_AIR = LandedState.IN_AIR
+"""As names of the module: Python looks up a member of an enumeration by a call, and each update would pay."""
 
 
 class SenderWatch:
@@ -189,4 +192,4 @@ def _is_flown_by_setpoints(
 ) -> bool:
     if armed is None or mode is None or landed is None:
         return False
-    return armed.value and mode.value.control is Control.REFERENCES and landed.value is LandedState.IN_AIR
+    return armed.value and mode.value.control is _REFERENCES and landed.value is _IN_AIR

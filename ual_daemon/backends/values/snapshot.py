@@ -13,6 +13,9 @@ from ual_daemon.backends.values.modes import Cause, LandedState, Mode
 from ual_daemon.backends.values.sample import Sample
 from ual_daemon.geodesy import Projection, is_zero
 
+_ON_GROUND = LandedState.ON_GROUND
+"""As a name of the module: Python looks up a member of an enumeration by a call, and each update would pay."""
+
 
 @dataclass(frozen=True, slots=True)
 class Estimator:
@@ -51,7 +54,7 @@ class ControlState(NamedTuple):
     @property
     def is_on_ground(self) -> bool:
         """Whether it surely stands on the ground."""
-        return self.landed is not None and self.landed.value is LandedState.ON_GROUND
+        return self.landed is not None and self.landed.value is _ON_GROUND
 
     @property
     def mode_name(self) -> str:
@@ -79,7 +82,7 @@ class ControlState(NamedTuple):
         PX4 tells the arming by an event, and the mode that it was made to enter for it up to a second later.
         """
         mode, armed, landed = self.mode, self.armed, self.landed
-        is_on_ground = landed is None or landed.value is LandedState.ON_GROUND
+        is_on_ground = landed is None or landed.value is _ON_GROUND
         if mode is None or (armed is not None and is_on_ground and mode.time_s < armed.time_s):
             return ""
         return mode.value.name

@@ -9,11 +9,18 @@ from ual_daemon import logs
 from ual_daemon.backends.values import Cause, Control, LandedState, Snapshot
 
 _log = logging.getLogger(__name__)
+_UNINITIALIZED, _FLYING_AUTO, _LANDED_ARMED, _LANDED_DISARMED = (
+    State.UNINITIALIZED,
+    State.FLYING_AUTO,
+    State.LANDED_ARMED,
+    State.LANDED_DISARMED,
+)
+"""As names of the module: Python looks up a member of an enumeration by a call, and each update would pay."""
 
 LONGEST_GAP_S = 10.0
 """After a longer silence the flight may be another one. Within less no UAV lands, is armed again, and takes off."""
 _LEFT = "UAL has had the autopilot hold by itself"
-_IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
+_IN_AIR = (_FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """A tuple: each update looks, and the hash of an enumeration's member is a call."""
 _OTHERS = (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """States in which others fly where no manoeuvre of UAL is under way."""
@@ -81,7 +88,7 @@ class Authority:
         boots = snapshot.link.boots_count, snapshot.link.boots_in_frame_count
         if boots != self._boots:  # it has not landed: it boots on the ground
             self._boots, self._is_in_air = boots, False
-        self._was_blind, self._is_blind = self._is_blind, state is State.UNINITIALIZED
+        self._was_blind, self._is_blind = self._is_blind, state is _UNINITIALIZED
         self._was_in_air = self._is_in_air
         if not self._is_blind:
             self._is_in_air = state in _IN_AIR
@@ -92,25 +99,25 @@ class Authority:
 
         `is_sending` is whether a reference is sent: on the ground a descent that has touched down keeps its stream.
         """
-        if state is State.UNINITIALIZED:
+        if state is _UNINITIALIZED:
             self._observe_blind(snapshot)
             return
-        if state is not State.FLYING_AUTO:
+        if state is not _FLYING_AUTO:
             self.given_up = ""
         if snapshot.control.held_by is not None or state not in _OTHERS:
             self.holder = None
-        if state is State.LANDED_ARMED and self._was_blind and self._was_in_air:  # nobody saw who landed it
+        if state is _LANDED_ARMED and self._was_blind and self._was_in_air:  # nobody saw who landed it
             self.is_ours, self.is_ground_theirs = False, True
             self._has_flown, self.taken = False, ""  # it may have been armed anew
-        elif state is State.LANDED_DISARMED:
+        elif state is _LANDED_DISARMED:
             self.is_ours = self.is_ground_theirs = self._has_flown = False
             self.taken = ""
-        elif state is State.LANDED_ARMED:
+        elif state is _LANDED_ARMED:
             self.is_ours = self.is_ours and is_sending
         elif state in _OTHERS:
             self.is_ours, self.is_ground_theirs = False, True
             self._note_taken(snapshot, "it is not known who flies it")  # what UAL has begun may go on
-        elif state is State.FLYING_AUTO:
+        elif state is _FLYING_AUTO:
             self.is_ground_theirs = not self.is_ours
 
     def _note_taken(self, snapshot: Snapshot, unknown: str) -> None:

@@ -46,6 +46,7 @@ STRAY_S = 2.5
 """Seconds after a single heartbeat and nothing more, after which another autopilot that is heard replaces its
 sender.
 """
+_UNHEARD = (LinkState.CONNECTING, LinkState.LOST)
 _AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 _OF_ANY = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_COMMAND_ACK})
 _CALLER_SYSTEM_ID = 245
@@ -169,7 +170,7 @@ class Discovery(Selector):
         Empty while it is heard.
         """
         watch = self.watch
-        if watch.state not in (LinkState.CONNECTING, LinkState.LOST):
+        if watch.state not in _UNHEARD:
             return ""
         since_s = -math.inf if watch.heard_s is None else watch.heard_s
         heard = self.receiver.untaken.text(now_s, since_s)
@@ -262,7 +263,7 @@ class Discovery(Selector):
     def _tell_silence(self, now_s: float) -> None:
         """Logs once each what is heard instead of the autopilot."""
         watch, told = self.watch, self._told
-        if watch.state not in (LinkState.CONNECTING, LinkState.LOST) or len(told) >= _MOST_OTHERS:
+        if watch.state not in _UNHEARD or len(told) >= _MOST_OTHERS:
             return
         since_s = -math.inf if watch.heard_s is None else watch.heard_s
         heard = self.receiver.untaken.text(now_s, since_s, lasts_s=LASTS_S)

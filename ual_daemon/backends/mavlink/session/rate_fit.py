@@ -36,6 +36,8 @@ class RateFit:
         self.level = 0
         self.loss = 0.0
         """The newest loss."""
+        self.is_high = False
+        """Whether much is lost. An attribute, as each frame asks."""
         self._next_s = -math.inf
         self._high_since_s = self._low_since_s = math.inf
         self._try: tuple[int, float, float] | None = None
@@ -48,11 +50,6 @@ class RateFit:
         """The part of the wanted rates to ask for."""
         return 0.5 ** max(0, self.level - 1)
 
-    @property
-    def is_high(self) -> bool:
-        """Whether much is lost."""
-        return self.loss >= HIGH_LOSS
-
     def is_due(self, now_s: float) -> bool:
         """Returns whether the loss is to be taken now."""
         return now_s >= self._next_s
@@ -62,7 +59,7 @@ class RateFit:
 
         `has_unused` is whether messages come that are not used: else the first level would change nothing.
         """
-        self._next_s, self.loss = now_s + 1.0, loss
+        self._next_s, self.loss, self.is_high = now_s + 1.0, loss, loss >= HIGH_LOSS
         is_too_high = loss >= (LEFT_LOSS if self.level else HIGH_LOSS)
         self._high_since_s = min(self._high_since_s, now_s) if is_too_high else math.inf
         self._low_since_s = min(self._low_since_s, now_s) if loss < LOW_LOSS else math.inf
