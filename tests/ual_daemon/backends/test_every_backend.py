@@ -112,6 +112,19 @@ def test_each_update_says_when_the_backend_last_looked_for_data(watched: Watched
     assert len(fresh) > 10
 
 
+def test_the_newest_data_and_the_time_are_what_a_snapshot_is_made_of(watched: Watched) -> None:
+    """Each setpoint of a stream takes them apart."""
+
+    def are_the_same() -> bool:
+        before, (newest, now_s), after = backend.snapshot(), backend.newest(), backend.snapshot()
+        assert before.time_s <= now_s <= after.time_s
+        return before.at(0.0) == newest.at(0.0) == after.at(0.0)  # else an update has come meanwhile
+
+    backend = watched.backend
+    watched.until(watched.is_heard)
+    watched.until(are_the_same)
+
+
 def test_whatever_is_asked_of_one_that_is_closed_ends(watched: Watched) -> None:
     watched.until(watched.is_heard)
     backend = watched.backend

@@ -139,6 +139,10 @@ class AirsimBackend(Backend):
         return self._session.loop.newest.at(self.clock.now_s())
 
     @override
+    def newest(self) -> tuple[Snapshot, float]:
+        return self._session.loop.newest, self.clock.now_s()
+
+    @override
     def send(self, setpoint: Setpoint) -> None:
         self._session.send(setpoint)
 

@@ -101,6 +101,10 @@ class CrazyflieBackend(Backend):
         return Snapshot(now_s) if self._session is None else self._session.loop.newest.at(now_s)
 
     @override
+    def newest(self) -> tuple[Snapshot, float]:
+        return Snapshot(0.0) if self._session is None else self._session.loop.newest, self.clock.now_s()
+
+    @override
     def send(self, setpoint: Setpoint) -> None:
         session, mailbox = self._session, self._mailbox
         if session is None or not session.is_connected:

@@ -166,6 +166,10 @@ class DjiBackend(Backend):
         return self._loop.newest.at(self.clock.now_s())
 
     @override
+    def newest(self) -> tuple[Snapshot, float]:
+        return self._loop.newest, self.clock.now_s()
+
+    @override
     def send(self, setpoint: Setpoint) -> None:
         assert not isinstance(setpoint, PositionSetpoint)  # VehicleInfo.takes
         self._session.send(setpoint)

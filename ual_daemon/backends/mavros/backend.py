@@ -166,6 +166,10 @@ class MavrosBackend(Backend):
         return Snapshot(now_s) if loop is None else loop.newest.at(now_s)
 
     @override
+    def newest(self) -> tuple[Snapshot, float]:
+        return Snapshot(0.0) if self._loop is None else self._loop.newest, self.clock.now_s()
+
+    @override
     def send(self, setpoint: Setpoint) -> None:
         now_s = self.clock.now_s()
         link, session = self._link, self._session_in_reach(now_s)
