@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from collections.abc import Callable, Collection
 
 import pytest
@@ -10,19 +12,7 @@ from _pytest.mark import ParameterSet
 import ual
 from tests.waiting import until
 from ual import conformance
-from ual.conformance import (
-    Check,
-    CheckFailedError,
-    Flight,
-    own_cameras,
-    own_corrections,
-    own_fence,
-    own_gimbals,
-    own_gripper,
-    own_logs,
-    own_missions,
-    own_parameters,
-)
+from ual.conformance import Check, CheckFailedError, Flight
 from ual.conformance.flight import CannotRunError
 from ual.conformance.runner import LONGEST_GAP_S
 from ual.interface import Uav
@@ -35,19 +25,25 @@ _OF_SILENCE = (
     ual.TaskAbortedError,
     ual.RejectedByAutopilotError,
 )
-OF_PARAMETERS = {each.name for each in (*own_parameters.ON_GROUND, *own_parameters.IN_FLIGHT)}
-WITHOUT_PARAMETERS = {each.name for room in (own_parameters, own_fence) for each in (*room.ON_GROUND, *room.IN_FLIGHT)}
-"""The checks that cannot run where the backend offers neither the autopilot's parameters nor its fence."""
-WITHOUT_GIMBALS = {each.name for each in own_gimbals.ON_GROUND}
-WITHOUT_CAMERAS = {*(each.name for each in own_cameras.ON_GROUND), *WITHOUT_GIMBALS}
-"""The same where the UAV carries neither cameras nor gimbals."""
-WITHOUT_GRIPPER = {each.name for each in own_gripper.ON_GROUND}
-WITHOUT_CORRECTIONS = {each.name for each in own_corrections.ON_GROUND}
-WITHOUT_LOGS = {each.name for each in own_logs.ON_GROUND}
-WITHOUT_MISSIONS = {
-    each.name for room in (own_missions, own_logs) for each in (*room.ON_GROUND, *getattr(room, "IN_FLIGHT", ()))
-}
-"""The same where the backend offers neither missions nor logs."""
+
+
+def _of_services() -> dict[str, set[str]]:
+    """Returns the names of the checks of each service beside flying."""
+    rooms = {each.name for each in pkgutil.iter_modules(conformance.__path__) if each.name.startswith("own_")}
+    found = {each.removeprefix("own_"): importlib.import_module(f"ual.conformance.{each}") for each in rooms}
+    return {
+        service: {check.name for checks in ("ON_GROUND", "IN_FLIGHT") for check in getattr(room, checks, ())}
+        for service, room in found.items()
+    }
+
+
+_OF_SERVICES = _of_services()
+
+
+def without(*offered: str) -> set[str]:
+    """Returns the names of the checks that cannot run where no other services than these are offered."""
+    assert set(offered) <= set(_OF_SERVICES)
+    return {name for service, names in _OF_SERVICES.items() if service not in offered for name in names}
 
 
 def run_check(flight: Flight, check: Check) -> None:

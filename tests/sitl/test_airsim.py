@@ -15,13 +15,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, daemon_environment
-from tests.patient_checks import (
-    WITHOUT_CAMERAS,
-    WITHOUT_CORRECTIONS,
-    WITHOUT_GRIPPER,
-    WITHOUT_MISSIONS,
-    WITHOUT_PARAMETERS,
-)
+from tests.patient_checks import without
 from tests.waiting import until
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
@@ -37,17 +31,14 @@ NOT_HERE = {
     "arming_belongs_to_the_pilot",
     "bad_poses_from_outside_are_refused",
     "scales_a_velocity_down",
-    *WITHOUT_PARAMETERS,
-    *WITHOUT_CAMERAS,
-    *WITHOUT_CORRECTIONS,
-    *WITHOUT_MISSIONS,
-    *WITHOUT_GRIPPER,
+    *without(),
 }
 """Checks that may be skipped: its daemon may arm, it takes no poses, and its limit of 5 m/s needs more room than there
 is.
 
 A simulator without a renderer has no pictures: see `test_pictures_come_or_it_is_told_why_not`.
 """
+OF_CAMERAS = without("corrections", "fence", "gripper", "logs", "missions", "parameters")
 NO_RENDERER = "not offered without Unreal"
 
 
@@ -120,7 +111,7 @@ def test_conformance(flight: Flight, check: Check) -> None:
     try:
         conformance.run_check(flight, check)
     except RejectedByAutopilotError as error:
-        if check.name not in WITHOUT_CAMERAS or NO_RENDERER not in str(error):
+        if check.name not in OF_CAMERAS or NO_RENDERER not in str(error):
             raise
         pytest.skip(str(error))
     except CannotRunError as error:

@@ -15,7 +15,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess
-from tests.patient_checks import WITHOUT_CAMERAS, WITHOUT_GRIPPER, WITHOUT_LOGS
+from tests.patient_checks import without
 from tests.sitl.copter_pilot import CopterPilot
 from tests.sitl.simulators import Simulator
 from tests.sitl.transmitter import Sticks, Transmitter
@@ -40,7 +40,7 @@ ONLY_SLOW = "scales_a_velocity_down"
 WITHOUT_PILOT = ("arms_and_disarms", "ground_commands_are_refused_in_flight", ONLY_SLOW, "lands")
 """Checks for a daemon that may arm: those that need it, those that it answers otherwise, and a landing."""
 WITH_PILOT = [check for check in conformance.CHECKS if Need.ARMING not in check.needs and check.name != ONLY_SLOW]
-OF_WHAT_MAY_BE_ABSENT = WITHOUT_CAMERAS | WITHOUT_GRIPPER | WITHOUT_LOGS
+OF_WHAT_MAY_BE_ABSENT = without("corrections", "fence", "missions", "parameters")
 """A simulator carries what its version has."""
 CANNOT_GIVE_BACK = "PX4's pilot cannot give back: PX4 takes OFFBOARD only while setpoints come"
 

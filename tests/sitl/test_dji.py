@@ -20,14 +20,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, daemon_environment
-from tests.patient_checks import (
-    WITHOUT_CAMERAS,
-    WITHOUT_CORRECTIONS,
-    WITHOUT_GRIPPER,
-    WITHOUT_MISSIONS,
-    WITHOUT_PARAMETERS,
-    wait_until_ready,
-)
+from tests.patient_checks import wait_until_ready, without
 from tests.simulators.dji import Aircraft, Front, OsdkSdkNode, OsdkVehicleNode, Psdk
 from tests.simulators.lockstep_dji import DjiPilot
 from tests.simulators.rosbridge import Bridge
@@ -56,11 +49,7 @@ NOT_HERE = {
     "the_pilot_flies_and_gives_back",
     "bad_poses_from_outside_are_refused",
     "goes_to_a_geographic_waypoint",
-    *WITHOUT_PARAMETERS,
-    *WITHOUT_CAMERAS,
-    *WITHOUT_CORRECTIONS,
-    *WITHOUT_MISSIONS,
-    *WITHOUT_GRIPPER,
+    *without(),
 }
 """Checks that may be skipped: it may arm, authority is obtained and never given, and dji_osdk_ros does not know the
 geoid.

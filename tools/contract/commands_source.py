@@ -9,6 +9,7 @@ from tools.contract.parts import INTERFACE, Member, Part
 from tools.contract.python_source import classes
 
 _TYPES = {"str": "", "int": ", type=int", "float": ", type=float"}
+_EXAMPLES = {"str": "NAME", "int": "1", "float": "1.5"}
 _LISTS = "get_all"
 """The member whose command is called ``list``."""
 
@@ -16,12 +17,24 @@ _LISTS = "get_all"
 def commands(part: Part) -> str:
     """Returns the group of a service."""
     about = (ast.get_docstring(classes(INTERFACE)[part.name]) or "").splitlines()[0].partition(" See ``")[0]
-    examples = ", ".join(f'"ual {part.module} {_name(each)}"' for each in part.members if not each.signature.args[1:])
+    members = [each for each in part.members if not each.is_stream]
+    examples = ", ".join(f'"{_example(part, each)}"' for each in members)
     return (
         f'\n\n@click.group("{part.module}", cls=UalGroup, section=Section.CARRIED, examples=({examples},))\n'
-        f'def {part.module}() -> None:\n    """{about}"""\n'
-        + "".join(_command(part, each) for each in part.members if not each.is_stream)
+        f'def {part.module}() -> None:\n    """{about}"""\n' + "".join(_command(part, each) for each in members)
     )
+
+
+def _example(part: Part, member: Member) -> str:
+    """Returns a call of a command, with the arguments that have no default."""
+    kinds = {each.arg: ast.unparse(each.annotation) for each in member.arguments if each.annotation}
+    given = [_EXAMPLES.get(kinds[name], "") for name in _required(member)]
+    return " ".join(("ual", part.module, _name(member), *given))
+
+
+def _required(member: Member) -> list[str]:
+    """Returns the arguments that have no default, and are given by their order."""
+    return [each.arg for each in member.signature.args[1 : len(member.signature.args) - len(member.signature.defaults)]]
 
 
 def _name(member: Member) -> str:
@@ -37,7 +50,8 @@ def _command(part: Part, member: Member) -> str:
     told = "    session.emit(found, str(found))\n"
     is_told = member.returned != "None"
     return (
-        f'\n\n@{part.module}.command("{name}", cls=UalCommand)\n{declared}@pass_session\n'
+        f'\n\n@{part.module}.command("{name}", cls=UalCommand, examples=("{_example(part, member)}",))\n'
+        f"{declared}@pass_session\n"
         f"def _{part.module}_{member.name}(session: Session{arguments}) -> None:\n"
         f'    """{member.documentation.splitlines()[0]}"""\n'
         f"    with session.connect() as uav:\n        {'found = ' * is_told}{call}\n{told if is_told else done}"
@@ -47,7 +61,7 @@ def _command(part: Part, member: Member) -> str:
 def _parameters(part: Part, member: Member) -> Iterator[str]:
     """Yields the declarations of a member's arguments: those without a default are arguments of the command."""
     given = len(member.signature.args) - len(member.signature.defaults)
-    required = [each.arg for each in member.signature.args[1:given]]
+    required = _required(member)
     defaults: dict[str, ast.expr | None] = dict(
         zip([each.arg for each in member.signature.args[given:]], member.signature.defaults, strict=True)
     )

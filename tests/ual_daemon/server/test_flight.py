@@ -23,6 +23,7 @@ from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoRe
 from grpc_status import rpc_status
 
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.contract_files import SERVICES
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2_grpc
 from ual.v1 import ual_pb2 as pb
 
@@ -303,19 +304,8 @@ def test_it_flies_by_reflection_alone(start_daemon: StartDaemon) -> None:
     daemon = start_daemon("--set", "light.speed_factor=10", ns="uav_2")
     client = Reflected(daemon.channel())
     uav, simulation = "ual.v1.UalService", "ual.v1.SimulationService"
-    beside = {
-        "ual.v1.ParameterService",
-        "ual.v1.MissionService",
-        "ual.v1.CameraService",
-        "ual.v1.GimbalService",
-        "ual.v1.GripperService",
-        "ual.v1.FenceService",
-        "ual.v1.LogService",
-        "ual.v1.CorrectionsService",
-        "grpc.health.v1.Health",
-        "grpc.reflection.v1alpha.ServerReflection",
-    }
-    assert client.services == {uav, simulation, *beside}
+    standard = {"grpc.health.v1.Health", "grpc.reflection.v1alpha.ServerReflection"}
+    assert client.services == {*SERVICES, *standard}
     assert client.call(uav, "GetInfo").namespace == "uav_2"
     client.call(simulation, "PilotArm")
     daemon.wait_for("state", new="LANDED_ARMED")

@@ -6,14 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import (
-    WITHOUT_CORRECTIONS,
-    WITHOUT_GIMBALS,
-    WITHOUT_GRIPPER,
-    WITHOUT_MISSIONS,
-    WITHOUT_PARAMETERS,
-    run_check,
-)
+from tests.patient_checks import run_check, without
 from tests.simulators.airsim import Vehicle
 from tests.simulators.airsim_server import AirsimServer
 from tests.simulators.lockstep_airsim import LockstepAirsim
@@ -33,11 +26,7 @@ TOLERANCES = Tolerances(
 NOT_HERE = {
     "arming_belongs_to_the_pilot",
     "bad_poses_from_outside_are_refused",
-    *WITHOUT_PARAMETERS,
-    *WITHOUT_CORRECTIONS,
-    *WITHOUT_MISSIONS,
-    *WITHOUT_GRIPPER,
-    *WITHOUT_GIMBALS,
+    *without("cameras"),
 }
 """Checks that are skipped, and no others: a simulation's daemon may arm, and `simple_flight` needs no poses."""
 

@@ -6,16 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import (
-    OF_PARAMETERS,
-    WITHOUT_CAMERAS,
-    WITHOUT_CORRECTIONS,
-    WITHOUT_GRIPPER,
-    WITHOUT_MISSIONS,
-    WITHOUT_PARAMETERS,
-    run_check_or_skip,
-    wait_until_ready,
-)
+from tests.patient_checks import run_check_or_skip, wait_until_ready, without
 from tests.simulators.crazyflie import Crazyflie
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.ports import MemoryPort
@@ -34,11 +25,7 @@ NOT_HERE = {
     "the_pilot_flies_and_gives_back",
     "goes_to_a_geographic_waypoint",
     "bad_geographic_waypoints_are_refused",
-    *(WITHOUT_PARAMETERS - OF_PARAMETERS),
-    *WITHOUT_CAMERAS,
-    *WITHOUT_CORRECTIONS,
-    *WITHOUT_MISSIONS,
-    *WITHOUT_GRIPPER,
+    *without("parameters"),
 }
 """Checks that are skipped, and no others: it has no safety pilot, and does not know its position on Earth."""
 

@@ -6,16 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import (
-    WITHOUT_CAMERAS,
-    WITHOUT_CORRECTIONS,
-    WITHOUT_GRIPPER,
-    WITHOUT_MISSIONS,
-    WITHOUT_PARAMETERS,
-    grouped,
-    run_check_or_skip,
-    wait_until_ready,
-)
+from tests.patient_checks import grouped, run_check_or_skip, wait_until_ready, without
 from tests.simulators.dji import Psdk
 from tests.simulators.dji_cameras import Camera
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
@@ -34,11 +25,7 @@ NOT_HERE = {
     "arming_belongs_to_the_pilot",
     "the_pilot_flies_and_gives_back",
     "bad_poses_from_outside_are_refused",
-    *WITHOUT_PARAMETERS,
-    *WITHOUT_CAMERAS,
-    *WITHOUT_CORRECTIONS,
-    *WITHOUT_MISSIONS,
-    *WITHOUT_GRIPPER,
+    *without(),
 }
 """Checks that are skipped, and no others: control authority that the pilot took is only obtained, never given."""
 NOT_BEHIND_OSDK = {"goes_to_a_geographic_waypoint"}

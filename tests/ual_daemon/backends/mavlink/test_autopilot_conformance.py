@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.patient_checks import WITHOUT_CAMERAS, grouped, run_check_or_skip, wait_until_ready
+from tests.patient_checks import grouped, run_check_or_skip, wait_until_ready, without
 from tests.simulators.lockstep import LockstepArduPilot, LockstepPx4
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
@@ -22,10 +22,11 @@ TOLERANCES = Tolerances(
     position_m=0.4, wander_m=0.0, heading_rad=0.2, speed_m_s=0.4, line_ratio=0.1, overshoot_ratio=0.1
 )
 BACKENDS = {"px4": LockstepPx4, "ardupilot": LockstepArduPilot}
+_NOT_OFFERED = without("corrections", "fence", "gripper", "logs", "missions", "parameters")
 NOT_HERE = {
     # A simulation's daemon may arm.
-    "px4": {"arming_belongs_to_the_pilot", "the_pilot_flies_and_gives_back", *WITHOUT_CAMERAS},
-    "ardupilot": {"arming_belongs_to_the_pilot", *WITHOUT_CAMERAS},
+    "px4": {"arming_belongs_to_the_pilot", "the_pilot_flies_and_gives_back", *_NOT_OFFERED},
+    "ardupilot": {"arming_belongs_to_the_pilot", *_NOT_OFFERED},
 }
 """Checks that are skipped, and no others. PX4 takes OFFBOARD only while setpoints come, and the daemon sends none while
 the pilot flies: the pilot cannot give control back.

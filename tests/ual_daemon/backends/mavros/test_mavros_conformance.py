@@ -7,11 +7,10 @@ from collections.abc import Iterator
 import pytest
 
 from tests.patient_checks import (
-    WITHOUT_CAMERAS,
-    WITHOUT_LOGS,
     grouped,
     run_check_or_skip,
     wait_until_ready,
+    without,
 )
 from tests.simulators.lockstep_mavros import LockstepMavrosArduPilot, LockstepMavrosPx4
 from tests.ual_daemon.backends.mavlink.test_autopilot_conformance import NOT_HERE as NOT_OVER_MAVLINK
@@ -23,7 +22,9 @@ from ual_daemon.backends.base import BackendOptions
 
 BACKENDS = {"px4": LockstepMavrosPx4, "ardupilot": LockstepMavrosArduPilot}
 NOT_HERE = {
-    kind: names | {"bad_poses_from_outside_are_refused"} | WITHOUT_CAMERAS | WITHOUT_LOGS
+    kind: names
+    | {"bad_poses_from_outside_are_refused"}
+    | without("corrections", "fence", "gripper", "missions", "parameters")
     for kind, names in NOT_OVER_MAVLINK.items()
 }
 
