@@ -48,14 +48,14 @@ DISARMED_AT_M = 4.0
 
 
 class Truth:
-    """Where the simulator has the vehicle: its height over where it stood, and how fast it descends."""
+    """Vehicle as the simulator has it: height over the place where it stood, and speed of descent."""
 
     def __init__(self, pilot: Transmitter) -> None:
         self.height_m = self.down_m_s = 0.0
         self._ground_m: float | None = None
         self._pilot = pilot
         self.fell_s: float | None = None
-        """When it fell first."""
+        """Time at which it first fell."""
         self.ask()
 
     def ask(self) -> None:
@@ -90,7 +90,7 @@ def stopped_motors(pilot: Transmitter) -> Iterator[None]:
 
 
 class Doing:
-    """What is flown when the motors stop, and how it ended."""
+    """Manoeuvre that flies when the motors stop, and its end."""
 
     def __init__(self) -> None:
         self.error: UalError | None = None
@@ -257,7 +257,7 @@ def test_a_fall_is_told_and_nothing_climbs_when_the_motors_run_again(
 
 
 def _is_told(told: Telemetry) -> bool:
-    """Whether it is told, or that nothing is known: PX4 may lose its position in a fall."""
+    """Returns whether the fall is told, or that nothing is known: PX4 may lose its position in a fall."""
     reason = told.state_reason
     return told.state is State.UNINITIALIZED or NOT_FOLLOWED in reason or "in the air, and the UAV f" in reason
 

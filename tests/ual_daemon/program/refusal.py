@@ -1,4 +1,4 @@
-"""What ``ual-daemon`` says when it refuses its flags."""
+"""Texts of ``ual-daemon`` when it refuses its flags."""
 
 from __future__ import annotations
 
