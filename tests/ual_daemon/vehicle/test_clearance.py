@@ -675,3 +675,7 @@ def test_after_one_near_an_edge_a_few_do_not_ask(streaming: _Twin) -> None:
     assert not streaming.flight.renew_velocity(Twist(Vector3(0.0, 0.0, 3.9)), NOBODY)
     asked = [streaming.flight.renew_velocity(SLOW, NOBODY) for _ in range(5)]
     assert asked == [False, False, False, True, True]
+
+
+def test_a_velocity_by_another_lease_is_judged(streaming: _Twin) -> None:
+    assert not streaming.flight.renew_velocity(SLOW, "another")
