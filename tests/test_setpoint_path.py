@@ -58,8 +58,8 @@ def said(words: str) -> tuple[int, int]:
 def test_a_velocity_setpoint_crosses_no_more_than_the_architecture_says(
     uav: UAL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ways = [("The first setpoint at a place crosses", False), ("One that is judged crosses", False)]
-    for words, goes_on in (*ways, ("it crosses", True)):
+    ways = [("The first setpoint near a new position crosses", False), ("This route crosses", False)]
+    for words, goes_on in (*ways, ("this route crosses", True)):
         with monkeypatch.context() as patch:
             if not goes_on:
                 patch.setattr(Flight, "renew_velocity", lambda *_: False)
